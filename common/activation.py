@@ -1,0 +1,71 @@
+"""Any subset of a body's degrees of freedom, the others held where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel, find_balls
+from common.kinematics import dof_transforms, joint_positions, pose_vertices
+
+
+def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64]) -> BodyModel:
+    """The same body with only the `active` degrees of freedom; the others stay at `held` (D,).
+
+    The held pose, with active degrees of freedom at zero, becomes the rest pose of the result, so a pose
+    of the result moves the body as the same values in the full model would. Active degrees of freedom
+    keep the model's order, links that now move as one are merged. Raises InputError for unknown names.
+    """
+    wanted = sorted({model.dof(name) for name in active})
+    rest = np.array(held, dtype=np.float64)
+    rest[wanted] = 0.0
+    t_rest = dof_transforms(model, rest[None])[0]  # (D, 3, 4)
+    axes = np.einsum("dij,dj->di", t_rest[wanted, :, :3], model.axes[wanted])
+    points = np.einsum("dij,dj->di", t_rest[wanted, :, :3], model.points[wanted]) + t_rest[wanted, :, 3]
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+
+    parents = np.array([_ancestor(model, wanted, int(model.parents[j])) for j in wanted], dtype=np.int64)
+    link_dofs = np.array([_ancestor(model, wanted, int(d)) for d in model.link_dofs], dtype=np.int64)
+    moved, merged = np.unique(link_dofs, return_inverse=True)  # merged (L,): old link -> new link
+    skin_links, skin_weights = merge_weights(merged[model.skin_links], model.skin_weights)
+    kinds = model.kinds[wanted]
+    return BodyModel(
+        name=model.name,
+        dof_names=tuple(model.dof_names[j] for j in wanted),
+        kinds=kinds,
+        parents=parents,
+        axes=axes,
+        points=points,
+        limits=model.limits[wanted],
+        balls=find_balls(kinds, parents, axes, points),
+        link_names=tuple(model.link_names[int(np.argmax(merged == k))] for k in range(len(moved))),
+        link_dofs=moved,
+        vertices=pose_vertices(model, rest[None])[0],
+        triangles=model.triangles,
+        skin_links=skin_links,
+        skin_weights=skin_weights,
+        joint_names=model.joint_names,
+        joint_links=merged[model.joint_links],
+        joint_points=joint_positions(model, rest[None])[0],
+    )
+
+
+def _ancestor(model: BodyModel, wanted: list[int], dof: int) -> int:
+    """Position in `wanted` of the nearest of `dof` and its ancestors, -1 where there is none."""
+    while dof >= 0 and dof not in wanted:
+        dof = int(model.parents[dof])
+    return wanted.index(dof) if dof >= 0 else -1
+
+
+def merge_weights(
+    links: NDArray[np.int64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Add up the weights (V, K) of equal links (V, K); the dominant link comes first."""
+    merged = np.zeros_like(weights)
+    for k in range(links.shape[1]):
+        first = np.argmax(links == links[:, k : k + 1], axis=1)
+        np.add.at(merged, (np.arange(len(links)), first), weights[:, k])
+    order = np.argsort(-merged, axis=1, kind="stable")
+    return np.take_along_axis(links, order, axis=1), np.take_along_axis(merged, order, axis=1)

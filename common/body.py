@@ -1,0 +1,118 @@
+"""An articulated body: rotations about known axes through known points, and a surface that they move.
+
+All coordinates are those of the rest pose, in metres, in a frame whose axes agree with the camera's: x
+right, y down, z forward, with the origin at the root (the pelvis). A person at rest stands upright, arms
+at the sides, and faces the camera, so the person's right is -x, up is -y and the front is -z.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError
+
+ROOT_DOFS = ("root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz")
+
+TRANSLATION, ROTATION = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """Degrees of freedom (D), links (L), surface vertices (V), triangles (T) and named joints (J).
+
+    A degree of freedom's parent comes before it. Three consecutive rotations about orthonormal axes
+    through one point make a *ball*; `balls` holds the index of the first of each. `skin_weights` blend
+    the links' transforms for each vertex (rows sum to 1, the dominant link first).
+    """
+
+    name: str
+    dof_names: tuple[str, ...]  # (D,)
+    kinds: NDArray[np.int64]  # (D,) TRANSLATION or ROTATION
+    parents: NDArray[np.int64]  # (D,) -1 for none
+    axes: NDArray[np.float64]  # (D, 3) unit
+    points: NDArray[np.float64]  # (D, 3) on the axis
+    limits: NDArray[np.float64]  # (D, 2) radians or metres, infinite where free
+    balls: NDArray[np.int64]  # (B,)
+    link_names: tuple[str, ...]  # (L,)
+    link_dofs: NDArray[np.int64]  # (L,) the last degree of freedom that moves the link, -1 for none
+    vertices: NDArray[np.float64]  # (V, 3)
+    triangles: NDArray[np.int64]  # (T, 3) counter-clockwise from outside
+    skin_links: NDArray[np.int64]  # (V, K)
+    skin_weights: NDArray[np.float64]  # (V, K)
+    joint_names: tuple[str, ...]  # (J,)
+    joint_links: NDArray[np.int64]  # (J,)
+    joint_points: NDArray[np.float64]  # (J, 3)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                frozen = np.ascontiguousarray(value)
+                frozen = frozen.copy() if frozen is value else frozen
+                frozen.setflags(write=False)
+                object.__setattr__(self, field.name, frozen)
+        check(self)
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 over names, shapes and bytes of every field, in order."""
+        digest = hashlib.sha256()
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                digest.update(f"{field.name}{value.dtype.str}{value.shape}".encode())
+                digest.update(value.tobytes())
+            else:
+                digest.update(f"{field.name}{value!r}".encode())
+        return digest.hexdigest()
+
+    def dof(self, name: str) -> int:
+        """Index of a degree of freedom; InputError names the valid choices."""
+        if name not in self.dof_names:
+            raise InputError(
+                f"unknown degree of freedom '{name}'; choose from {', '.join(self.dof_names)}"
+            )
+        return self.dof_names.index(name)
+
+
+def check(model: BodyModel) -> None:
+    """Raise ValueError where a model contradicts itself."""
+    count = len(model.dof_names)
+    order = np.arange(count)
+    if not (np.all(model.parents < order) and np.all(model.parents >= -1)):
+        raise ValueError("a degree of freedom's parent must come before it")
+    for name in ("kinds", "parents", "axes", "points", "limits"):
+        if len(getattr(model, name)) != count:
+            raise ValueError(f"{name} must have one row for each of the {count} degrees of freedom")
+    if len(model.link_dofs) != len(model.link_names) or np.any(model.link_dofs >= count):
+        raise ValueError("every link must be moved by a degree of freedom of the model")
+    if not np.allclose(np.linalg.norm(model.axes, axis=1), 1.0):
+        raise ValueError("axes must be unit vectors")
+    if not np.allclose(model.skin_weights.sum(axis=1), 1.0):
+        raise ValueError("skin weights of a vertex must sum to 1")
+
+
+def find_balls(
+    kinds: NDArray[np.int64],
+    parents: NDArray[np.int64],
+    axes: NDArray[np.float64],
+    points: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """First index of every three consecutive rotations about orthonormal axes through one point."""
+    balls, j = [], 0
+    while j + 2 < len(kinds):
+        triple = slice(j, j + 3)
+        chained = parents[j + 1] == j and parents[j + 2] == j + 1
+        orthonormal = np.allclose(axes[triple] @ axes[triple].T, np.eye(3), atol=1e-9)
+        together = np.allclose(points[triple], points[j], atol=1e-9)
+        if np.all(kinds[triple] == ROTATION) and chained and orthonormal and together:
+            balls.append(j)
+            j += 3
+        else:
+            j += 1
+    return np.array(balls, dtype=np.int64)

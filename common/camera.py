@@ -1,0 +1,38 @@
+"""Pinhole camera: x right, y down, z forward, metres; pixel (u, v) is the centre of column u, row v."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Intrinsics(msgspec.Struct, frozen=True):
+    """Pinhole intrinsics in pixels, without distortion."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def crop(self, left: int, top: int, width: int, height: int) -> Intrinsics:
+        """Intrinsics of the window that starts at column `left` and row `top`."""
+        return Intrinsics(width, height, self.fx, self.fy, self.cx - left, self.cy - top)
+
+
+def project(points: NDArray[np.floating], camera: Intrinsics) -> NDArray[np.float64]:
+    """Pixels (..., 2) of camera-frame points (..., 3) with z > 0."""
+    z = points[..., 2]
+    return np.stack(
+        [camera.cx + camera.fx * points[..., 0] / z, camera.cy + camera.fy * points[..., 1] / z], axis=-1
+    )
+
+
+def back_project(depth_m: NDArray[np.floating], camera: Intrinsics) -> NDArray[np.float64]:
+    """Camera-frame points (H, W, 3) of a depth image (H, W) in metres; no depth gives the origin."""
+    v, u = np.indices(depth_m.shape)
+    return np.stack(
+        [(u - camera.cx) / camera.fx * depth_m, (v - camera.cy) / camera.fy * depth_m, depth_m], axis=-1
+    )

@@ -1,0 +1,39 @@
+"""One depth image as it comes from a source and travels to the workers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthFrame:
+    """A depth image with its camera and time.
+
+    depth: uint16 (H, W), `depth_scale` units per metre, 0 where nothing was measured.
+    """
+
+    number: int
+    time_s: float
+    depth: NDArray[np.uint16]  # (H, W)
+    depth_scale: float
+    intrinsics: Intrinsics
+
+    def metres(self) -> NDArray[np.float32]:
+        """Depth (H, W) in metres, 0 where nothing was measured."""
+        return self.depth.astype(np.float32) / np.float32(self.depth_scale)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubjectFrame:
+    """A frame cropped to the subject: every pixel that is not the subject's is 0.
+
+    picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points.
+    """
+
+    frame: DepthFrame
+    picked: NDArray[np.uint32]  # (P,)

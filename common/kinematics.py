@@ -1,0 +1,238 @@
+"""Forward kinematics (Eq. 1) and the axes of relative motion (Eq. 2), batched over particles.
+
+`dof_transforms` gives T_camera_rest after each degree of freedom: it maps rest-pose coordinates to the
+camera. A pose is a vector of joint values; a *step* is a vector of relative motion about axes in the
+camera frame. For single axes the two add. For a ball (three rotations about orthonormal axes through one
+point, so also the root) the step is one rotation vector along the ball's axes as its parent carries them,
+which has no singular pose; the joint values that belong to it are found on the branch nearest to the old.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import TRANSLATION, BodyModel
+
+Array = NDArray[np.float64]
+
+
+def dof_transforms(model: BodyModel, poses: Array) -> Array:
+    """T_camera_rest (N, D, 3, 4) after each degree of freedom, for poses (N, D). Eq. 1."""
+    out = np.empty((len(poses), len(model.kinds), 3, 4))
+    for n in range(len(poses)):
+        chain(model.kinds, model.parents, model.axes, model.points, poses[n], out[n])
+    return out
+
+
+def link_transforms(model: BodyModel, poses: Array) -> Array:
+    """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
+    at_rest = np.broadcast_to(np.eye(4)[:3], (len(poses), 1, 3, 4))
+    return np.concatenate([dof_transforms(model, poses), at_rest], axis=1)[:, model.link_dofs]
+
+
+def pose_vertices(model: BodyModel, poses: Array) -> Array:
+    """Surface vertices (N, V, 3) in the camera frame, for poses (N, D)."""
+    t_links = link_transforms(model, poses)
+    blended = np.einsum("nvkij,vk->nvij", t_links[:, model.skin_links], model.skin_weights)
+    return np.einsum("nvij,vj->nvi", blended[..., :3], model.vertices) + blended[..., 3]
+
+
+def joint_positions(model: BodyModel, poses: Array) -> Array:
+    """Named joints (N, J, 3) in the camera frame, for poses (N, D)."""
+    t_links = link_transforms(model, poses)[:, model.joint_links]
+    return np.einsum("njab,jb->nja", t_links[..., :3], model.joint_points) + t_links[..., 3]
+
+
+def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
+    """Axes w (N, D, 3) and points q (N, D, 3) of relative motion in the camera frame. Eq. 2.
+
+    A point p of a link that rotation j moves has derivative w_j x (p - q_j); translation, w_j.
+    """
+    w = np.empty((len(poses), len(model.kinds), 3))
+    q = np.empty_like(w)
+    transforms = dof_transforms(model, poses)
+    for n in range(len(poses)):
+        carry_axes(model.parents, model.axes, model.points, model.balls, transforms[n], w[n], q[n])
+    return w, q
+
+
+def retract(model: BodyModel, poses: Array, steps: Array) -> Array:
+    """Poses (N, D) after relative motion by steps (N, D). Inverse of `difference`."""
+    out = np.array(poses, dtype=np.float64)
+    for n in range(len(out)):
+        apply_step(model.axes, model.balls, steps[n], out[n])
+    return out
+
+
+def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
+    """Steps (N, D) that lead from `origins` to `poses`, both (N, D); rotations by the shorter way."""
+    steps = poses - origins
+    for start in model.balls:
+        triple = slice(start, start + 3)
+        basis = model.axes[triple].T
+        sign = np.linalg.det(basis)
+        for n in range(len(steps)):
+            turn = euler_matrix(sign * poses[n, triple]) @ euler_matrix(sign * origins[n, triple]).T
+            steps[n, triple] = sign * rotation_vector(turn)
+    return steps
+
+
+@numba.njit(cache=True, nogil=True)
+def rotation_matrix(axis, angle):  # type: ignore[no-untyped-def]
+    """Rodrigues' formula (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = axis[0], axis[1], axis[2]
+    k = 1.0 - c
+    return np.array(
+        [
+            [c + x * x * k, x * y * k - z * s, x * z * k + y * s],
+            [y * x * k + z * s, c + y * y * k, y * z * k - x * s],
+            [z * x * k - y * s, z * y * k + x * s, c + z * z * k],
+        ]
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def chain(kinds, parents, axes, points, pose, out):  # type: ignore[no-untyped-def]
+    """Fill out (D, 3, 4) with T_camera_rest after each degree of freedom."""
+    for j in range(len(kinds)):
+        local = np.zeros((3, 4))
+        if kinds[j] == TRANSLATION:
+            for a in range(3):
+                local[a, a] = 1.0
+                local[a, 3] = axes[j, a] * pose[j]
+        else:
+            rotation = rotation_matrix(axes[j], pose[j])
+            for a in range(3):
+                local[a, 3] = points[j, a]
+                for b in range(3):
+                    local[a, b] = rotation[a, b]
+                    local[a, 3] -= rotation[a, b] * points[j, b]
+        if parents[j] < 0:
+            out[j] = local
+        else:
+            compose(out[parents[j]], local, out[j])
+
+
+@numba.njit(cache=True, nogil=True)
+def compose(first, second, out):  # type: ignore[no-untyped-def]
+    """out = first o second for (3, 4) transforms."""
+    for a in range(3):
+        for b in range(4):
+            total = first[a, 3] if b == 3 else 0.0
+            for c in range(3):
+                total += first[a, c] * second[c, b]
+            out[a, b] = total
+
+
+@numba.njit(cache=True, nogil=True)
+def carry_axes(parents, axes, points, balls, transforms, w, q):  # type: ignore[no-untyped-def]
+    """Fill w, q (D, 3) with the camera-frame axes of relative motion; a ball's are its parent's."""
+    carrier = parents.copy()
+    for start in balls:
+        carrier[start + 1] = parents[start]
+        carrier[start + 2] = parents[start]
+    for j in range(len(parents)):
+        for a in range(3):
+            if carrier[j] < 0:
+                w[j, a] = axes[j, a]
+                q[j, a] = points[j, a]
+            else:
+                t = transforms[carrier[j]]
+                w[j, a] = t[a, 0] * axes[j, 0] + t[a, 1] * axes[j, 1] + t[a, 2] * axes[j, 2]
+                q[j, a] = (
+                    t[a, 0] * points[j, 0] + t[a, 1] * points[j, 1] + t[a, 2] * points[j, 2] + t[a, 3]
+                )
+
+
+@numba.njit(cache=True, nogil=True)
+def euler_matrix(angles):  # type: ignore[no-untyped-def]
+    """Rx(a) Ry(b) Rz(c) as (3, 3)."""
+    ca, sa = np.cos(angles[0]), np.sin(angles[0])
+    cb, sb = np.cos(angles[1]), np.sin(angles[1])
+    cc, sc = np.cos(angles[2]), np.sin(angles[2])
+    return np.array(
+        [
+            [cb * cc, -cb * sc, sb],
+            [ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb],
+            [sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb],
+        ]
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_turn(angle, reference):  # type: ignore[no-untyped-def]
+    """`angle` plus the multiple of a full turn that brings it nearest to `reference`."""
+    return angle + 2.0 * np.pi * np.round((reference - angle) / (2.0 * np.pi))
+
+
+@numba.njit(cache=True, nogil=True)
+def euler_angles(rotation, reference):  # type: ignore[no-untyped-def]
+    """Angles (3,) of Rx Ry Rz nearest to `reference` (3,) among the two branches and full turns."""
+    sb = min(1.0, max(-1.0, rotation[0, 2]))
+    best = np.empty(3)
+    if abs(sb) > 1.0 - 1e-12:  # Rx and Rz turn about the same line: keep the third angle
+        best[2] = reference[2]
+        best[1] = nearest_turn(np.arcsin(sb), reference[1])
+        both = np.arctan2(rotation[2, 1], rotation[1, 1])
+        best[0] = nearest_turn(both - np.sign(sb) * best[2], reference[0])
+        return best
+    a = np.arctan2(-rotation[1, 2], rotation[2, 2])
+    c = np.arctan2(-rotation[0, 1], rotation[0, 0])
+    b = np.arcsin(sb)
+    nearest = np.inf
+    for branch in range(2):
+        x = nearest_turn(a + branch * np.pi, reference[0])
+        y = nearest_turn(b if branch == 0 else np.pi - b, reference[1])
+        z = nearest_turn(c + branch * np.pi, reference[2])
+        distance = (x - reference[0]) ** 2 + (y - reference[1]) ** 2 + (z - reference[2]) ** 2
+        if distance < nearest:
+            nearest = distance
+            best[0], best[1], best[2] = x, y, z
+    return best
+
+
+@numba.njit(cache=True, nogil=True)
+def rotation_vector(rotation):  # type: ignore[no-untyped-def]
+    """Rotation vector (3,) of a rotation matrix, by way of the unit quaternion."""
+    trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
+    k = np.argmax(np.array([rotation[0, 0], rotation[1, 1], rotation[2, 2], trace]))
+    quaternion = np.empty(4)  # x, y, z, w
+    if k == 3:
+        quaternion[3] = 1.0 + trace
+        quaternion[0] = rotation[2, 1] - rotation[1, 2]
+        quaternion[1] = rotation[0, 2] - rotation[2, 0]
+        quaternion[2] = rotation[1, 0] - rotation[0, 1]
+    else:
+        i, j = (k + 1) % 3, (k + 2) % 3
+        quaternion[k] = 1.0 + 2.0 * rotation[k, k] - trace
+        quaternion[i] = rotation[i, k] + rotation[k, i]
+        quaternion[j] = rotation[j, k] + rotation[k, j]
+        quaternion[3] = rotation[j, i] - rotation[i, j]
+    quaternion /= np.sqrt(np.sum(quaternion**2))
+    if quaternion[3] < 0.0:
+        quaternion = -quaternion
+    sine = np.sqrt(np.sum(quaternion[:3] ** 2))
+    if sine < 1e-12:
+        return 2.0 * quaternion[:3]
+    return quaternion[:3] * (2.0 * np.arctan2(sine, quaternion[3]) / sine)
+
+
+@numba.njit(cache=True, nogil=True)
+def apply_step(axes, balls, step, pose):  # type: ignore[no-untyped-def]
+    """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
+    old = pose.copy()
+    pose += step
+    for start in balls:
+        a = axes[start : start + 3]
+        handed = 1.0 if np.dot(np.cross(a[0], a[1]), a[2]) > 0 else -1.0
+        turn = step[start : start + 3]
+        angle = np.sqrt(np.sum(turn**2))
+        if angle > 1e-15:
+            axis = turn / angle
+            rotation = rotation_matrix(axis, handed * angle) @ euler_matrix(handed * old[start : start + 3])
+            pose[start : start + 3] = handed * euler_angles(rotation, handed * old[start : start + 3])
+        else:
+            pose[start : start + 3] = old[start : start + 3]

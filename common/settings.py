@@ -1,0 +1,37 @@
+"""Typed settings with the presets `paper` and `default`. They are written beside every result."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a worker needs to know to refine a particle. Lengths in metres, angles in radians."""
+
+    icp_iterations: int = 3
+    gauss_newton_iterations: int = 5
+    damping: float = 0.1  # lambda of Eq. 4
+    keep_limits: bool = False
+    noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
+    noise_lateral: float = 0.01  # and across it
+    outlier_distance: float = 0.0  # residuals beyond it lose influence; 0 gives all points full weight
+    free_space_weight: float = 0.0  # of model points seen where nothing was observed
+
+
+class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Steps 1-3, 6 and 7 of the filter."""
+
+    particles: int = 20
+    merge_angle_deg: float = 4.0  # d
+    covariance_reduction: float = 0.1  # each frame
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Everything that decides what a run computes, the input aside."""
+
+    preset: str = "default"
+    method: str = "gepf"
+    seed: int = 0
+    points: int = 10_000
+    refine: RefineSettings = RefineSettings()
+    filter: FilterSettings = FilterSettings()

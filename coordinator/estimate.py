@@ -1,0 +1,30 @@
+"""What the tracker says about one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Status = Literal["tracked", "ambiguous", "lost"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """The reported pose of a frame, all hypotheses (M) behind it, and how sure the tracker is.
+
+    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the reported pose's
+    mean distance between observed points and the model, metres; NaN where nothing was observed.
+    """
+
+    frame: int
+    time_s: float
+    status: Status
+    pose: NDArray[np.float64]  # (D,)
+    joint_positions: NDArray[np.float64]  # (J, 3)
+    hypothesis_pose: NDArray[np.float64]  # (M, D)
+    hypothesis_weight: NDArray[np.float64]  # (M,)
+    residual: float
+    stage_seconds: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Refines batches of particles by articulated ICP: no memory between requests, no randomness."""
