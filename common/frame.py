@@ -33,7 +33,10 @@ class SubjectFrame:
     """A frame cropped to the subject: every pixel that is not the subject's is 0.
 
     picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points.
+    view: (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open; what
+    lies inside it and shows no subject is known to be empty, what lies outside was not seen.
     """
 
     frame: DepthFrame
     picked: NDArray[np.uint32]  # (P,)
+    view: tuple[int, int, int, int]
