@@ -1,0 +1,86 @@
+"""What every depth sequence can do, whatever its format."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.frame import DepthFrame
+
+
+class Source(Protocol):
+    """A recorded depth sequence. Frames are read one at a time, when they are asked for."""
+
+    @property
+    def name(self) -> str:
+        """The sequence's own name, without its folder or suffix."""
+        ...
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The camera of every frame."""
+        ...
+
+    @property
+    def fps(self) -> float:
+        """Frames per second; frame n was taken at n / fps seconds."""
+        ...
+
+    @property
+    def numbers(self) -> range:
+        """The frames' numbers."""
+        ...
+
+    @property
+    def truth(self) -> Path | None:
+        """A file of true joint positions that comes with the sequence."""
+        ...
+
+    @property
+    def init(self) -> Path | None:
+        """A file with the pose to start from that comes with the sequence."""
+        ...
+
+    def frame(self, number: int) -> DepthFrame:
+        """One frame, checked; all zero where the camera saw nothing. Raises InputError if damaged."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def __iter__(self) -> Iterator[DepthFrame]: ...
+
+
+def select_frames(numbers: range, wanted: str | None) -> range:
+    """The part `A:B` (half open, either end may be missing) of a sequence's frame numbers."""
+    if wanted is None:
+        return numbers
+    first, colon, end = wanted.partition(":")
+    if not colon or not all(part.strip().isdecimal() for part in (first, end) if part):
+        raise InputError(f"--frames '{wanted}' is not of the form A:B; this sequence has {_span(numbers)}")
+    start = int(first) if first else numbers.start
+    stop = int(end) if end else numbers.stop
+    if not numbers.start <= start < stop <= numbers.stop:
+        raise InputError(f"--frames {wanted} is out of range; this sequence has {_span(numbers)}")
+    return range(start, stop)
+
+
+def check_frames(source: Source, numbers: range) -> Iterator[int]:
+    """Read every frame of `numbers` once, yielding its number; InputError at the first damaged one.
+
+    The first must hold some depth, since tracking starts from it.
+    """
+    for number in numbers:
+        frame = source.frame(number)
+        if number == numbers.start and not frame.depth.any():
+            raise InputError(
+                f"frame {number} of {source.name} holds no depth at all, so tracking cannot start there; "
+                f"choose a later start with --frames A:{numbers.stop}"
+            )
+        yield number
+
+
+def _span(numbers: range) -> str:
+    return f"frames {numbers.start}:{numbers.stop}"
