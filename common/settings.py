@@ -16,6 +16,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise_lateral: float = 0.01  # and across it
     outlier_distance: float = 0.0  # residuals beyond it lose influence; 0 gives all points full weight
     free_space_weight: float = 0.0  # of model points seen where nothing was observed
+    likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -24,6 +25,10 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     particles: int = 20
     merge_angle_deg: float = 4.0  # d
     covariance_reduction: float = 0.1  # each frame
+    initial_position_deviation: float = 0.02  # metres
+    velocity_share: float = 1.0  # of a hypothesis' velocity that its particles start with
+    explore: bool = False  # one limb at a time, see coordinator/proposals.py
+    limb_deviation_deg: float = 30.0
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

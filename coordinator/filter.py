@@ -1,0 +1,102 @@
+"""The gradient-enhanced particle filter, steps 1 to 7 of section 4.3, one verb a line.
+
+Where the paper is silent: weights are the likelihoods of the merged hypotheses (it asks for equal weights
+within a group, not for their sum); a hypothesis moves on with the velocity that led from its ancestor to
+it; a lone particle keeps the covariance of its ancestor; the reported pose is the likeliest hypothesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROTATION, BodyModel
+from common.refinement import Refined
+from common.settings import FilterSettings
+from coordinator.covariance import estimate_covariances
+from coordinator.merging import merge
+from coordinator.motion import draw_noise, propagate, velocity
+from coordinator.proposals import explore
+from coordinator.resampling import normalise, systematic
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypotheses:
+    """What the filter knows after a frame, likeliest first."""
+
+    poses: Array  # (M, D)
+    log_likelihood: Array  # (M,)
+    residual: Array  # (M,) metres
+    velocities: Array  # (M, D) relative motion per frame
+    covariances: Array  # (M, D, D) of relative motion
+
+    @property
+    def weights(self) -> Array:
+        """Normalised weights (M,)."""
+        return normalise(self.log_likelihood)
+
+
+def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses:
+    """Step 1: one hypothesis at the initial pose (D,), its standard deviation the merging distance d."""
+    deviation = np.where(
+        model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), settings.initial_position_deviation
+    )
+    return Hypotheses(
+        poses=pose[None].copy(),
+        log_likelihood=np.zeros(1),
+        residual=np.full(1, np.nan),
+        velocities=np.zeros((1, len(pose))),
+        covariances=np.diag(deviation**2)[None],
+    )
+
+
+def advance(
+    model: BodyModel,
+    past: Hypotheses,
+    refine: Callable[[Array], Refined],
+    settings: FilterSettings,
+    rng: np.random.Generator,
+) -> Hypotheses:
+    """Steps 2 to 7 for one frame. `refine` is steps 4 and 5."""
+    ancestors = draw(past, settings, rng)  # 2
+    before = scatter(model, past, ancestors, settings, rng)  # 3
+    after = refine(before)  # 4, 5
+    chosen, group = merge(model, after.poses, after.log_likelihood, np.deg2rad(settings.merge_angle_deg))  # 6
+    parents = ancestors[chosen]
+    covariances = estimate_covariances(  # 7
+        model, before, after.poses[chosen], group, past.covariances[parents], settings.covariance_reduction
+    )
+    return Hypotheses(
+        poses=after.poses[chosen],
+        log_likelihood=after.log_likelihood[chosen],
+        residual=after.residual[chosen],
+        velocities=velocity(model, past.poses[parents], after.poses[chosen]),
+        covariances=covariances,
+    )
+
+
+def draw(past: Hypotheses, settings: FilterSettings, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Step 2: ancestors (N,) of the new particles."""
+    return systematic(past.weights, settings.particles, rng)
+
+
+def scatter(
+    model: BodyModel,
+    past: Hypotheses,
+    ancestors: NDArray[np.int64],
+    settings: FilterSettings,
+    rng: np.random.Generator,
+) -> Array:
+    """Step 3: particles (N, D), moved by the motion model and spread by their ancestors' covariance."""
+    noise = draw_noise(past.covariances, ancestors, rng)
+    velocities = settings.velocity_share * past.velocities[ancestors]
+    if settings.explore:
+        noise, velocities = explore(model, noise, velocities, ancestors, settings, rng)
+    if settings.particles == 1:
+        noise = np.zeros_like(noise)
+    return propagate(model, past.poses[ancestors], velocities, noise)

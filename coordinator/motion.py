@@ -1,0 +1,33 @@
+"""Where particles go between frames: constant velocity plus Gaussian noise (step 3)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.kinematics import difference, retract
+
+Array = NDArray[np.float64]
+
+
+def velocity(model: BodyModel, earlier: Array, later: Array) -> Array:
+    """Relative motion (M, D) per frame between poses (M, D) of successive frames."""
+    return difference(model, earlier, later)
+
+
+def propagate(model: BodyModel, poses: Array, velocities: Array, noise: Array) -> Array:
+    """Poses (N, D) moved by their velocities (N, D) and then by noise (N, D)."""
+    return retract(model, retract(model, poses, velocities), noise)
+
+
+def draw_noise(covariances: Array, ancestors: NDArray[np.int64], rng: np.random.Generator) -> Array:
+    """Gaussian noise (N, D), each with its ancestor's covariance (M, D, D), drawn in particle order.
+
+    The square root is symmetric, so covariances of low rank are drawn from exactly.
+    """
+    standard = rng.standard_normal((len(ancestors), covariances.shape[1]))
+    values, vectors = np.linalg.eigh(covariances)
+    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]  # (M, D, D)
+    drawn: Array = np.einsum("nij,nj->ni", roots[ancestors], standard)
+    return drawn

@@ -1,0 +1,84 @@
+"""From a depth frame to the observed points of section 4.1, in an order that suits the closest-point search.
+
+Done once per frame and shared by all its particles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from common.camera import Intrinsics
+from common.frame import SubjectFrame
+
+BLOCK = 64  # points that are searched for together
+MORTON_CELL = 0.01  # metres
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """Observed points in the camera frame, in Morton order, padded to whole blocks by repeating the last.
+
+    nearest: for each pixel of the cropped depth the nearest pixel (row, column) of the subject.
+    """
+
+    points: NDArray[np.float32]  # (blocks * BLOCK, 3)
+    count: int  # points that are not padding
+    depth: NDArray[np.float32]  # (H, W) metres
+    nearest: NDArray[np.int32]  # (2, H, W)
+    camera: Intrinsics
+    view: NDArray[np.int64]  # (4,)
+
+
+def observe(subject: SubjectFrame) -> Observation:
+    """Observed points of the picked pixels of a frame."""
+    depth = subject.frame.metres()
+    points = pick_points(depth, subject.picked, subject.frame.intrinsics)
+    ordered = points[np.argsort(morton_codes(points), kind="stable")]
+    return Observation(
+        points=pad_to_blocks(ordered).astype(np.float32),
+        count=len(points),
+        depth=depth,
+        nearest=nearest_subject_pixels(depth),
+        camera=subject.frame.intrinsics,
+        view=np.array(subject.view, dtype=np.int64),
+    )
+
+
+def pick_points(
+    depth: NDArray[np.float32], picked: NDArray[np.uint32], camera: Intrinsics
+) -> NDArray[np.float64]:
+    """Camera-frame points (P, 3) of the picked pixels."""
+    v, u = np.divmod(picked.astype(np.int64), depth.shape[1])
+    z = depth.ravel()[picked].astype(np.float64)
+    return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=1)
+
+
+def morton_codes(points: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """Interleaved cell numbers (P,): points with neighbouring codes lie close together."""
+    if len(points) == 0:
+        return np.zeros(0, dtype=np.uint64)
+    cells = np.floor((points - points.min(axis=0)) / MORTON_CELL).astype(np.uint64)
+    codes = np.zeros(len(points), dtype=np.uint64)
+    for bit in range(12):
+        for axis in range(3):
+            one = (cells[:, axis] >> np.uint64(bit)) & np.uint64(1)
+            codes |= one << np.uint64(3 * bit + axis)
+    return codes
+
+
+def pad_to_blocks(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points filled up to whole blocks with copies of the last."""
+    missing = -len(points) % BLOCK
+    return np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])
+
+
+def nearest_subject_pixels(depth: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Row and column (2, H, W) of the nearest pixel with depth; its own where there is none."""
+    if not depth.any():
+        return np.indices(depth.shape, dtype=np.int32)
+    found: NDArray[np.int32] = distance_transform_edt(depth == 0, return_distances=False, return_indices=True)
+    return found
