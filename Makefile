@@ -1,0 +1,46 @@
+# `make demo` and `make test` are all that a fresh machine needs; each sets up first what is missing.
+SHELL := /bin/bash
+BIN := .venv/bin
+STAMP := .venv/.installed
+PACKAGES := common worker coordinator benchmarks tests
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-slow check format bench lock clean
+
+help: ## show what there is to make
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+setup: $(STAMP) ## virtual environment in .venv with gepf, gepf-worker and the tools
+
+$(STAMP): pyproject.toml constraints.txt .ci/setup
+	@.ci/setup .venv
+	@touch $@
+
+demo: setup ## track the paper's arm sequence with two local workers; table and pictures in demo/
+	$(BIN)/gepf demo --out demo
+
+test: setup ## the tests
+	$(BIN)/python -m pytest -q
+
+test-slow: setup ## the tests that take long
+	$(BIN)/python -m pytest -q -m slow
+
+check: setup ## lint, format, types, walls
+	$(BIN)/ruff check $(PACKAGES)
+	$(BIN)/ruff format --check $(PACKAGES)
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: setup ## rewrite the code in the house's format
+	$(BIN)/ruff check --fix $(PACKAGES)
+	$(BIN)/ruff format $(PACKAGES)
+
+bench: setup ## one particle's cost beside small_gicp's and Open3D's ICP
+	$(BIN)/python -m benchmarks.kernel
+
+lock: ## new pinned versions in constraints.txt: the newest that pyproject.toml allows
+	@.ci/lock
+
+clean: ## remove the virtual environment and all caches
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find $(PACKAGES) -name __pycache__ -type d -prune -exec rm -rf {} +
