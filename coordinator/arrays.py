@@ -1,0 +1,83 @@
+"""Reading `.npz` files that people hand in: every fault becomes one line that says how to mend it."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError
+
+
+class Arrays:
+    """The named arrays of one file. Each is checked for type and shape when it is taken."""
+
+    def __init__(self, path: Path, content: dict[str, NDArray[np.generic]]) -> None:
+        self.path = path
+        self._content = content
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._content
+
+    def names(self, key: str) -> tuple[str, ...]:
+        """A one-dimensional array of distinct texts."""
+        array = self._take(key)
+        if array.ndim != 1 or array.dtype.kind != "U" or len(set(array.tolist())) < len(array):
+            raise InputError(f"{self.path}: '{key}' must be a list of distinct names; write the file again")
+        return tuple(array.tolist())
+
+    def texts(self, key: str, shape: tuple[int, ...]) -> NDArray[np.str_]:
+        """An array of texts."""
+        array = self._take(key)
+        if array.dtype.kind != "U":
+            raise InputError(f"{self.path}: '{key}' must be text, not {array.dtype}; write the file again")
+        return self._shaped(key, array, shape).astype(np.str_, copy=False)
+
+    def floats(self, key: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """An array of numbers; -1 in `shape` stands for any length."""
+        array = self._take(key)
+        if array.dtype.kind not in "iuf":
+            raise InputError(f"{self.path}: '{key}' must be numbers, not {array.dtype}; write the file again")
+        return self._shaped(key, array, shape).astype(np.float64)
+
+    def integers(self, key: str, shape: tuple[int, ...]) -> NDArray[np.int64]:
+        """An array of whole numbers."""
+        array = self._take(key)
+        if array.dtype.kind not in "iu":
+            raise InputError(
+                f"{self.path}: '{key}' must be whole numbers, not {array.dtype}; write the file again"
+            )
+        return self._shaped(key, array, shape).astype(np.int64)
+
+    def _take(self, key: str) -> NDArray[np.generic]:
+        if key not in self._content:
+            held = ", ".join(sorted(self._content)) or "nothing"
+            raise InputError(f"{self.path} has no '{key}' but {held}; give a file that holds it")
+        return self._content[key]
+
+    def _shaped(self, key: str, array: NDArray[np.generic], shape: tuple[int, ...]) -> NDArray[np.generic]:
+        fits = array.ndim == len(shape) and all(
+            want in (-1, n) for want, n in zip(shape, array.shape, strict=True)
+        )
+        if not fits:
+            wanted = ", ".join("any" if n < 0 else str(n) for n in shape)
+            raise InputError(
+                f"{self.path}: '{key}' has shape {array.shape}, not ({wanted}); write the file again"
+            )
+        return array
+
+
+def read_arrays(path: Path) -> Arrays:
+    """All arrays of an `.npz` file. Nothing is unpickled. InputError if it is missing or damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            if not isinstance(file, np.lib.npyio.NpzFile):
+                raise InputError(f"{path} is a single array, not an .npz file; give an .npz file")
+            return Arrays(path, {key: file[key] for key in file.files})
+    except FileNotFoundError:
+        raise InputError(f"no such file: {path}; check the path") from None
+    except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
+        raise InputError(f"{path} is damaged or no .npz file ({error}); make it again") from error

@@ -1,0 +1,38 @@
+"""The truth of a sequence: what `truth.npz` holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.arrays import read_arrays
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """True joints, and where known poses, of F frames; NaN where not known."""
+
+    frame: NDArray[np.int64]  # (F,)
+    joint_names: tuple[str, ...]
+    joint_positions: NDArray[np.float64]  # (F, J, 3) metres, camera frame
+    dof_names: tuple[str, ...]  # empty where the pose is not known
+    pose: NDArray[np.float64]  # (F, D) metres and radians
+
+
+def read_truth(path: Path) -> Truth:
+    """A truth file; without `frame`, its rows are the frames from 0. InputError if it is not one."""
+    arrays = read_arrays(path)
+    joint_names = arrays.names("joint_names")
+    joints = _known(arrays.floats("joint_positions", (-1, len(joint_names), 3)))
+    count = len(joints)
+    frame = arrays.integers("frame", (count,)) if "frame" in arrays else np.arange(count, dtype=np.int64)
+    dof_names = arrays.names("dof_names") if "dof_names" in arrays else ()
+    pose = _known(arrays.floats("pose", (count, len(dof_names)))) if dof_names else np.empty((count, 0))
+    return Truth(frame, joint_names, joints, dof_names, pose)
+
+
+def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(np.isfinite(values), values, np.nan)
