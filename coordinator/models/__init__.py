@@ -1,0 +1,1 @@
+"""Bodies to track: the human template, and descriptions of other articulated bodies."""

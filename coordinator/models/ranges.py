@@ -1,0 +1,87 @@
+"""Ranges of joint motion, in degrees.
+
+Limbs: American Academy of Orthopaedic Surgeons, "Joint Motion" (1965); Boone & Azen, "Normal range of
+motion of joints in male subjects", J. Bone Joint Surg. 61-A (1979); where these measure passive standard
+positions only, the wider 95th percentile of NASA-STD-3000 (fig. 3.3.2.3.1-1). Spine: sums over the
+regions of White & Panjabi, "Clinical Biomechanics of the Spine", 2nd ed. (1990).
+
+A single vertebra moves by a few degrees, but a tracker moves only one or two vertebrae, each as the
+stand-in for its region. So each vertebra's range is that of all lumbar and thoracic joints together (with
+what the pelvis adds when a person bends down), or of the whole neck; a sum over many active vertebrae is
+not limited. Shoulder and hip ranges are those of flexion, then abduction, then twisting, in this order:
+abduction reaches 180 degrees because an arm may be raised overhead by abduction alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+_TRUNK = {"roll": (-45, 45), "torsion": (-50, 50), "tilt": (-35, 95)}
+_NECK = {"roll": (-45, 45), "torsion": (-80, 80), "tilt": (-65, 65)}
+_SACROILIAC = {"roll": (-20, 20), "torsion": (-20, 20), "tilt": (-30, 30)}
+
+_LIMBS = {
+    "hip_flexion": (-30, 130),
+    "hip_abduct": (-30, 60),
+    "hip_twisting": (-50, 50),
+    "knee_flexion": (-5, 155),
+    "knee_twisting": (-30, 30),
+    "ankle_flexion": (-50, 30),
+    "ankle_twisting": (-20, 20),
+    "subtalar_flexion": (-20, 35),
+    "midtarsal_twisting": (-15, 15),
+    "metatarsal_flexion": (-45, 70),
+    "sternoclavicular_abduct": (-10, 40),
+    "sternoclavicular_rotate": (-20, 20),
+    "acromioclavicular_abduct": (-10, 30),
+    "acromioclavicular_rotate": (-20, 20),
+    "shoulder_flexion": (-60, 180),
+    "shoulder_abduct": (-50, 180),
+    "shoulder_twisting": (-95, 95),
+    "elbow_flexion": (-5, 155),
+    "elbow_twisting": (-90, 90),
+    "wrist_flexion": (-75, 80),
+    "wrist_pivot": (-35, 25),
+    "wrist_twisting": (-10, 10),
+}
+
+_FINGERS = {
+    "0_flexion": (-5, 15),
+    "1_flexion": (-30, 90),
+    "1_pivot": (-20, 20),
+    "1_twisting": (-10, 10),
+    "2_flexion": (0, 105),
+    "3_flexion": (-5, 85),
+}
+
+_THUMB = {
+    "1_flexion": (-30, 30),
+    "1_pivot": (-20, 60),
+    "1_twisting": (-20, 40),
+    "2_flexion": (-10, 60),
+    "3_flexion": (-15, 80),
+}
+
+
+def joint_range(dof: str) -> NDArray[np.float64]:
+    """Lower and upper limit (2,) in radians, or in metres for the root; infinite where free."""
+    if dof.startswith("root_"):
+        return np.array([-np.inf, np.inf])
+    return np.radians(_degrees(dof))
+
+
+def _degrees(dof: str) -> tuple[int, int]:
+    bone, _, motion = dof.partition("_")
+    if bone in ("l", "r"):
+        return _limb_degrees(motion)
+    if bone == "sacroiliac":
+        return _SACROILIAC[motion]
+    return (_NECK if bone.startswith(("vc", "skull")) else _TRUNK)[motion]
+
+
+def _limb_degrees(name: str) -> tuple[int, int]:
+    if name in _LIMBS:
+        return _LIMBS[name]
+    finger = name.rstrip("_abcdefghijklmnopqrstuvwxyz")[:-1]
+    return (_THUMB if finger == "thumb" else _FINGERS)[name.removeprefix(finger)]
