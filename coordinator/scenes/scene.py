@@ -1,0 +1,39 @@
+"""What a synthetic sequence shows: a body, its pose in every frame, the camera, and where to start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from common.body import BodyModel
+from common.camera import Intrinsics
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A body with D degrees of freedom that moves through F frames.
+
+    `start` (D,) is what a tracker knows at the beginning.
+    """
+
+    model: BodyModel
+    camera: Intrinsics
+    fps: float
+    poses: NDArray[np.float64]  # (F, D) radians and metres
+    start: NDArray[np.float64]  # (D,)
+
+
+def through_keys(keys: dict[float, float], frames: int) -> NDArray[np.float64]:
+    """A smooth curve (frames,) through key values by frame number, which never overshoots them."""
+    return np.asarray(PchipInterpolator(list(keys), list(keys.values()))(np.arange(frames)))
+
+
+def animate(model: BodyModel, keys: dict[str, dict[float, float]], frames: int) -> NDArray[np.float64]:
+    """Poses (frames, D) of a body from key values of some degrees of freedom; the others stay at zero."""
+    poses = np.zeros((frames, len(model.dof_names)))
+    for name, values in keys.items():
+        poses[:, model.dof(name)] = through_keys(values, frames)
+    return poses

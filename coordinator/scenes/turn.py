@@ -1,0 +1,52 @@
+"""A person who moves arms and legs and turns, so that the right arm and leg are hidden for a while.
+
+The situation of section 6 of the paper, with truth: 24 degrees of freedom, 180 frames.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common.camera import Intrinsics
+from coordinator.models.human import human
+from coordinator.scenes.scene import Scene, animate
+
+FRAMES = 180
+TURNED_MOST = 140  # the left side faces the camera
+
+PLACE_M: dict[str, dict[float, float]] = {
+    "root_tx": {0: 0.0, 60: 0.08, 120: -0.06, 179: 0.0},
+    "root_ty": {0: -0.055, 179: -0.055},
+    "root_tz": {0: 3.0, 60: 2.9, 120: 3.1, 179: 3.0},
+}
+ANGLES_DEG: dict[str, dict[float, float]] = {
+    "root_rx": {0: 0, 60: 4, 120: -2, 179: 0},
+    "root_ry": {0: 0, 30: 12, 60: -10, 90: 0, 122: 66, 140: 80, 158: 68, 179: 12},
+    "root_rz": {0: 0, 45: 3, 90: -3, 179: 0},
+    "l_shoulder_flexion": {0: 10, 25: 65, 50: 20, 80: 60, 110: 10, 140: 50, 179: 15},
+    "l_shoulder_abduct": {0: 15, 25: 35, 50: 8, 80: 55, 110: 15, 140: 5, 179: 15},
+    "l_shoulder_twisting": {0: 0, 40: 25, 80: -15, 120: 15, 179: 0},
+    "l_elbow_flexion": {0: 20, 25: 60, 50: 30, 80: 80, 110: 30, 140: 55, 179: 25},
+    "r_shoulder_flexion": {0: 10, 30: 20, 55: 75, 85: 30, 110: 25, 135: -20, 157: 30, 179: 55},
+    "r_shoulder_abduct": {0: 15, 30: 60, 55: 20, 85: 50, 110: 15, 135: 4, 157: 6, 179: 25},
+    "r_shoulder_twisting": {0: 0, 40: -20, 75: 30, 115: 0, 150: 20, 179: 0},
+    "r_elbow_flexion": {0: 25, 30: 60, 55: 85, 85: 40, 110: 30, 135: 22, 157: 50, 179: 70},
+    "l_hip_flexion": {0: 0, 14: 0, 32: 40, 52: 0, 62: 0, 80: 35, 100: 0, 125: -12, 145: 28, 165: -10, 179: 0},
+    "l_hip_abduct": {0: 4, 32: 12, 62: 4, 80: 14, 110: 4, 179: 4},
+    "l_hip_twisting": {0: 0, 32: -12, 62: 0, 80: 10, 120: 0, 179: 0},
+    "l_knee_flexion": {0: 5, 14: 5, 32: 60, 52: 5, 62: 5, 80: 55, 100: 5, 125: 20, 145: 10, 165: 35, 179: 5},
+    "l_ankle_flexion": {0: 0, 32: -15, 62: 0, 80: 10, 110: 0, 145: 8, 179: 0},
+    "r_hip_flexion": {0: 0, 30: 0, 50: 45, 70: 0, 100: -5, 125: 28, 145: -12, 165: 25, 179: 0},
+    "r_hip_abduct": {0: 4, 50: 14, 75: 4, 179: 4},
+    "r_hip_twisting": {0: 0, 50: 12, 75: 0, 140: -8, 179: 0},
+    "r_knee_flexion": {0: 5, 30: 5, 50: 65, 70: 5, 100: 8, 125: 35, 145: 22, 165: 45, 179: 5},
+    "r_ankle_flexion": {0: 0, 50: -12, 75: 0, 125: 10, 145: -10, 179: 0},
+}
+
+
+def turn() -> Scene:
+    """Arms and legs move, the body turns by 80 degrees and back; tracking starts from the truth."""
+    model = human()
+    angles = {dof: {at: float(np.radians(v)) for at, v in curve.items()} for dof, curve in ANGLES_DEG.items()}
+    poses = animate(model, {**PLACE_M, **angles}, FRAMES)
+    return Scene(model, Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0, poses, poses[0])
