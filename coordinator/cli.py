@@ -1,0 +1,179 @@
+"""The command `gepf`.
+
+What another program would read goes to stdout, all else to stderr. Exit codes: 0 done, 2 the user's input
+is at fault (one line on stderr), 1 anything else. What takes long to load is imported by the command that
+needs it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from common.errors import GepfError, InputError
+
+if TYPE_CHECKING:
+    from coordinator.progress import Show
+
+DONE, FAILED, INPUT_AT_FAULT = 0, 1, 2
+DEBUG = "GEPF_DEBUG"
+
+app = typer.Typer(help="Tracks a body through depth images, following many pose hypotheses at once.")
+
+Sequence_ = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded folder or UTD-MHAD .mat file.")]
+Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="New folder for the results.")]
+Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line and return its exit code."""
+    logging.basicConfig(format="gepf: %(message)s", level=logging.WARNING)
+    try:
+        code = app(arguments, prog_name="gepf", standalone_mode=False)
+    except InputError as error:
+        return complain(error, INPUT_AT_FAULT)
+    except typer.TyperException as error:
+        return complain(error, error.exit_code, error.format_message())
+    except GepfError as error:
+        return complain(error, FAILED)
+    except Exception as error:  # noqa: BLE001 whatever it is, a user is told in one line
+        return complain(error, FAILED, f"{type(error).__name__}: {error} (gepf --debug shows where)")
+    if code == 128 + signal.SIGINT:
+        say("stopped")
+    return code if isinstance(code, int) else DONE
+
+
+def complain(error: Exception, code: int, message: str | None = None) -> int:
+    """Tell of an error in one line, after its trace if debugging, and return the exit code."""
+    if os.environ.get(DEBUG):
+        traceback.print_exception(error)
+    say(str(error) if message is None else message)
+    return code
+
+
+def say(message: str) -> None:
+    """One line on stderr."""
+    sys.stderr.write(f"gepf: {' '.join(message.split())}\n")
+
+
+@app.callback(invoke_without_command=True)
+def gepf(
+    context: typer.Context,
+    *,
+    debug: Annotated[bool, typer.Option("--debug", help="Show where an error arose.", envvar=DEBUG)] = False,
+) -> None:
+    """Track a body through depth images, following many pose hypotheses at once.
+
+    `gepf demo` shows what it does; `gepf track SEQ --out DIR` does it with your recording.
+    """
+    if debug:
+        os.environ[DEBUG] = "1"
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.command()
+def track(  # noqa: PLR0913 one parameter an option
+    sequence: Sequence_,
+    out: Results,
+    *,
+    method: Annotated[str, typer.Option(help="gepf (many hypotheses) or gradient (one).")] = "gepf",
+    preset: Annotated[str, typer.Option(help="default, or paper (its constants to the letter).")] = "default",
+    particles: Annotated[int | None, typer.Option(metavar="N", help="Particles a frame.")] = None,
+    points: Annotated[int | None, typer.Option(metavar="N", help="Observed points a frame, at most.")] = None,
+    dof: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="Move only these; hold the rest.")
+    ] = None,
+    model: Annotated[str, typer.Option(help="Body to track: human.")] = "human",
+    init: Annotated[
+        str | None,
+        typer.Option(metavar="auto|FILE", help="Pose to start from (default: SEQ/init.json, else auto)."),
+    ] = None,
+    frames: Annotated[str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.")] = None,
+    seed: Annotated[int, typer.Option(help="Of all randomness: the same seed gives the same bytes.")] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Local workers (default: one per core); 0 for those of others."),
+    ] = None,
+    listen: Annotated[
+        str | None,
+        typer.Option(metavar="ENDPOINT", help="Let others' workers join, e.g. tcp/127.0.0.1:7447."),
+    ] = None,
+    connect: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Join a router where others' workers are.")
+    ] = None,
+) -> None:
+    """Track a recorded sequence."""
+    from coordinator.options import Job, choose_dofs, choose_model, choose_pool, choose_settings
+
+    settings = choose_settings(method, preset, particles, points, seed)
+    pool = choose_pool(workers, listen, connect)
+    job = Job(sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames)
+
+    from coordinator.pool import connect_workers
+    from coordinator.run import track_sequence
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    track_sequence(job, on_stderr(), connect_workers)
+
+
+@app.command()
+def evaluate(
+    run: Run,
+    truth: Annotated[Path, typer.Option("--truth", metavar="FILE", help="Truth of the sequence, truth.npz.")],
+) -> None:
+    """Compare a run with the truth; prints one JSON object."""
+    import msgspec
+
+    from coordinator.evaluation import evaluate
+    from coordinator.track import read_track
+    from coordinator.truth import read_truth
+
+    result = evaluate(read_track(run), read_truth(truth))
+    sys.stdout.write(msgspec.json.format(msgspec.json.encode(result)).decode() + "\n")
+
+
+@app.command()
+def export(
+    run: Run,
+    form: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv or json.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write.")],
+) -> None:
+    """Write a run's poses for other programs."""
+    from coordinator.exports import export_track
+    from coordinator.track import read_track
+
+    export_track(read_track(run), form, out)
+
+
+@app.command()
+def synth(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm or turn.")],
+    out: Annotated[Path, typer.Option("--out", metavar="SEQ", help="New folder for the sequence.")],
+    *,
+    frames: Annotated[int | None, typer.Option(metavar="N", help="Only the first N frames.")] = None,
+    noise_depth: Annotated[float, typer.Option(metavar="M", help="Standard deviation along depth.")] = 0.0,
+    noise_lateral: Annotated[float, typer.Option(metavar="M", help="Standard deviation across.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+) -> None:
+    """Render a sequence with truth and the start it is meant to be tracked from."""
+    from coordinator.synth import synthesise
+
+    synthesise(scene, out, frames, noise_depth, noise_lateral, seed)
+
+
+def on_stderr() -> Show:
+    """Progress for people."""
+    from rich.console import Console
+
+    from coordinator.progress import show_on
+
+    return show_on(Console(stderr=True))

@@ -1,0 +1,103 @@
+"""What the command line's texts and numbers mean, checked before anything is read or written."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from common.errors import InputError
+from common.settings import Settings
+
+METHODS = ("gepf", "gradient")
+PRESETS = {"default": Settings(preset="default"), "paper": Settings(preset="paper")}
+MODELS = ("human",)
+ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
+AUTOMATIC = "auto"
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """Who refines: workers of our own, and whoever joins."""
+
+    workers: int | None = None  # None for one per core
+    listen: str | None = None
+    connect: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One `gepf track`."""
+
+    sequence: Path
+    out: Path
+    settings: Settings
+    pool: Pool
+    model: str = MODELS[0]
+    active: tuple[str, ...] | None = None  # None for the model's own choice
+    init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file if it has one
+    frames: str | None = None
+
+
+def choose_settings(
+    method: str, preset: str, particles: int | None, points: int | None, seed: int
+) -> Settings:
+    """A preset's settings with what the user asked for instead."""
+    settings = PRESETS[one_of("preset", preset, tuple(PRESETS))]
+    one_of("method", method, METHODS)
+    at_least(0, "--seed", seed)
+    if points is not None:
+        settings = msgspec.structs.replace(settings, points=at_least(1, "--points", points))
+    if particles is not None:
+        at_least(1, "--particles", particles)
+    if method == "gradient":
+        if particles not in (None, 1):
+            raise InputError("method gradient follows a single particle; leave --particles out")
+        particles = 1
+    if particles is not None:
+        chosen = msgspec.structs.replace(settings.filter, particles=particles)
+        settings = msgspec.structs.replace(settings, filter=chosen)
+    return msgspec.structs.replace(settings, method=method, seed=seed)
+
+
+def choose_pool(workers: int | None, listen: str | None, connect: str | None) -> Pool:
+    """Workers and endpoints; without workers of our own there must be a way for others to join."""
+    if workers is not None:
+        at_least(0, "--workers", workers)
+    for option, endpoint in (("--listen", listen), ("--connect", connect)):
+        if endpoint is not None and not ENDPOINT.fullmatch(endpoint):
+            raise InputError(f"{option} '{endpoint}' is no endpoint; give one such as tcp/127.0.0.1:7447")
+    if workers == 0 and listen is None and connect is None:
+        raise InputError("with --workers 0 nobody could join; add --listen or --connect with an endpoint")
+    return Pool(workers, listen, connect)
+
+
+def choose_model(model: str) -> str:
+    """A body that there is."""
+    return one_of("model", model, MODELS)
+
+
+def choose_dofs(names: str | None) -> tuple[str, ...] | None:
+    """Names of degrees of freedom between commas; None for the model's own choice."""
+    if names is None:
+        return None
+    listed = tuple(name.strip() for name in names.split(",") if name.strip())
+    if not listed:
+        raise InputError("--dof names nothing; give names between commas, such as r_elbow_flexion")
+    return listed
+
+
+def one_of(kind: str, name: str, choices: tuple[str, ...]) -> str:
+    """`name`, if it is a choice; InputError names them all."""
+    if name not in choices:
+        raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(choices)}")
+    return name
+
+
+def at_least(least: int, option: str, number: int) -> int:
+    """`number`, if it is not too small."""
+    if number < least:
+        raise InputError(f"{option} {number} is too small; give {least} or more")
+    return number

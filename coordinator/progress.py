@@ -1,0 +1,169 @@
+"""What a person sees on stderr while a run goes on."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from coordinator.estimate import Estimate
+
+T = TypeVar("T")
+QUIET_SECONDS = 5.0  # between two lines where there is no terminal
+
+
+class Show(Protocol):
+    """Where a run tells how it goes."""
+
+    def say(self, text: str) -> None:
+        """One line."""
+        ...
+
+    def over(self, items: Iterable[T], total: int, text: str) -> Iterator[T]:
+        """Pass `items` on, and tell how many there were."""
+        ...
+
+    def frames(self, total: int) -> AbstractContextManager[FrameMeter]:
+        """A meter for the frames of a run."""
+        ...
+
+
+class FrameMeter:
+    """Frame rate, hypotheses, residual and status, frame by frame; subclasses show them."""
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.done = 0
+        self._began = time.monotonic()
+
+    def __enter__(self) -> Self:
+        self._began = time.monotonic()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def seconds(self) -> float:
+        """Since the first frame was asked for."""
+        return time.monotonic() - self._began
+
+    def advance(self, estimate: Estimate) -> None:
+        """One frame more."""
+        self.done += 1
+        self.show(describe(estimate, self.done / max(self.seconds, 1e-9)))
+
+    def show(self, text: str) -> None:
+        """Make the state known."""
+
+    def close(self) -> None:
+        """No more frames."""
+
+
+def describe(estimate: Estimate, rate: float) -> str:
+    """A frame's state in one short line."""
+    count = len(estimate.hypothesis_weight)
+    residual = "-" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
+    return f"{rate:5.1f} frames/s  {count:3d} hypotheses  residual {residual:>8}  {estimate.status}"
+
+
+class TerminalShow:
+    """Bars that move."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def say(self, text: str) -> None:
+        """One line, above a bar if there is one."""
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def over(self, items: Iterable[T], total: int, text: str) -> Iterator[T]:
+        """A bar that goes away at the end."""
+        bar = _bar(self._console, transient=True)
+        with bar:
+            yield from bar.track(items, total=total, description=text)
+
+    def frames(self, total: int) -> FrameMeter:
+        """A bar with the run's state."""
+        return _TerminalMeter(total, self._console)
+
+
+class PlainShow:
+    """A line now and then, for logs."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def say(self, text: str) -> None:
+        """One line."""
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def over(self, items: Iterable[T], total: int, text: str) -> Iterator[T]:
+        """A line at the start if it is likely to last."""
+        last = time.monotonic()
+        for done, item in enumerate(items, start=1):
+            if time.monotonic() - last > QUIET_SECONDS:
+                self.say(f"{text}: {done} of {total}")
+                last = time.monotonic()
+            yield item
+
+    def frames(self, total: int) -> FrameMeter:
+        """Lines with the run's state."""
+        return _PlainMeter(total, self)
+
+
+class _TerminalMeter(FrameMeter):
+    def __init__(self, total: int, console: Console) -> None:
+        super().__init__(total)
+        self._bar = _bar(console, transient=False)
+        self._task = self._bar.add_task("waiting for workers", total=total)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return super().__enter__()
+
+    def show(self, text: str) -> None:
+        """Move the bar."""
+        self._bar.update(self._task, completed=self.done, description=text)
+
+    def close(self) -> None:
+        """Leave the bar as it stands."""
+        self._bar.stop()
+
+
+class _PlainMeter(FrameMeter):
+    def __init__(self, total: int, show: PlainShow) -> None:
+        super().__init__(total)
+        self._show = show
+        self._text = ""
+        self._last = time.monotonic()
+
+    def show(self, text: str) -> None:
+        """Write a line if there was none for a while."""
+        self._text = f"frame {self.done} of {self.total}: {text}"
+        if time.monotonic() - self._last > QUIET_SECONDS:
+            self.close()
+
+    def close(self) -> None:
+        """Write the last state, unless it was written."""
+        if self._text:
+            self._show.say(self._text)
+        self._text, self._last = "", time.monotonic()
+
+
+def show_on(console: Console) -> Show:
+    """Bars on a terminal, lines elsewhere."""
+    return TerminalShow(console) if console.is_terminal else PlainShow(console)
+
+
+def _bar(console: Console, *, transient: bool) -> Progress:
+    columns = (BarColumn(bar_width=24), MofNCompleteColumn(), TextColumn("{task.description}"))
+    return Progress(*columns, TimeRemainingColumn(), console=console, transient=transient)
