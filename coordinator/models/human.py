@@ -15,7 +15,7 @@ from common.body import BodyModel, find_balls
 from common.kinematics import dof_transforms
 from coordinator.models.measures import Measures
 from coordinator.models.ranges import joint_range
-from coordinator.models.shape import BUILDING_ABDUCTION, shape_person
+from coordinator.models.shape import ARMS_RAISED, LEGS_SPREAD, moved, shape_person
 from coordinator.models.skeleton import Skeleton, build_skeleton
 from coordinator.models.skinning import KEPT, skin_shares, strongest
 from coordinator.models.surface import mesh_symmetric
@@ -58,8 +58,8 @@ def human_of(measures: Measures) -> BodyModel:
     """A person of these measures. The same measures give the same bytes."""
     skeleton = build_skeleton(measures)
     bare = _without_skin(skeleton)
-    raised = dof_transforms(bare, _building_pose(bare)[None])[0]  # (D, 3, 4)
-    joints = {dof.joint: _moved(raised[j], skeleton.joints[dof.joint]) for j, dof in enumerate(skeleton.dofs)}
+    raised = dof_transforms(bare, _building_pose(bare, measures)[None])[0]  # (D, 3, 4)
+    joints = {dof.joint: moved(raised[j], skeleton.joints[dof.joint]) for j, dof in enumerate(skeleton.dofs)}
 
     shape = shape_person(measures, skeleton)
     vertices, triangles = mesh_symmetric(shape.distance, *_left_half(measures), CELL * measures.stature)
@@ -103,11 +103,11 @@ def _without_skin(skeleton: Skeleton) -> BodyModel:
     )
 
 
-def _building_pose(model: BodyModel) -> Array:
+def _building_pose(model: BodyModel, measures: Measures) -> Array:
     pose = np.zeros(len(model.dof_names))
-    for joint, angle in BUILDING_ABDUCTION.items():
-        for side in "lr":
-            pose[model.dof(f"{side}_{joint}_abduct")] = angle
+    for side in "lr":
+        pose[model.dof(f"{side}_shoulder_abduct")] = ARMS_RAISED - measures.arm_tilt
+        pose[model.dof(f"{side}_hip_abduct")] = LEGS_SPREAD
     return pose
 
 
@@ -119,10 +119,6 @@ def _left_half(measures: Measures) -> tuple[Array, Array]:
     wide = 0.5 * measures.shoulder_width + 0.85 * arm
     tall = 1.40 * measures.trunk + 0.11 * measures.stature
     return np.array([0.0, -tall, -deep]), np.array([wide, leg + 0.02 * measures.stature, deep])
-
-
-def _moved(t: Array, point: Array) -> Array:
-    return np.asarray(t[:, :3] @ point + t[:, 3])
 
 
 def _to_rest(vertices: Array, t_links: Array, links: NDArray[np.int64], weights: Array) -> Array:

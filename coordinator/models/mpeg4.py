@@ -12,9 +12,7 @@ from common.body import ROOT_DOFS
 
 FINGERS = ("pinky", "ring", "middle", "index")
 VERTEBRAE_UPWARD = tuple(
-    [f"vl{n}" for n in range(5, 0, -1)]
-    + [f"vt{n}" for n in range(12, 0, -1)]
-    + [f"vc{n}" for n in range(7, 0, -1)]
+    f"{region}{n}" for region, count in (("vl", 5), ("vt", 12), ("vc", 7)) for n in range(count, 0, -1)
 )
 
 _LEG = (

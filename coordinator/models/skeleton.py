@@ -1,9 +1,9 @@
 """Joint centres of the human template and the table of its degrees of freedom.
 
-Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms hang
-`ARM_TILT` off the vertical so that they clear the trunk, and all angles are zero there. Coordinates are
-those of `common.body`: x to the person's left, y down, z to the person's back, the root between the hip
-joints at the origin.
+Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms hang a little
+off the vertical, by `Measures.arm_tilt`, so that they clear the trunk; all angles are zero there.
+Coordinates are those of `common.body`: x to the person's left, y down, z to the person's back, the root
+between the hip joints at the origin.
 
 Signs, the same on both sides of the body:
 
@@ -32,36 +32,44 @@ from coordinator.models.mpeg4 import FINGERS, VERTEBRAE_UPWARD
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
-
-ARM_TILT = np.radians(9.0)
+Motions = dict[str, Vector]
+Bone = tuple[str, str | None, str, Motions, int]
 
 LEFT, DOWN, BACK = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 RIGHT, UP, FRONT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
 
 _SPINE_MOTIONS = {"roll": FRONT, "torsion": UP, "tilt": LEFT}
 _THUMB_DIRECTION = (0.0, 0.8, -0.6)
-_THUMB_NORMAL = (0.0, 0.6, 0.8)
+_FINGER = {
+    0: {"flexion": BACK},
+    1: {"flexion": BACK, "pivot": RIGHT, "twisting": DOWN},
+    2: {"flexion": BACK},
+    3: {"flexion": BACK},
+}
+_THUMB = {
+    1: {"flexion": LEFT, "pivot": (0.0, 0.6, 0.8), "twisting": _THUMB_DIRECTION},
+    2: {"flexion": LEFT},
+    3: {"flexion": LEFT},
+}
 
 # Left side: bone, its joint, and the axis of each motion. The right side is its mirror image.
-_LEG = (
-    ("thigh", "hip", {"hip_flexion": RIGHT, "hip_abduct": FRONT, "hip_twisting": DOWN}),
-    ("shank", "knee", {"knee_flexion": LEFT, "knee_twisting": DOWN}),
-    ("talus", "ankle", {"ankle_flexion": RIGHT, "ankle_twisting": DOWN}),
-    ("heel", "subtalar", {"subtalar_flexion": BACK}),
-    ("foot", "midtarsal", {"midtarsal_twisting": BACK}),
-    ("toes", "metatarsal", {"metatarsal_flexion": RIGHT}),
-)
-_ARM = (
-    ("clavicle", "sternoclavicular", {"sternoclavicular_abduct": FRONT, "sternoclavicular_rotate": DOWN}),
-    ("scapula", "acromioclavicular", {"acromioclavicular_abduct": FRONT, "acromioclavicular_rotate": DOWN}),
-    (
-        "upper_arm",
-        "shoulder",
-        {"shoulder_flexion": RIGHT, "shoulder_abduct": FRONT, "shoulder_twisting": DOWN},
-    ),
-    ("forearm", "elbow", {"elbow_flexion": RIGHT, "elbow_twisting": DOWN}),
-    ("hand", "wrist", {"wrist_flexion": BACK, "wrist_pivot": RIGHT, "wrist_twisting": DOWN}),
-)
+_LEG = {
+    ("thigh", "hip"): {"flexion": RIGHT, "abduct": FRONT, "twisting": DOWN},
+    ("shank", "knee"): {"flexion": LEFT, "twisting": DOWN},
+    ("talus", "ankle"): {"flexion": RIGHT, "twisting": DOWN},
+    ("heel", "subtalar"): {"flexion": BACK},
+    ("foot", "midtarsal"): {"twisting": BACK},
+    ("toes", "metatarsal"): {"flexion": RIGHT},
+}
+_GIRDLE = {
+    ("clavicle", "sternoclavicular"): {"abduct": FRONT, "rotate": DOWN},
+    ("scapula", "acromioclavicular"): {"abduct": FRONT, "rotate": DOWN},
+}
+_ARM = {
+    ("upper_arm", "shoulder"): {"flexion": RIGHT, "abduct": FRONT, "twisting": DOWN},
+    ("forearm", "elbow"): {"flexion": RIGHT, "twisting": DOWN},
+    ("hand", "wrist"): {"flexion": BACK, "pivot": RIGHT, "twisting": DOWN},
+}
 
 
 @dataclass(frozen=True)
@@ -89,7 +97,7 @@ def build_skeleton(measures: Measures) -> Skeleton:
     joints = place_joints(measures)
     dofs: list[Dof] = []
     links: dict[str, str] = {}
-    for link, parent, joint, axes, kind in _bones():
+    for link, parent, joint, axes, kind in _bones(measures.arm_tilt):
         above = links.get(parent) if parent else None
         for name, axis in axes.items():
             dofs.append(Dof(name, kind, above, axis, joint))
@@ -98,10 +106,7 @@ def build_skeleton(measures: Measures) -> Skeleton:
     return Skeleton(joints, tuple(dofs), links)
 
 
-Bone = tuple[str, str | None, str, dict[str, Vector], int]
-
-
-def _bones() -> Iterator[Bone]:
+def _bones(arm_tilt: float) -> Iterator[Bone]:
     """Link, parent link, joint, axes by degree of freedom, and kind; parents before children."""
     axes = (LEFT, DOWN, BACK)
     yield "root", None, "pelvis", dict(zip(ROOT_DOFS[:3], axes, strict=True)), TRANSLATION
@@ -114,46 +119,35 @@ def _bones() -> Iterator[Bone]:
         yield bone, below, stem, {f"{stem}_{m}": axis for m, axis in _SPINE_MOTIONS.items()}, ROTATION
         below = bone
     for side in "lr":
-        yield from _limb(side, "vt1", _ARM)
-        yield from _fingers(side)
-        yield from _limb(side, "pelvis", _LEG)
+        yield from _limb(side, "vt1", _GIRDLE, 0.0)
+        yield from _limb(side, f"{side}_scapula", _ARM, arm_tilt)
+        yield from _fingers(side, arm_tilt)
+        yield from _limb(side, "pelvis", _LEG, 0.0)
 
 
-def _limb(side: str, parent: str, bones: tuple[tuple[str, str, dict[str, Vector]], ...]) -> Iterator[Bone]:
-    for bone, joint, axes in bones:
-        sided = {f"{side}_{name}": _sided(side, _hang(joint, axis)) for name, axis in axes.items()}
-        yield f"{side}_{bone}", parent, f"{side}_{joint}", sided, ROTATION
+def _limb(side: str, parent: str, bones: dict[tuple[str, str], Motions], tilt: float) -> Iterator[Bone]:
+    for (bone, joint), motions in bones.items():
+        yield f"{side}_{bone}", parent, f"{side}_{joint}", _axes(side, joint, motions, tilt), ROTATION
         parent = f"{side}_{bone}"
 
 
-def _fingers(side: str) -> Iterator[Bone]:
-    for finger in FINGERS:
+def _fingers(side: str, tilt: float) -> Iterator[Bone]:
+    for finger in (*FINGERS, "thumb"):
         parent = f"{side}_hand"
-        first = {"1_flexion": BACK, "1_pivot": RIGHT, "1_twisting": DOWN}
-        for n, axes in enumerate(({"0_flexion": BACK}, first, {"2_flexion": BACK}, {"3_flexion": BACK})):
-            yield _phalanx(side, parent, finger, n, axes)
-            parent = f"{side}_{finger}{n}"
-    parent = f"{side}_hand"
-    first = {"1_flexion": LEFT, "1_pivot": _THUMB_NORMAL, "1_twisting": _THUMB_DIRECTION}
-    for n, axes in enumerate((first, {"2_flexion": LEFT}, {"3_flexion": LEFT}), start=1):
-        yield _phalanx(side, parent, "thumb", n, axes)
-        parent = f"{side}_thumb{n}"
+        for n, motions in _THUMB.items() if finger == "thumb" else _FINGER.items():
+            joint = f"{finger}{n}"
+            yield f"{side}_{joint}", parent, f"{side}_{joint}", _axes(side, joint, motions, tilt), ROTATION
+            parent = f"{side}_{joint}"
 
 
-def _phalanx(side: str, parent: str, finger: str, n: int, axes: dict[str, Vector]) -> Bone:
-    name = f"{side}_{finger}{n}"
-    sided = {f"{side}_{finger}{motion}": _sided(side, tilt(axis)) for motion, axis in axes.items()}
-    return name, parent, name, sided, ROTATION
+def _axes(side: str, joint: str, motions: Motions, tilt: float) -> Motions:
+    """Axis of each degree of freedom of a joint of either side, in a limb that hangs tilted."""
+    return {f"{side}_{joint}_{motion}": _sided(side, tilted(axis, tilt)) for motion, axis in motions.items()}
 
 
-def _hang(joint: str, axis: Vector) -> Vector:
-    """Arm axes are tilted with the hanging arm; the clavicle's and the legs' are not."""
-    return tilt(axis) if joint in ("shoulder", "elbow", "wrist") else axis
-
-
-def tilt(vector: Vector) -> Vector:
-    """A vector of the vertical left arm as the hanging arm has it."""
-    c, s = float(np.cos(ARM_TILT)), float(np.sin(ARM_TILT))
+def tilted(vector: Vector, angle: float) -> Vector:
+    """A vector of an upright left limb after it was raised sideways by `angle`."""
+    c, s = float(np.cos(angle)), float(np.sin(angle))
     x, y, z = vector
     return c * x + s * y, c * y - s * x, z
 
@@ -168,7 +162,7 @@ def place_joints(measures: Measures) -> dict[str, Array]:
     spine = _spine(measures)
     head = spine["skullbase"] + np.array([0.0, -0.024, -0.004]) * measures.stature
     joints = {"pelvis": np.zeros(3), **spine, "head": head}
-    left = {**_leg(measures), **_arm(measures, joints["vc7"])}
+    left = {**_leg(measures), **_arm(measures)}
     for name, point in left.items():
         joints[f"l_{name}"] = point
         joints[f"r_{name}"] = point * (-1.0, 1.0, 1.0)
@@ -203,16 +197,16 @@ def _leg(measures: Measures) -> dict[str, Array]:
     }
 
 
-def _arm(measures: Measures, neck: Array) -> dict[str, Array]:
+def _arm(measures: Measures) -> dict[str, Array]:
     x = 0.5 * measures.shoulder_width
     shoulder = np.array([x, -measures.trunk, 0.012 * measures.stature])
-    elbow = shoulder + measures.upper_arm * np.array(tilt(DOWN))
-    wrist = elbow + measures.forearm * np.array(tilt(DOWN))
+    down = np.array(tilted(DOWN, measures.arm_tilt))
+    wrist = shoulder + (measures.upper_arm + measures.forearm) * down
     joints = {
         "sternoclavicular": np.array([0.1 * x, -1.04 * measures.trunk, -0.025 * measures.stature]),
         "acromioclavicular": shoulder + np.array([-0.02, -0.022, 0.0]) * measures.stature,
         "shoulder": shoulder,
-        "elbow": elbow,
+        "elbow": shoulder + measures.upper_arm * down,
         "wrist": wrist,
     }
     return {**joints, **_hand(measures, wrist)}
@@ -220,14 +214,16 @@ def _arm(measures: Measures, neck: Array) -> dict[str, Array]:
 
 def _hand(measures: Measures, wrist: Array) -> dict[str, Array]:
     """Finger joints, on lines down the hanging hand; the index finger is in front."""
+
+    def at(down: float, front: float) -> Array:
+        return wrist + measures.hand * np.array(tilted((0.0, down, -front), measures.arm_tilt))
+
     joints = {}
     for i, finger in enumerate(FINGERS):
         front = (i - 1.5) * 0.11
-        for n, along in enumerate((0.12, 0.47, 0.70, 0.86)):
-            at = np.array(tilt((0.0, along, -front * min(1.0, 0.5 + n)))) * measures.hand
-            joints[f"{finger}{n}"] = wrist + at
-    base = np.array(tilt((0.0, 0.13, -0.12))) * measures.hand
-    along_thumb = np.array(tilt(_THUMB_DIRECTION)) * measures.hand
+        for n, down in enumerate((0.12, 0.47, 0.70, 0.86)):
+            joints[f"{finger}{n}"] = at(down, front * min(1.0, 0.5 + n))
+    _, down, back = _THUMB_DIRECTION
     for n, along in ((1, 0.0), (2, 0.24), (3, 0.40)):
-        joints[f"thumb{n}"] = wrist + base + along * along_thumb
+        joints[f"thumb{n}"] = at(0.13 + along * down, 0.12 - along * back)
     return joints

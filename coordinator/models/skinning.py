@@ -53,8 +53,8 @@ def blend(position: Array, middle: float | Array, half_width: float) -> Array:
 def _arm_shares(points: Array, at: Joints, measures: Measures) -> dict[str, Array]:
     k = measures.stature
     along, across = _cylindrical(points, at["shoulder"], at["elbow"])
-    reach = along - 1.5 * np.maximum(across - 0.045 * k, 0.0)
-    upper = blend(reach, 0.010 * k, 0.035 * k)
+    reach = along - 2.0 * np.maximum(across - 0.035 * k, 0.0)
+    upper = blend(reach, 0.020 * k, 0.040 * k)
     fore = blend(along, measures.upper_arm, 0.024 * k) * upper
     hand = blend(along, measures.upper_arm + measures.forearm, 0.014 * k) * upper
     height = blend(-points[:, 1], -at["shoulder"][1] - 0.03 * k, 0.04 * k)
@@ -66,7 +66,7 @@ def _leg_shares(points: Array, at: Joints, measures: Measures) -> dict[str, Arra
     k = measures.stature
     along, _ = _cylindrical(points, at["hip"], at["knee"])
     groin = 0.035 * k - 0.55 * (points[:, 0] - 0.5 * at["hip"][0])
-    thigh = blend(points[:, 1], groin, 0.045 * k)
+    thigh = blend(points[:, 1], groin, 0.055 * k)
     shank = blend(along, measures.thigh, 0.03 * k)
     foot = blend(along, measures.thigh + measures.shank, 0.016 * k)
     toes = blend(-points[:, 2], -at["metatarsal"][2], 0.012 * k) * foot

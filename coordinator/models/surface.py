@@ -36,7 +36,7 @@ def _mesh_half(distance: Distance, low: Array, high: Array, cell: float) -> tupl
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     values = distance(grid).reshape(counts)
     values[np.abs(values) < 1e-3 * cell] = 1e-3 * cell
-    corners, triangles, _, _ = marching_cubes(values, 0.0, spacing=(cell,) * 3, gradient_direction="descent")
+    corners, triangles, _, _ = marching_cubes(values, 0.0, spacing=(cell,) * 3, gradient_direction="descent")  # type: ignore[no-untyped-call]
     return corners.astype(np.float64) + low, triangles.astype(np.int64)
 
 
