@@ -40,3 +40,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     points: int = 10_000
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
+
+
+def preset(name: str) -> Settings:
+    return {"default": Settings()}[name]

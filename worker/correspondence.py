@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from worker.observation import BLOCK
 
 Points = NDArray[np.float32]
+Indices = NDArray[np.int32]
 
 MODEL_BLOCK = 16
 
@@ -32,20 +33,27 @@ def bounding_boxes(points: Points, block: int) -> Points:
     return boxes
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def box_distance(one: Points, other: Points) -> np.float32:
-    """Squared distance of two boxes (2, 3)."""
-    total = np.float32(0.0)
-    for a in range(3):
-        gap = max(np.float32(0.0), max(one[0, a] - other[1, a], other[0, a] - one[1, a]))
-        total += gap * gap
-    return total
+@numba.njit(cache=True, nogil=True)
+def rank_blocks(box: Points, boxes: Points, bound: Points) -> int:
+    """Fill bound (K,) with squared distances of boxes (K, 2, 3) from a box (2, 3); gives the one centred nearest."""
+    nearest, first = np.float32(np.inf), 0
+    for k in range(len(boxes)):
+        bound[k] = 0.0
+        between = np.float32(0.0)
+        for a in range(3):
+            gap = max(np.float32(0.0), max(box[0, a] - boxes[k, 1, a], boxes[k, 0, a] - box[1, a]))
+            bound[k] += gap * gap
+            between += (box[0, a] + box[1, a] - boxes[k, 0, a] - boxes[k, 1, a]) ** 2
+        if between < nearest:
+            nearest, first = between, k
+    return first
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def search_block(x: Points, y: Points, z: Points, model: Points, start: int, stop: int, nearest: Points,
-                 index: NDArray[np.int32]) -> np.float32:
-    """Lower the squared distances (BLOCK,) by the model points start..stop; gives the largest left."""
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
+def search_block(
+    x: Points, y: Points, z: Points, model: Points, start: int, stop: int, nearest: Points, index: Indices
+) -> np.float32:
+    """Lower the squared distances (BLOCK,) by the model points start..stop; gives the largest that is left."""
     for m in range(start, stop):
         mx, my, mz = model[m, 0], model[m, 1], model[m, 2]
         for i in range(BLOCK):
@@ -54,38 +62,36 @@ def search_block(x: Points, y: Points, z: Points, model: Points, start: int, sto
             closer = distance < nearest[i]
             nearest[i] = distance if closer else nearest[i]
             index[i] = np.int32(m) if closer else index[i]
-    largest = nearest[0]
-    for i in range(1, BLOCK):
+    largest = np.float32(0.0)
+    for i in range(BLOCK):
         largest = max(largest, nearest[i])
     return largest
 
 
 @numba.njit(cache=True, nogil=True)
-def closest_points(observed: Points, boxes: Points, model: Points) -> tuple[NDArray[np.int32], Points]:
-    """For observed points (blocks * BLOCK, 3) the index of the closest of model (M, 3), and its squared distance.
+def closest_points(observed: Points, boxes: Points, model: Points) -> tuple[Indices, Points]:
+    """For observed points (blocks * BLOCK, 3) the closest of model (M, 3): its index and squared distance.
 
     `boxes` are the observed blocks' bounding boxes. Of equally close model points the one met first wins;
     the order in which blocks are met depends on the arguments alone.
     """
     model_boxes = bounding_boxes(model, MODEL_BLOCK)
-    index = np.zeros(len(observed), dtype=np.int32)
-    distance = np.full(len(observed), np.float32(np.inf))
+    index, distance = np.empty(len(observed), np.int32), np.empty(len(observed), np.float32)
     x, y, z = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
-    bound = np.empty(len(model_boxes), dtype=np.float32)
+    nearest, chosen = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.int32)
+    bound = np.empty(len(model_boxes), np.float32)
     for b in range(len(boxes)):
         start = b * BLOCK
         for i in range(BLOCK):
             x[i], y[i], z[i] = observed[start + i, 0], observed[start + i, 1], observed[start + i, 2]
-        first = 0
-        for k in range(len(model_boxes)):
-            bound[k] = box_distance(boxes[b], model_boxes[k])
-            if bound[k] < bound[first]:
-                first = k
-        nearest, chosen = distance[start : start + BLOCK], index[start : start + BLOCK]
-        largest = search_block(x, y, z, model, first * MODEL_BLOCK,
-                               min(len(model), (first + 1) * MODEL_BLOCK), nearest, chosen)
+            nearest[i], chosen[i] = np.inf, 0
+        first = rank_blocks(boxes[b], model_boxes, bound)
+        stop = min(len(model), (first + 1) * MODEL_BLOCK)
+        largest = search_block(x, y, z, model, first * MODEL_BLOCK, stop, nearest, chosen)
         for k in range(len(model_boxes)):
             if k != first and bound[k] < largest:
-                largest = search_block(x, y, z, model, k * MODEL_BLOCK,
-                                       min(len(model), (k + 1) * MODEL_BLOCK), nearest, chosen)
+                stop = min(len(model), (k + 1) * MODEL_BLOCK)
+                largest = search_block(x, y, z, model, k * MODEL_BLOCK, stop, nearest, chosen)
+        for i in range(BLOCK):
+            index[start + i], distance[start + i] = chosen[i], nearest[i]
     return index, distance

@@ -6,8 +6,6 @@ batch it came in.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -16,43 +14,16 @@ from common.body import BodyModel
 from common.kinematics import chain
 from common.refinement import Refined
 from common.settings import RefineSettings
-from worker.correspondence import bounding_boxes, closest_points
+from worker.correspondence import closest_points
+from worker.evidence import Evidence, Rules, lay_out_evidence, lay_out_rules
 from worker.free_space import pull_into_silhouette
 from worker.gauss_newton import add_correspondence, clamp, minimise
 from worker.likelihood import robust_cost, robust_weight
-from worker.observation import BLOCK, Observation
+from worker.observation import Observation
 from worker.surface import Skeleton, Surface, lay_out
 from worker.visibility import pose_surface, visible_vertices
 
 Array = NDArray[np.float64]
-
-
-class Evidence(NamedTuple):
-    """An observation laid out for the kernel, depth stretched so that noise is alike in all directions."""
-
-    points: NDArray[np.float32]  # (blocks * BLOCK, 3) metres, z times `stretch`
-    boxes: NDArray[np.float32]  # (blocks, 2, 3)
-    count: int
-    depth: NDArray[np.float32]  # (H, W)
-    nearest: NDArray[np.int32]  # (2, H, W)
-    view: NDArray[np.int64]  # (4,)
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-
-
-class Rules(NamedTuple):
-    """Settings in the kernel's own units."""
-
-    icp_iterations: int
-    gauss_newton_iterations: int
-    damping: float
-    keep_limits: bool
-    stretch: float  # lateral over depth noise
-    outlier_squared: float  # m^2
-    free_space_weight: float
-    likelihood_scale: float  # 1/m^2
 
 
 def refine(
@@ -76,26 +47,6 @@ def refine(
     for n in range(len(poses)):
         log_likelihood[n], residual[n] = refine_particle(refined[n], skeleton, surface, evidence, rules)
     return Refined(refined, log_likelihood, residual)
-
-
-def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evidence:
-    """The observation in the metric of the noise."""
-    stretch = np.float32(settings.noise_lateral / settings.noise_depth)
-    points = observation.points * np.array([1.0, 1.0, stretch], dtype=np.float32)
-    camera = observation.camera
-    return Evidence(
-        points, bounding_boxes(points, BLOCK), observation.count, observation.depth, observation.nearest,
-        observation.view, camera.fx, camera.fy, camera.cx, camera.cy,
-    )
-
-
-def lay_out_rules(settings: RefineSettings) -> Rules:
-    """Settings in the kernel's own units."""
-    return Rules(
-        settings.icp_iterations, settings.gauss_newton_iterations, settings.damping, settings.keep_limits,
-        settings.noise_lateral / settings.noise_depth, settings.outlier_distance**2,
-        settings.free_space_weight, 1.0 / (settings.likelihood_scale**2),
-    )
 
 
 @numba.njit(cache=True, nogil=True)
@@ -164,10 +115,7 @@ def collect(
     for m in range(len(visible)):
         v = visible[m]
         if pull > 0.0:
-            away = pull_into_silhouette(
-                posed[v], evidence.depth, evidence.nearest, evidence.view, evidence.fx, evidence.fy, evidence.cx,
-                evidence.cy, target,
-            )
+            away = pull_into_silhouette(posed[v], evidence, target)
             if away > 0.0:
                 weight = pull * robust_weight(away, rules.outlier_squared)
                 mass[m] += weight
@@ -210,9 +158,6 @@ def outside(posed: Array, visible: NDArray[np.int64], evidence: Evidence, rules:
     target = np.empty(3)
     cost = 0.0
     for m in range(len(visible)):
-        away = pull_into_silhouette(
-            posed[visible[m]], evidence.depth, evidence.nearest, evidence.view, evidence.fx, evidence.fy,
-            evidence.cx, evidence.cy, target,
-        )
+        away = pull_into_silhouette(posed[visible[m]], evidence, target)
         cost += robust_cost(away, rules.outlier_squared)
     return cost / len(visible)

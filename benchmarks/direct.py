@@ -1,0 +1,30 @@
+"""Refinement in this process, without the bus: for benchmarks and tests that measure the tracker alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.frame import SubjectFrame
+from common.refinement import Refined
+from common.settings import RefineSettings
+from worker.icp import refine
+from worker.observation import Observation, observe
+
+
+class DirectRefiner:
+    """Fills the coordinator's port with the worker's kernel."""
+
+    def __init__(self) -> None:
+        self._observation: Observation | None = None
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Keep the frame that later calls of `refine` are about."""
+        self._observation = observe(subject)
+
+    def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+        """Poses (N, D) after their descent."""
+        if self._observation is None:
+            raise RuntimeError("publish a frame first")
+        return refine(model, self._observation, poses, settings)

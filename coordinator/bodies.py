@@ -1,0 +1,82 @@
+"""The bodies that can be tracked: full models by measures, and the degrees of freedom that are active."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.activation import activate
+from common.body import BodyModel
+
+Array = NDArray[np.float64]
+
+
+REFERENCE_STATURE = 1.75  # metres
+
+
+def scaled(model: BodyModel, factor: float) -> BodyModel:
+    """The same body, larger in all directions."""
+    return replace(
+        model,
+        points=model.points * factor,
+        vertices=model.vertices * factor,
+        joint_points=model.joint_points * factor,
+    )
+
+
+def name_pose(model: BodyModel, values: Mapping[str, float]) -> Array:
+    """Pose (D,) from values by name, zero where there is none; InputError for an unknown name."""
+    pose = np.zeros(len(model.dof_names))
+    for name, value in values.items():
+        pose[model.dof(name)] = value
+    return pose
+
+
+def pose_by_name(model: BodyModel, pose: Array) -> dict[str, float]:
+    """Values of a pose (D,) by degree of freedom."""
+    return dict(zip(model.dof_names, pose.tolist(), strict=True))
+
+
+class Bodies:
+    """Bodies of one kind by stature (m) and girth.
+
+    Args:
+        build: Full model from stature and girth.
+        usual: Degrees of freedom that a start is sought with.
+        active: Those that are tracked.
+        measures: Stature and girth, where they are known.
+    """
+
+    def __init__(
+        self,
+        build: Callable[[float, float], BodyModel],
+        usual: tuple[str, ...],
+        active: tuple[str, ...],
+        measures: tuple[float, float] | None = None,
+    ) -> None:
+        self._build = build
+        self._full: dict[float, BodyModel] = {}
+        self.usual = usual
+        self.active = active
+        self.measures = measures
+
+    def full(self, stature: float, girth: float) -> BodyModel:
+        """The body with all its degrees of freedom."""
+        if girth not in self._full:
+            self._full[girth] = self._build(REFERENCE_STATURE, girth)
+        return scaled(self._full[girth], stature / REFERENCE_STATURE)
+
+    def sought(self, stature: float, girth: float) -> BodyModel:
+        """The body as a start is sought with it."""
+        full = self.full(stature, girth)
+        return activate(full, self.usual, np.zeros(len(full.dof_names)))
+
+    def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
+        """The body as it is tracked, what is not active held at `values`, and its pose (D,) there."""
+        full = self.full(stature, girth)
+        held = name_pose(full, values)
+        model = activate(full, self.active, held)
+        return model, held[[full.dof(name) for name in model.dof_names]]

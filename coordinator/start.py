@@ -1,0 +1,108 @@
+"""Where tracking begins: a person facing the camera, placed and scaled from the first frame.
+
+A few ways to stand and sit, statures and girths are tried through the same refinement that tracks; the
+likeliest is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.camera import back_project
+from common.frame import SubjectFrame
+from common.settings import RefineSettings
+from coordinator.bodies import Bodies, name_pose, pose_by_name
+from coordinator.refiner import Refiner
+
+Array = NDArray[np.float64]
+
+_ARMS = {"r_shoulder_abduct": 0.15, "l_shoulder_abduct": 0.15}
+_LEGS = {"r_hip_flexion": 1.45, "l_hip_flexion": 1.45, "r_knee_flexion": 1.45, "l_knee_flexion": 1.45}
+POSTURES = (
+    # share of the stature that is seen from top to bottom, of it above the pelvis, joint angles
+    (1.0, 0.47, _ARMS),
+    (0.77, 0.62, _ARMS | _LEGS),
+)
+STATURES = (1.4, 2.05)  # metres; where less or more is seen, the person is not seen whole
+SCALES = (0.95, 1.0, 1.05)
+GIRTHS = (0.9, 1.05, 1.25)
+USUAL_MEASURES = (1.75, 1.05)
+ROUNDS = 12  # of ICP for each candidate
+BODY_RADIUS = 0.1  # metres from the skin that is seen to the pelvis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """A body and its pose (D,) in the first frame."""
+
+    model: BodyModel
+    pose: Array
+    stature: float
+    girth: float
+    log_likelihood: float = -np.inf
+
+
+def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
+    """The start at a pose given by name, of the measures that are known."""
+    stature, girth = bodies.measures or USUAL_MEASURES
+    model, pose = bodies.tracked(stature, girth, values)
+    return Start(model, pose, stature, girth)
+
+
+def find_start(subject: SubjectFrame, bodies: Bodies, refiner: Refiner, settings: RefineSettings) -> Start:
+    """The likeliest of postures, then of statures, then of girths."""
+    thorough = msgspec.structs.replace(settings, icp_iterations=ROUNDS)
+
+    def best(candidates: list[Start]) -> Start:
+        return max((descend(c, refiner, thorough) for c in candidates), key=lambda c: c.log_likelihood)
+
+    found = best(postures(observed_points(subject), bodies))
+    if bodies.measures is None:
+        found = best([resize(found, bodies, found.stature * scale, found.girth) for scale in SCALES])
+        found = best([resize(found, bodies, found.stature, girth) for girth in GIRTHS])
+    model, pose = bodies.tracked(found.stature, found.girth, pose_by_name(found.model, found.pose))
+    return replace(found, model=model, pose=pose)
+
+
+def observed_points(subject: SubjectFrame) -> Array:
+    """The subject's points (P, 3) in the camera frame, metres."""
+    depth = subject.frame.metres()
+    points: Array = back_project(depth, subject.frame.intrinsics)[depth > 0]
+    return points
+
+
+def postures(points: Array, bodies: Bodies) -> list[Start]:
+    """Candidates that reach from the top to the bottom of the observed points."""
+    top, bottom = np.percentile(points[:, 1], [0.2, 99.8])
+    middle = np.median(points, axis=0)
+    candidates = []
+    for share, above, angles in POSTURES:
+        stature = float(np.clip((bottom - top) / share, *STATURES))
+        girth = USUAL_MEASURES[1]
+        if bodies.measures is not None:
+            stature, girth = bodies.measures
+        pelvis = {
+            "root_tx": float(middle[0]),
+            "root_ty": float(top + above * share * stature),
+            "root_tz": float(middle[2] + BODY_RADIUS),
+        }
+        model = bodies.sought(stature, girth)
+        candidates.append(Start(model, name_pose(model, pelvis | angles), stature, girth))
+    return candidates
+
+
+def resize(start: Start, bodies: Bodies, stature: float, girth: float) -> Start:
+    """The same pose on a body of other measures."""
+    return replace(start, model=bodies.sought(stature, girth), stature=stature, girth=girth)
+
+
+def descend(start: Start, refiner: Refiner, settings: RefineSettings) -> Start:
+    """A candidate after its descent, with its likelihood."""
+    refined = refiner.refine(start.model, start.pose[None], settings)
+    return replace(start, pose=refined.poses[0], log_likelihood=float(refined.log_likelihood[0]))

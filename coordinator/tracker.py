@@ -1,0 +1,139 @@
+"""One tracker: depth frames in, estimates out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.errors import InputError
+from common.frame import DepthFrame, SubjectFrame
+from common.kinematics import joint_positions, pose_vertices
+from common.refinement import Refined
+from common.settings import Settings
+from coordinator.bodies import Bodies
+from coordinator.estimate import Estimate
+from coordinator.filter import Hypotheses, advance, begin
+from coordinator.refiner import Refiner
+from coordinator.start import Start, find_start, given_start
+from coordinator.status import judge
+from coordinator.subject import isolate
+
+Array = NDArray[np.float64]
+
+
+class Tracker:
+    """Follows one body through a sequence.
+
+    Args:
+        refiner: Has particles refined, here or elsewhere.
+        settings: What to compute.
+        bodies: Gives the body that is tracked, by its measures.
+        start: Values of degrees of freedom in the first frame, metres and radians; None to find them.
+    """
+
+    def __init__(
+        self, refiner: Refiner, settings: Settings, bodies: Bodies, start: Mapping[str, float] | None = None
+    ) -> None:
+        self._refiner = refiner
+        self._settings = settings
+        self._bodies = bodies
+        self._given = start
+        self._rng = np.random.default_rng(settings.seed)
+        self._start: Start | None = None
+        self._hypotheses: Hypotheses | None = None
+
+    @property
+    def start(self) -> Start:
+        """The body and pose that tracking began with; there after the first frame."""
+        if self._start is None:
+            raise RuntimeError("tracking has not begun: no frame was given yet")
+        return self._start
+
+    @property
+    def model(self) -> BodyModel:
+        """The body that is tracked; there after the first frame."""
+        return self.start.model
+
+    def track(self, frame: DepthFrame) -> Estimate:
+        """Follow the body into the next frame. InputError if nothing is seen in the first."""
+        clock = Stopwatch()
+        subject = isolate(frame, self._whereabouts(), self._settings.points)
+        clock.lap("isolate")
+        if subject is None:
+            return self._carry_on(frame, clock)
+        self._refiner.publish(subject)
+        clock.lap("publish")
+        if self._hypotheses is None:
+            self._hypotheses = self._begin(subject)
+            clock.lap("start")
+
+        def refine(poses: Array) -> Refined:
+            clock.lap("draw")
+            refined = self._refiner.refine(self.model, poses, self._settings.refine)
+            clock.lap("refine")
+            return refined
+
+        self._hypotheses = advance(self.model, self._hypotheses, refine, self._settings.filter, self._rng)
+        clock.lap("merge")
+        return report(frame, self.model, self._hypotheses, clock.laps)
+
+    def _whereabouts(self) -> Array | None:
+        """Surface (V, 3) of the likeliest hypothesis, near which the subject must be."""
+        if self._hypotheses is None:
+            return None
+        surface: Array = pose_vertices(self.model, self._hypotheses.poses[:1])[0]
+        return surface
+
+    def _begin(self, subject: SubjectFrame) -> Hypotheses:
+        if self._given is not None:
+            self._start = given_start(self._given, self._bodies)
+        else:
+            self._start = find_start(subject, self._bodies, self._refiner, self._settings.refine)
+        return begin(self.model, self._start.pose, self._settings.filter)
+
+    def _carry_on(self, frame: DepthFrame, clock: Stopwatch) -> Estimate:
+        """Nothing was seen: hypotheses stay where they are, the frame is lost."""
+        if self._hypotheses is None:
+            raise InputError(
+                f"frame {frame.number} shows no depth, so there is nothing to start from; "
+                "begin with a frame that shows the person, e.g. with --frames"
+            )
+        still = np.zeros_like(self._hypotheses.velocities)
+        unseen = np.full(len(still), np.nan)
+        self._hypotheses = replace(self._hypotheses, velocities=still, residual=unseen)
+        return report(frame, self.model, self._hypotheses, clock.laps)
+
+
+class Stopwatch:
+    """Seconds by stage of one frame."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Add the time since the last lap to a stage."""
+        now = time.perf_counter()
+        self.laps[stage] = self.laps.get(stage, 0.0) + now - self._last
+        self._last = now
+
+
+def report(frame: DepthFrame, model: BodyModel, found: Hypotheses, laps: dict[str, float]) -> Estimate:
+    """What is said about a frame: the likeliest hypothesis is the pose."""
+    joints = joint_positions(model, found.poses)
+    return Estimate(
+        frame=frame.number,
+        time_s=frame.time_s,
+        status=judge(float(found.residual[0]), found.weights, joints),
+        pose=found.poses[0],
+        joint_positions=joints[0],
+        hypothesis_pose=found.poses,
+        hypothesis_weight=found.weights,
+        residual=float(found.residual[0]),
+        stage_seconds=laps,
+    )

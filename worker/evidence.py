@@ -1,0 +1,60 @@
+"""Observation and settings laid out for the kernel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.settings import RefineSettings
+from worker.correspondence import bounding_boxes
+from worker.observation import BLOCK, Observation
+
+
+class Evidence(NamedTuple):
+    """An observation laid out for the kernel, depth stretched so that noise is alike in all directions."""
+
+    points: NDArray[np.float32]  # (blocks * BLOCK, 3) metres, z times `stretch`
+    boxes: NDArray[np.float32]  # (blocks, 2, 3)
+    count: int
+    depth: NDArray[np.float32]  # (H, W)
+    nearest: NDArray[np.int32]  # (2, H, W)
+    seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+class Rules(NamedTuple):
+    """Settings in the kernel's own units."""
+
+    icp_iterations: int
+    gauss_newton_iterations: int
+    damping: float
+    keep_limits: bool
+    stretch: float  # lateral over depth noise
+    outlier_squared: float  # m^2
+    free_space_weight: float
+    likelihood_scale: float  # 1/m^2
+
+
+def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evidence:
+    """The observation in the metric of the noise."""
+    stretch = np.float32(settings.noise_lateral / settings.noise_depth)
+    points = observation.points * np.array([1.0, 1.0, stretch], dtype=np.float32)
+    camera = observation.camera
+    return Evidence(
+        points, bounding_boxes(points, BLOCK), observation.count, observation.depth, observation.nearest,
+        observation.view, camera.fx, camera.fy, camera.cx, camera.cy,
+    )
+
+
+def lay_out_rules(settings: RefineSettings) -> Rules:
+    """Settings in the kernel's own units."""
+    return Rules(
+        settings.icp_iterations, settings.gauss_newton_iterations, settings.damping, settings.keep_limits,
+        settings.noise_lateral / settings.noise_depth, settings.outlier_distance**2,
+        settings.free_space_weight, 1.0 / (settings.likelihood_scale**2),
+    )
