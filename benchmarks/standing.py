@@ -1,0 +1,78 @@
+"""A person in front of a depth camera, and a pose nearby to refine: the case that a particle's cost is for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.activation import activate
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.frame import DepthFrame
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.models.human import DEFAULT_ACTIVE, human
+from coordinator.rendering import DepthRenderer
+from coordinator.scenes.noise import SensorNoise, add_noise
+from coordinator.subject import isolate
+from worker.icp import look
+from worker.observation import Observation, observe
+from worker.surface import lay_out
+
+CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+UNITS_PER_METRE = 1000.0
+POSE = {
+    "root_tz": 2.5,
+    "root_ry": 0.3,
+    "l_shoulder_flexion": 0.5,
+    "l_elbow_flexion": 0.7,
+    "r_shoulder_abduct": 0.6,
+    "r_elbow_flexion": 1.0,
+    "l_hip_flexion": 0.3,
+    "l_knee_flexion": 0.4,
+}
+OFF_ROTATION, OFF_TRANSLATION = np.radians(4.0), 0.03  # standard deviations of where the descent starts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A particle, what was observed, and the truth."""
+
+    model: BodyModel
+    observation: Observation
+    truth: NDArray[np.float64]  # (1, D)
+    start: NDArray[np.float64]  # (1, D)
+
+    @property
+    def observed(self) -> NDArray[np.float64]:
+        """Observed points (P, 3) without padding."""
+        return self.observation.points[: self.observation.count].astype(np.float64)
+
+    def visible(self) -> NDArray[np.float64]:
+        """Model points (Q, 3) that the camera sees in the start's pose."""
+        posed, visible = look(self.start[0], *lay_out(self.model))
+        return np.ascontiguousarray(posed[visible])
+
+    def joint_error(self, poses: NDArray[np.float64]) -> float:
+        """Mean distance of the joints in poses (1, D) from the truth, metres."""
+        apart = joint_positions(self.model, poses) - joint_positions(self.model, self.truth)
+        return float(np.linalg.norm(apart, axis=-1).mean())
+
+
+def standing(points: int, noise: SensorNoise, seed: int) -> Case:
+    """A person of 24 degrees of freedom at 2.5 m, seen by a camera with this noise in this many points."""
+    rng = np.random.default_rng(seed)
+    template = human()
+    model = activate(template, DEFAULT_ACTIVE, np.zeros(len(template.dof_names)))
+    truth = np.array([[POSE.get(name, 0.0) for name in model.dof_names]])
+    spread = np.where(model.kinds == 0, OFF_TRANSLATION, OFF_ROTATION)
+    start = truth + rng.standard_normal(truth.shape) * spread
+    with DepthRenderer(CAMERA) as renderer:
+        depth = renderer.depth(pose_vertices(model, truth)[0], model.triangles)
+    noisy = add_noise(depth.astype(np.float64), CAMERA, noise, rng)
+    frame = DepthFrame(0, 0.0, np.rint(noisy * UNITS_PER_METRE).astype(np.uint16), UNITS_PER_METRE, CAMERA)
+    subject = isolate(frame, None, points)
+    if subject is None or len(subject.picked) != points:
+        raise RuntimeError(f"the camera sees fewer than {points} points of the person")
+    return Case(model, observe(subject), truth, start)
