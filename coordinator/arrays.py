@@ -73,10 +73,11 @@ class Arrays:
 def read_arrays(path: Path) -> Arrays:
     """All arrays of an `.npz` file. Nothing is unpickled. InputError if it is missing or damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            if not isinstance(file, np.lib.npyio.NpzFile):
+        with path.open("rb") as opened:
+            content = np.load(opened, allow_pickle=False)
+            if isinstance(content, np.ndarray):
                 raise InputError(f"{path} is a single array, not an .npz file; give an .npz file")
-            return Arrays(path, {key: file[key] for key in file.files})
+            return Arrays(path, {key: content[key] for key in content.files})
     except FileNotFoundError:
         raise InputError(f"no such file: {path}; check the path") from None
     except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
