@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import InputError
-from coordinator.arrays import read_arrays
+from coordinator.array_file import read_arrays
 
 TRACK_FILE = "track.npz"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.arrays import read_arrays
+from coordinator.array_file import read_arrays
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.errors import InputError
 
 
-class Arrays:
+class ArrayFile:
     """The named arrays of one file. Each is checked for type and shape when it is taken."""
 
     def __init__(self, path: Path, content: dict[str, NDArray[np.generic]]) -> None:
@@ -70,14 +70,14 @@ class Arrays:
         return array
 
 
-def read_arrays(path: Path) -> Arrays:
+def read_arrays(path: Path) -> ArrayFile:
     """All arrays of an `.npz` file. Nothing is unpickled. InputError if it is missing or damaged."""
     try:
         with path.open("rb") as opened:
             content = np.load(opened, allow_pickle=False)
             if isinstance(content, np.ndarray):
                 raise InputError(f"{path} is a single array, not an .npz file; give an .npz file")
-            return Arrays(path, {key: content[key] for key in content.files})
+            return ArrayFile(path, {key: content[key] for key in content.files})
     except FileNotFoundError:
         raise InputError(f"no such file: {path}; check the path") from None
     except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
