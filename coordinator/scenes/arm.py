@@ -16,10 +16,10 @@ STARTS_OFF = {"r_shoulder_abduct": -50.0}  # degrees, from the truth of the firs
 # Degrees by frame. The arm is close to the body around frames 60 and 105. The elbow is never straight, where
 # twisting could not be seen, and abduction stays far from 90, where flexion and twisting turn about one axis.
 KEYS: dict[str, dict[float, float]] = {
-    "r_shoulder_flexion": {0: 15, 30: 55, 60: -6, 82: 60, 105: 4, 140: 45, 175: 70},
-    "r_shoulder_abduct": {0: 52, 30: 64, 60: -1, 82: 48, 105: 0, 140: 62, 175: 40},
-    "r_shoulder_twisting": {0: 0, 25: -25, 60: 20, 82: 5, 105: 45, 140: -20, 175: 15},
-    "r_elbow_flexion": {0: 45, 30: 80, 60: 24, 82: 90, 105: 70, 140: 30, 175: 75},
+    "r_shoulder_flexion": {0: 58, 30: 64, 60: -4, 82: 72, 105: 4, 138: 64, 160: 84, 175: 76},
+    "r_shoulder_abduct": {0: 24, 28: 62, 60: -1, 82: 20, 105: 0, 134: 62, 158: 16, 175: 24},
+    "r_shoulder_twisting": {0: 0, 25: -22, 60: 20, 82: 5, 105: 42, 140: -20, 175: 15},
+    "r_elbow_flexion": {0: 34, 30: 62, 60: 22, 82: 28, 105: 84, 136: 24, 175: 46},
 }
 
 

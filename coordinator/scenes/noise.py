@@ -12,6 +12,7 @@ from common.camera import Intrinsics
 
 Image = NDArray[np.float64]
 
+FARTHEST = 6.0  # standard deviations that noise ever reaches
 SAME_SURFACE = 0.01  # neighbouring depths that differ by less than this share belong to one surface
 
 
@@ -30,10 +31,26 @@ def add_noise(depth_m: Image, camera: Intrinsics, noise: SensorNoise, rng: np.ra
     back-projected points lie off the surface by `noise.lateral` in x and in y, and an outline frays. Along:
     Gaussian noise of standard deviation `noise.depth` on every measured depth.
     """
-    across = rng.standard_normal((2, *depth_m.shape)) * noise.lateral  # metres, (y, x)
-    along = rng.standard_normal(depth_m.shape) * noise.depth
-    seen = look_aside(depth_m, camera, across) if noise.lateral > 0.0 else depth_m
-    return np.where(seen > 0.0, np.maximum(seen + along, 0.0), 0.0)
+    noisy = np.zeros_like(depth_m)
+    window = reached(depth_m, camera, noise.lateral)
+    near = depth_m[window]
+    across = rng.standard_normal((2, *near.shape)) * noise.lateral  # metres, (y, x)
+    along = rng.standard_normal(near.shape) * noise.depth
+    seen = look_aside(near, camera, across) if noise.lateral > 0.0 else near
+    noisy[window] = np.where(seen > 0.0, np.maximum(seen + along, 0.0), 0.0)
+    return noisy
+
+
+def reached(depth_m: Image, camera: Intrinsics, lateral: float) -> tuple[slice, slice]:
+    """Rows and columns that may see something: what is measured, and as far around as noise reaches."""
+    rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
+    if not len(rows):
+        return slice(0), slice(0)
+    nearest = depth_m[depth_m > 0.0].min()
+    reach = int(np.ceil(FARTHEST * lateral * max(camera.fx, camera.fy) / nearest))
+    return slice(max(0, rows[0] - reach), rows[-1] + reach + 1), slice(
+        max(0, columns[0] - reach), columns[-1] + reach + 1
+    )
 
 
 def look_aside(depth_m: Image, camera: Intrinsics, across: Image) -> Image:
@@ -42,7 +59,7 @@ def look_aside(depth_m: Image, camera: Intrinsics, across: Image) -> Image:
     How many pixels that is depends on the depth read: it is guessed from the nearest measured pixel's and
     improved once.
     """
-    if not np.any(depth_m > 0.0):
+    if not depth_m.any():
         return depth_m
     focal = np.array([camera.fy, camera.fx])[:, None, None]
     here = np.indices(depth_m.shape).astype(np.float64)
