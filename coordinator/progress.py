@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
 
@@ -29,8 +28,8 @@ class Show(Protocol):
         """Pass `items` on, and tell how many there were."""
         ...
 
-    def frames(self, total: int) -> AbstractContextManager[FrameMeter]:
-        """A meter for the frames of a run."""
+    def frames(self, total: int) -> FrameMeter:
+        """A meter for the frames of a run; a context manager."""
         ...
 
 

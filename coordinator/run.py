@@ -10,7 +10,6 @@ from typing import Protocol
 
 from coordinator.chosen_body import HUMAN_DOFS, choose_bodies
 from coordinator.options import AUTOMATIC, Job, Pool
-from coordinator.pictures import draw_run
 from coordinator.progress import FrameMeter, Show
 from coordinator.recorder import Recorder
 from coordinator.refiner import Refiner
@@ -62,11 +61,12 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     with Recorder(job.out) as recorder, connect(job.pool, show) as refiner:
         tracker = Tracker(refiner, job.settings, bodies, start)
         run = Run(job, source, numbers, tracker, refiner, recorder)
-        with show.frames(len(numbers)) as meter:
-            try:
+        meter = show.frames(len(numbers))
+        try:
+            with meter:
                 follow(run, meter)
-            finally:
-                finish(run, meter.seconds, show)
+        finally:
+            finish(run, meter.seconds, show)
     draw(run, truth, show)
 
 
@@ -102,6 +102,8 @@ def finish(run: Run, seconds: float, show: Show) -> None:
 
 def draw(run: Run, truth: Truth | None, show: Show) -> None:
     """Pictures of a finished run."""
+    from coordinator.pictures import draw_run
+
     track = read_track(run.job.out)
     show.say("drawing pictures")
     files = draw_run(run.source, run.tracker.model, track, run.job.out, truth)
