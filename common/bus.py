@@ -1,0 +1,276 @@
+"""The bus. This is the only file that knows Zenoh; what Zenoh raises leaves here as BusError.
+
+Callbacks run on threads of the session. They must return soon and must not fetch or ask.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+from zenoh import ext, handlers
+
+from common.errors import BusError
+from common.messages import MAX_BYTES
+
+LEASE_MS = 1_000  # a peer that is silent for so long is gone
+RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
+WAIT_BEFORE_CLOSE_US = 1_500_000  # above the lease, or a lost worker's token stays
+WAITING_REQUESTS = 64  # at one worker; the oldest is dropped, and so sent elsewhere
+FRAMES_KEPT = 2  # for late joiners
+HEARTBEAT_S = 0.5
+
+Payload = Callable[[bytes], None]
+
+
+class Bus:
+    """One session. Everything that is declared on it ends with it."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._declared: list[object] = []  # what ends when it is forgotten
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the session; the interpreter could not exit otherwise."""
+        with mapped("closing the session"):
+            self._session.close()  # type: ignore[no-untyped-call]
+
+    def publish_frames(self, key: str) -> FramePublisher:
+        """Publisher whose last samples are kept for those who join late."""
+        with mapped(f"publishing on {key}"):
+            return FramePublisher(
+                ext.declare_advanced_publisher(
+                    self._session,
+                    key,
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    cache=ext.CacheConfig(max_samples=FRAMES_KEPT),
+                    sample_miss_detection=ext.MissDetectionConfig(
+                        heartbeat=None, sporadic_heartbeat=HEARTBEAT_S
+                    ),
+                    publisher_detection=True,
+                )
+            )
+
+    def follow_frames(self, key: str, on_frame: Callable[[str, int, bytes], None]) -> None:
+        """Have `on_frame(key, number, payload)` called for every frame, and for the last one before now."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            number = number_of(sample.attachment)
+            if number is not None:
+                on_frame(str(sample.key_expr), number, sample.payload.to_bytes())
+
+        with mapped(f"subscribing to {key}"):
+            self._declared.append(
+                ext.declare_advanced_subscriber(
+                    self._session,
+                    key,
+                    receive,
+                    history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+                    recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+                )
+            )
+
+    def serve(self, key: str, find: Callable[[str], bytes | None]) -> None:
+        """Answer every fetch of a key with `find(key)`; None leaves it without an answer."""
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                payload = find(str(query.key_expr))
+                if payload is not None:
+                    query.reply(query.key_expr, payload)
+
+        with mapped(f"serving {key}"):
+            self._declared.append(self._session.declare_queryable(key, answer))
+
+    def fetch(self, key: str, timeout: float) -> bytes | None:
+        """What is served under a key, or None if nobody answers within the timeout (seconds)."""
+        with mapped(f"fetching {key}"):
+            replies = self._session.get(
+                key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE, target=zenoh.QueryTarget.ALL
+            )
+            found = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+            return found[0] if found else None
+
+    def requests(self, key: str) -> Requests:
+        """Requests to this worker, one after the other."""
+        waiting: handlers.RingChannel[zenoh.Query] = handlers.RingChannel(WAITING_REQUESTS)
+        with mapped(f"serving {key}"):
+            return Requests(self._session.declare_queryable(key, waiting, complete=True))
+
+    def asker(self, key: str, timeout: float) -> Asker:
+        """Sends requests to the worker that serves a key; each ends within the timeout (seconds)."""
+        with mapped(f"asking {key}"):
+            return Asker(
+                self._session.declare_querier(
+                    key,
+                    target=zenoh.QueryTarget.ALL,
+                    consolidation=zenoh.ConsolidationMode.NONE,
+                    timeout=timeout,
+                )
+            )
+
+    def announce(self, key: str) -> None:
+        """Declare this session alive under a key, for as long as it lives."""
+        with mapped(f"announcing {key}"):
+            self._declared.append(self._session.liveliness().declare_token(key))
+
+    def watch(self, key: str, on_change: Callable[[str, bool], None]) -> None:
+        """Have `on_change(key, alive)` called for all who are announced, and when one comes or goes."""
+
+        def change(sample: zenoh.Sample) -> None:
+            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        with mapped(f"watching {key}"):
+            self._declared.append(self._session.liveliness().declare_subscriber(key, change, history=True))
+
+
+class FramePublisher:
+    """Publishes frames under their numbers."""
+
+    def __init__(self, publisher: ext.AdvancedPublisher) -> None:
+        self._publisher = publisher
+
+    def put(self, number: int, payload: bytes) -> None:
+        """Publish one frame. A subscriber that is too slow for it can fetch it by number."""
+        with mapped("publishing a frame"):
+            self._publisher.put(payload, attachment=str(number))
+
+
+class Requests:
+    """What a worker is asked for, oldest first."""
+
+    def __init__(self, queryable: zenoh.Queryable[handlers.Handler[zenoh.Query]]) -> None:
+        self._queryable = queryable
+        self._waiting = queryable.handler  # `recv` of the queryable itself would lock it against `close`
+        self._closed = False
+
+    def __iter__(self) -> Iterator[Request]:
+        while not self._closed:
+            try:
+                query = self._waiting.recv()
+            except zenoh.ZError:
+                return
+            with query:
+                yield Request(query)
+
+    def close(self) -> None:
+        """No more requests; may be called from another thread."""
+        self._closed = True
+        with mapped("closing the queryable"):
+            self._queryable.undeclare()  # type: ignore[no-untyped-call]
+
+
+class Request:
+    """One request; it ends without an answer if neither method is called."""
+
+    def __init__(self, query: zenoh.Query) -> None:
+        self._query = query
+        self.payload = b"" if query.payload is None else query.payload.to_bytes()
+
+    def reply(self, payload: bytes) -> None:
+        """Answer it."""
+        with mapped("replying"):
+            self._query.reply(self._query.key_expr, payload)
+
+    def refuse(self, payload: bytes) -> None:
+        """Say why it cannot be answered."""
+        with mapped("replying"):
+            self._query.reply_err(payload)
+
+
+class Asker:
+    """Asks one worker."""
+
+    def __init__(self, querier: zenoh.Querier) -> None:
+        self._querier = querier
+
+    def ask(self, payload: bytes, on_reply: Payload, on_refusal: Payload, on_end: Callable[[], None]) -> None:
+        """Send a request. `on_end` is called last, whatever becomes of it, and may be all that is called."""
+
+        def receive(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                on_reply(reply.ok.payload.to_bytes())
+            elif reply.err is not None:
+                on_refusal(reply.err.payload.to_bytes())
+
+        with mapped("asking a worker"):
+            self._querier.get(handlers.Callback(receive, drop=on_end, indirect=False), payload=payload)
+
+    def close(self) -> None:
+        """No more requests."""
+        with mapped("closing a querier"):
+            self._querier.undeclare()  # type: ignore[no-untyped-call]
+
+
+def open_coordinator(listen: Sequence[str], connect: Sequence[str] = ()) -> Bus:
+    """A session that workers connect to, and that itself connects to routers."""
+    return open_bus("peer", listen, connect, shared_pool_bytes=4 * 2**20)
+
+
+def open_worker(connect: Sequence[str]) -> Bus:
+    """A session of a worker. Tries for ever; meanwhile Python handles no signals."""
+    return open_bus("client", (), connect, shared_pool_bytes=2**20)
+
+
+def open_bus(mode: str, listen: Sequence[str], connect: Sequence[str], shared_pool_bytes: int) -> Bus:
+    """A session with explicit endpoints only: no multicast, no gossip."""
+    first, longest = RETRY_MS
+    settings = {
+        "mode": mode,
+        "listen": {"endpoints": list(listen)},
+        "connect": {
+            "endpoints": list(connect),
+            "timeout_ms": -1,
+            "exit_on_failure": False,
+            "retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 2},
+        },
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            "link": {
+                "tx": {
+                    "lease": LEASE_MS,
+                    "queue": {"congestion_control": {"block": {"wait_before_close": WAIT_BEFORE_CLOSE_US}}},
+                },
+                "rx": {"max_message_size": MAX_BYTES},
+            },
+            # Shared memory for frames only: replies by it are never given back.
+            "shared_memory": {
+                "transport_optimization": {"pool_size": shared_pool_bytes, "messages": ["put"]},
+            },
+        },
+    }
+    with mapped("opening " + ", ".join([*listen, *connect])):
+        return Bus(zenoh.open(zenoh.Config.from_json5(json.dumps(settings))))
+
+
+def number_of(attachment: zenoh.ZBytes | None) -> int | None:
+    """A frame's number from its attachment; None where that is no number."""
+    text = b"" if attachment is None else attachment.to_bytes()
+    return int(text) if re.fullmatch(rb"[0-9]{1,15}", text) else None
+
+
+@contextmanager
+def mapped(doing: str) -> Iterator[None]:
+    """Turn Zenoh's errors into BusError, without the places in its sources."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise BusError(f"{doing}: {plain(str(error))}") from error
+
+
+def plain(text: Any) -> str:
+    """Zenoh's message up to where it names its own source files."""
+    return re.split(r"\.? at /", str(text), maxsplit=1)[0]

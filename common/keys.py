@@ -1,0 +1,61 @@
+"""Key expressions: where on the bus things are found."""
+
+from __future__ import annotations
+
+import re
+
+from common.errors import InputError
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+
+ANY_WORKER_ALIVE = "gepf/worker/*/alive"
+ANY_RUN_FRAMES = "gepf/run/*/frame"
+
+
+def check_name(kind: str, name: str) -> str:
+    """A worker's or run's name, if it can be part of a key; InputError otherwise."""
+    if not NAME.fullmatch(name):
+        raise InputError(
+            f"{kind} '{name}' cannot be used; give at most 64 letters, digits, dots, dashes and underscores"
+        )
+    return name
+
+
+def worker_refine(worker: str) -> str:
+    """Queryable of one worker: a batch in, refined particles out."""
+    return f"gepf/worker/{worker}/refine"
+
+
+def worker_alive(worker: str) -> str:
+    """Liveliness token of one worker, declared when it is ready for work."""
+    return f"gepf/worker/{worker}/alive"
+
+
+def worker_of(key: str) -> str:
+    """The worker that a key of its own belongs to."""
+    return key.split("/")[2]
+
+
+def run_frames(run: str) -> str:
+    """Where a run publishes its frames."""
+    return f"gepf/run/{run}/frame"
+
+
+def run_frame(run: str, number: int | str) -> str:
+    """Queryable for one frame, for who missed its publication; number `*` for all of them."""
+    return f"gepf/run/{run}/frame/{number}"
+
+
+def run_model(run: str, model_hash: str) -> str:
+    """Queryable for one model by its content hash; `*` for all of them."""
+    return f"gepf/run/{run}/model/{model_hash}"
+
+
+def run_of(key: str) -> str:
+    """The run that a key of its own belongs to."""
+    return key.split("/")[2]
+
+
+def last_of(key: str) -> str:
+    """The last part of a key: a frame's number or a model's hash."""
+    return key.rsplit("/", 1)[1]

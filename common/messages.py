@@ -1,0 +1,304 @@
+"""What crosses the wire: msgpack maps with a protocol version, limited in size, checked on arrival.
+
+Every decoder raises ProtocolError, and its message says what is wrong. Nothing is unpickled or evaluated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Annotated, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Array, Dims, check_finite, check_indices, check_numbers, pack, unpack
+from common.body import ROTATION, TRANSLATION, BodyModel
+from common.camera import Intrinsics
+from common.errors import ProtocolError
+from common.frame import DepthFrame, SubjectFrame
+from common.keys import NAME
+from common.refinement import Refined
+from common.settings import RefineSettings
+
+PROTOCOL = 1
+MAX_BYTES = 64 * 2**20  # of one message
+MAX_PARTICLES = 100_000  # of one batch
+MAX_ITERATIONS = 1_000
+MAX_REASON = 1_000  # characters
+
+# Of the arrays of a model and of a reply; a field that is not named here is checked less closely.
+MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
+    "kinds": ("<i8", ("D",)),
+    "parents": ("<i8", ("D",)),
+    "axes": ("<f8", ("D", 3)),
+    "points": ("<f8", ("D", 3)),
+    "limits": ("<f8", ("D", 2)),
+    "balls": ("<i8", ("B",)),
+    "link_dofs": ("<i8", ("L",)),
+    "vertices": ("<f8", ("V", 3)),
+    "triangles": ("<i8", ("T", 3)),
+    "skin_links": ("<i8", ("V", "K")),
+    "skin_weights": ("<f8", ("V", "K")),
+    "joint_links": ("<i8", ("J",)),
+    "joint_points": ("<f8", ("J", 3)),
+}
+REPLY_ARRAYS: dict[str, tuple[str, Dims]] = {
+    "poses": ("<f8", ("N", "D")),
+    "log_likelihood": ("<f8", ("N",)),
+    "residual": ("<f8", ("N",)),
+}
+
+Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
+Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
+Name = Annotated[str, msgspec.Meta(max_length=200)]
+Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
+Hash = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
+RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefineRequest:
+    """One batch: refine `poses` (N, D) of a model on a frame of a run."""
+
+    run: str
+    frame: int
+    model_hash: str
+    settings: RefineSettings
+    poses: NDArray[np.float64]  # (N, D)
+
+
+class Header(msgspec.Struct, frozen=True):
+    """What every message of every version begins with."""
+
+    version: int
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    """A message of this version."""
+
+    version: int = PROTOCOL
+
+
+class FrameMessage(Message, frozen=True, tag="frame"):
+    """A SubjectFrame."""
+
+    number: Natural
+    time_s: float
+    depth_scale: float
+    intrinsics: Intrinsics
+    depth: Array
+    picked: Array
+    view: tuple[Pixel, Pixel, Pixel, Pixel]
+
+
+class ModelMessage(Message, frozen=True, tag="model"):
+    """A BodyModel: its texts, lists of names and arrays by field."""
+
+    hash: Hash
+    texts: dict[str, Name]
+    names: dict[str, Names]
+    arrays: dict[str, Array]
+
+
+class RequestMessage(Message, frozen=True, tag="request"):
+    """A RefineRequest."""
+
+    run: RunName
+    frame: Natural
+    model: Hash
+    settings: RefineSettings
+    poses: Array
+
+
+class ReplyMessage(Message, frozen=True, tag="reply"):
+    """Refined particles: arrays by field."""
+
+    arrays: dict[str, Array]
+
+
+class RefusalMessage(Message, frozen=True, tag="refusal"):
+    """Why a request cannot be served."""
+
+    reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
+
+
+M = TypeVar("M", bound=Message)
+
+
+def encode_frame(subject: SubjectFrame) -> bytes:
+    """A frame for the workers."""
+    frame = subject.frame
+    message = FrameMessage(
+        number=frame.number,
+        time_s=frame.time_s,
+        depth_scale=frame.depth_scale,
+        intrinsics=frame.intrinsics,
+        depth=pack(frame.depth),
+        picked=pack(subject.picked),
+        view=subject.view,
+    )
+    return msgspec.msgpack.encode(message)
+
+
+def decode_frame(payload: bytes) -> SubjectFrame:
+    """A frame, or ProtocolError."""
+    message = decode(payload, FrameMessage)
+    camera = message.intrinsics
+    check_camera(camera, message.depth_scale)
+    check_finite("the frame's time", message.time_s)
+    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
+    picked = unpack("picked", message.picked, "<u4", ("P",), {})
+    check_indices("picked", picked, 0, depth.size)
+    if np.any(picked[1:] <= picked[:-1]):
+        raise ProtocolError("picked must be in ascending order")
+    left, top, right, bottom = message.view
+    if left > right or top > bottom:
+        raise ProtocolError(f"view {message.view} ends before it begins")
+    frame = DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
+    return SubjectFrame(frame, picked, message.view)
+
+
+def check_camera(camera: Intrinsics, depth_scale: float) -> None:
+    """ProtocolError unless the numbers make a camera."""
+    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, depth_scale)
+    check_finite("the camera", np.array(numbers))
+    if min(camera.fx, camera.fy, depth_scale) <= 0.0:
+        raise ProtocolError("focal lengths and depth scale must be above zero")
+
+
+def encode_model(model: BodyModel) -> bytes:
+    """A model for the workers, with its hash."""
+    values = {field.name: getattr(model, field.name) for field in fields(model)}
+    message = ModelMessage(
+        hash=model.hash,
+        texts={name: value for name, value in values.items() if isinstance(value, str)},
+        names={name: value for name, value in values.items() if isinstance(value, tuple)},
+        arrays={name: pack(value) for name, value in values.items() if isinstance(value, np.ndarray)},
+    )
+    return msgspec.msgpack.encode(message)
+
+
+def decode_model(payload: bytes) -> BodyModel:
+    """A model whose content has the hash that it names, or ProtocolError."""
+    message = decode(payload, ModelMessage)
+    values = {**message.texts, **message.names, **message.arrays}
+    check_fields("model", set(values), {field.name for field in fields(BodyModel)})
+    sizes = {
+        letter: len(message.names.get(name, ()))
+        for letter, name in (("D", "dof_names"), ("L", "link_names"), ("J", "joint_names"))
+    }
+    for name, array in message.arrays.items():
+        dtype, dims = MODEL_ARRAYS.get(name, (array.dtype, array.shape))
+        values[name] = unpack(f"the model's {name}", array, dtype, dims, sizes)
+    try:
+        check_model(values, sizes)
+        model = BodyModel(**values)  # type: ignore[arg-type]
+    except (ValueError, TypeError, KeyError) as error:
+        raise ProtocolError(f"the model contradicts itself: {error}") from error
+    if model.hash != message.hash:
+        raise ProtocolError(f"the model names the hash {message.hash} and has {model.hash}")
+    return model
+
+
+def check_model(values: dict[str, object], sizes: dict[str, int]) -> None:
+    """ProtocolError where an index would leave its array, or a number is none."""
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    for name, value in arrays.items():
+        (check_numbers if name == "limits" else check_finite)(f"the model's {name}", value)
+    ranges = {
+        "kinds": (TRANSLATION, ROTATION + 1),
+        "parents": (-1, sizes["D"]),
+        "balls": (0, sizes["D"] - 2),
+        "link_dofs": (-1, sizes["D"]),
+        "triangles": (0, sizes["V"]),
+        "skin_links": (0, sizes["L"]),
+        "joint_links": (0, sizes["L"]),
+    }
+    for name, (least, end) in ranges.items():
+        check_indices(f"the model's {name}", arrays[name], least, end)
+
+
+def encode_request(request: RefineRequest) -> bytes:
+    """A batch for one worker."""
+    message = RequestMessage(
+        run=request.run,
+        frame=request.frame,
+        model=request.model_hash,
+        settings=request.settings,
+        poses=pack(request.poses),
+    )
+    return msgspec.msgpack.encode(message)
+
+
+def decode_request(payload: bytes) -> RefineRequest:
+    """A batch, or ProtocolError."""
+    message = decode(payload, RequestMessage)
+    sizes: dict[str, int] = {}
+    poses = unpack("poses", message.poses, "<f8", ("N", "D"), sizes)
+    if not 0 < sizes["N"] <= MAX_PARTICLES:
+        raise ProtocolError(f"a batch has 1 to {MAX_PARTICLES} poses, this one {sizes['N']}")
+    check_finite("poses", poses)
+    check_settings(message.settings)
+    return RefineRequest(message.run, message.frame, message.model, message.settings, poses)
+
+
+def check_settings(settings: RefineSettings) -> None:
+    """ProtocolError for numbers that no refinement can be done with."""
+    for name, value in msgspec.structs.asdict(settings).items():
+        if isinstance(value, float):
+            check_finite(f"setting {name}", value)
+        elif isinstance(value, int) and not 0 <= value <= MAX_ITERATIONS:
+            raise ProtocolError(f"setting {name} is {value}, expected 0 to {MAX_ITERATIONS}")
+
+
+def encode_refined(refined: Refined) -> bytes:
+    """Refined particles for the coordinator."""
+    arrays = {field.name: pack(getattr(refined, field.name)) for field in fields(refined)}
+    return msgspec.msgpack.encode(ReplyMessage(arrays=arrays))
+
+
+def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
+    """Refined particles for poses of shape `asked` (N, D), or ProtocolError.
+
+    Poses are finite; the other arrays may hold infinities where nothing was observed.
+    """
+    message = decode(payload, ReplyMessage)
+    check_fields("reply", set(message.arrays), {field.name for field in fields(Refined)})
+    count, dofs = asked
+    values: dict[str, NDArray[np.float64]] = {}
+    for name, array in message.arrays.items():
+        dtype, dims = REPLY_ARRAYS.get(name, ("<f8", ("N", "D", "D")[: max(1, len(array.shape))]))
+        values[name] = unpack(f"the reply's {name}", array, dtype, dims, {"N": count, "D": dofs})
+        (check_finite if name == "poses" else check_numbers)(f"the reply's {name}", values[name])
+    return Refined(**values)
+
+
+def encode_refusal(reason: str) -> bytes:
+    """Why a request cannot be served."""
+    return msgspec.msgpack.encode(RefusalMessage(reason=reason[:MAX_REASON]))
+
+
+def decode_refusal(payload: bytes) -> str:
+    """The reason of a refusal, or ProtocolError."""
+    return decode(payload, RefusalMessage).reason
+
+
+def check_fields(what: str, given: set[str], expected: set[str]) -> None:
+    """ProtocolError that names missing and unknown fields."""
+    if given != expected:
+        missing, unknown = sorted(expected - given), sorted(given - expected)
+        raise ProtocolError(f"the {what} lacks fields {missing} and has unknown fields {unknown[:10]}")
+
+
+def decode(payload: bytes, kind: type[M]) -> M:
+    """A message of one kind and of this version, or ProtocolError."""
+    if len(payload) > MAX_BYTES:
+        raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
+    try:
+        version = msgspec.msgpack.decode(payload, type=Header).version
+        if version != PROTOCOL:
+            raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
+        return msgspec.msgpack.decode(payload, type=kind)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        raise ProtocolError(f"not a {kind.__struct_config__.tag} message: {error}") from error

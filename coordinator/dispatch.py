@@ -1,0 +1,310 @@
+"""Who refines what: events in, instructions out; no clock, no socket.
+
+A job is split into batches of particles. A worker has at most `WINDOW` of them in flight, so that it never
+idles between two and a faster one gets more. A batch that ends without a result goes back to those that
+wait. When nothing waits, batches that take long are sent again to idle workers. The first result of a
+batch counts, later ones are ignored. A worker that fails again and again rests for a while; a batch that
+every worker refuses fails the job.
+
+Every request has a ticket. It stays in flight, and in its worker's window, until it is answered or over,
+even when its job is done: a worker that is still busy with it cannot do other work.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from coordinator.batches import split
+
+WINDOW = 2
+LATE_FACTOR = 3.0  # times the usual time from request to result
+LATE_LEAST = 0.05  # seconds
+SMOOTHING = 0.2  # of the usual time
+STRIKES = 3  # failures in a row until a worker rests
+REST, REST_MOST = 1.0, 30.0  # seconds; doubles each time
+PAUSE = 0.1  # seconds after a request that ended without an answer: the worker may just have gone
+REFUSALS_LEAST = 3  # of a batch, before it fails the job
+
+
+@dataclass(frozen=True, slots=True)
+class JobStarted:
+    """Refine `particles` particles; whatever is left of the job before is given up."""
+
+    particles: int
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerJoined:
+    """A worker is there."""
+
+    worker: str
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerLeft:
+    """A worker is gone, and what it was working on with it."""
+
+    worker: str
+
+
+@dataclass(frozen=True, slots=True)
+class Replied:
+    """A request has brought a result that makes sense."""
+
+    ticket: int
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A request has brought an error, or a result that makes no sense."""
+
+    ticket: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A request is over; nothing more will come of it."""
+
+    ticket: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ticked:
+    """Time has passed."""
+
+
+Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Ended | Ticked
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Ask a worker to refine particles start..stop-1."""
+
+    ticket: int
+    worker: str
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class Accept:
+    """The result of a ticket is the first for the particles from `start` on."""
+
+    ticket: int
+    start: int
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """Every particle of the job has a result."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fail:
+    """The job cannot be done; all workers say why."""
+
+    reason: str
+
+
+Instruction = Send | Accept | Done | Fail
+
+
+@dataclass(slots=True, eq=False)
+class Batch:
+    """Particles start..stop-1 of the job."""
+
+    start: int
+    stop: int
+    done: bool = False
+    sent: int = 0
+    refusals: list[tuple[str, str]] = field(default_factory=list)  # worker, reason
+
+
+@dataclass(slots=True, eq=False)
+class Worker:
+    """A worker that is there."""
+
+    name: str
+    flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
+    strikes: int = 0
+    rests: int = 0
+    rests_until: float = float("-inf")
+
+
+@dataclass(slots=True, eq=False)
+class Flight:
+    """A request that is not over."""
+
+    worker: Worker
+    batch: Batch
+    sent_at: float
+
+
+@dataclass(slots=True)
+class Counts:
+    """How often things happened."""
+
+    batches_sent: int = 0
+    batches_sent_again: int = 0
+    batches_refused: int = 0
+
+
+@dataclass(slots=True)
+class Dispatch:
+    """The state between two events."""
+
+    workers: dict[str, Worker] = field(default_factory=dict)
+    flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
+    batches: list[Batch] = field(default_factory=list)  # of the job; none when there is no job
+    counts: Counts = field(default_factory=Counts)
+    usual_seconds: float | None = None  # from request to result
+    next_ticket: int = 0
+
+    def handle(self, event: Event, now: float) -> list[Instruction]:
+        """What is to be done about an event at time `now`, seconds from any origin."""
+        match event:
+            case JobStarted(particles):
+                self.batches = [Batch(*ends) for ends in split(particles, len(self.workers))]
+                outcome: list[Instruction] = [] if self.batches else [Done()]
+            case WorkerJoined(name):
+                self.workers.setdefault(name, Worker(name))
+                outcome = []
+            case WorkerLeft(name):
+                self._forget(name)
+                outcome = []
+            case Replied(ticket):
+                outcome = self._accept(ticket, now)
+            case Refused(ticket, reason):
+                outcome = self._refuse(ticket, reason, now)
+            case Ended(ticket):
+                self._give_up(ticket, now)
+                outcome = []
+            case Ticked():
+                outcome = []
+        return outcome + self._assign(now)
+
+    def is_current(self, ticket: int) -> bool:
+        """Whether a result of this ticket would be of use."""
+        flight = self.flights.get(ticket)
+        return flight is not None and not flight.batch.done and flight.batch in self.batches
+
+    def waiting(self) -> list[Batch]:
+        """Batches that have no result and are not in flight, in order."""
+        flying = {id(flight.batch) for flight in self.flights.values()}
+        return [batch for batch in self.batches if not batch.done and id(batch) not in flying]
+
+    def _forget(self, name: str) -> None:
+        worker = self.workers.pop(name, None)
+        for ticket in worker.flights if worker else ():
+            del self.flights[ticket]
+
+    def _land(self, ticket: int) -> Flight | None:
+        """Take a ticket out of flight; None if it is over already."""
+        flight = self.flights.pop(ticket, None)
+        if flight is not None:
+            del flight.worker.flights[ticket]
+        return flight
+
+    def _accept(self, ticket: int, now: float) -> list[Instruction]:
+        current = self.is_current(ticket)
+        flight = self._land(ticket)
+        if flight is None:
+            return []
+        flight.worker.strikes = flight.worker.rests = 0
+        self._learn(now - flight.sent_at)
+        if not current:
+            return []
+        flight.batch.done = True
+        accepted = Accept(ticket, flight.batch.start)
+        if not all(batch.done for batch in self.batches):
+            return [accepted]
+        self.batches = []
+        return [accepted, Done()]
+
+    def _learn(self, seconds: float) -> None:
+        usual = seconds if self.usual_seconds is None else self.usual_seconds
+        self.usual_seconds = usual + SMOOTHING * (seconds - usual)
+
+    def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:
+        current = self.is_current(ticket)
+        flight = self._land(ticket)
+        if flight is None:
+            return []
+        self.counts.batches_refused += 1
+        strike(flight.worker, now)
+        flight.batch.refusals.append((flight.worker.name, reason))
+        if not current or not self._is_refused_by_all(flight.batch):
+            return []
+        self.batches = []
+        reasons = dict.fromkeys(reason for _, reason in flight.batch.refusals)
+        return [Fail("; ".join(reasons))]
+
+    def _is_refused_by_all(self, batch: Batch) -> bool:
+        refusers = {worker for worker, _ in batch.refusals}
+        return len(batch.refusals) >= REFUSALS_LEAST and refusers >= self.workers.keys()
+
+    def _give_up(self, ticket: int, now: float) -> None:
+        flight = self._land(ticket)
+        if flight is not None:
+            strike(flight.worker, now)
+            flight.worker.rests_until = max(flight.worker.rests_until, now + PAUSE)
+
+    def _assign(self, now: float) -> list[Instruction]:
+        sends = []
+        for batch in self.waiting():
+            worker = self._pick(batch, now)
+            if worker is not None:
+                sends.append(self._send(batch, worker, now))
+        return [*sends, *self._assign_again(now)]
+
+    def _pick(self, batch: Batch, now: float) -> Worker | None:
+        """The least busy worker; one that refused the batch only if all have."""
+        refusers = {worker for worker, _ in batch.refusals}
+        willing = [w for w in self.workers.values() if w.name not in refusers] or self.workers.values()
+        free = [w for w in willing if len(w.flights) < WINDOW and w.rests_until <= now]
+        return min(free, key=lambda worker: len(worker.flights), default=None)
+
+    def _assign_again(self, now: float) -> list[Instruction]:
+        """Send what takes long again to workers that have nothing to do."""
+        sends = []
+        for worker in self.workers.values():
+            late = None if worker.flights or worker.rests_until > now else self._latest(worker, now)
+            if late is not None:
+                sends.append(self._send(late, worker, now))
+        return sends
+
+    def _latest(self, worker: Worker, now: float) -> Batch | None:
+        """The batch that has been in flight for longest, and longer than usual, and only once."""
+        if self.usual_seconds is None:
+            return None
+        since = now - max(LATE_LEAST, LATE_FACTOR * self.usual_seconds)
+        flying: dict[int, list[Flight]] = {}
+        for flight in self.flights.values():
+            flying.setdefault(id(flight.batch), []).append(flight)
+        late = [
+            flights[0]
+            for flights in flying.values()
+            if len(flights) == 1
+            and flights[0].sent_at <= since
+            and flights[0].batch in self.batches
+            and not flights[0].batch.done
+            and worker.name not in {name for name, _ in flights[0].batch.refusals}
+        ]
+        return min(late, key=lambda flight: flight.sent_at).batch if late else None
+
+    def _send(self, batch: Batch, worker: Worker, now: float) -> Instruction:
+        ticket, self.next_ticket = self.next_ticket, self.next_ticket + 1
+        self.flights[ticket] = worker.flights[ticket] = Flight(worker, batch, now)
+        self.counts.batches_sent += 1
+        self.counts.batches_sent_again += batch.sent > 0
+        batch.sent += 1
+        return Send(ticket, worker.name, batch.start, batch.stop)
+
+
+def strike(worker: Worker, now: float) -> None:
+    """Count a failure; too many in a row, and the worker rests."""
+    worker.strikes += 1
+    if worker.strikes >= STRIKES:
+        worker.rests_until = now + min(REST_MOST, REST * 2.0**worker.rests)
+        worker.strikes, worker.rests = 0, worker.rests + 1

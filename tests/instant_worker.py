@@ -1,0 +1,43 @@
+"""A `gepf-worker` whose kernel is simple arithmetic, for tests of the service: `python -m tests.instant_worker`."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.frame import SubjectFrame
+from common.refinement import Refined
+from common.settings import RefineSettings
+from worker.cli import Connect, Name, Tied, exit_with, serve
+from worker.service import Kernel
+
+
+def observe(subject: SubjectFrame) -> float:
+    """Mean depth of the picked pixels."""
+    return float(subject.frame.metres().ravel()[subject.picked].mean())
+
+
+def refine(
+    model: BodyModel, observation: float, poses: NDArray[np.float64], settings: RefineSettings
+) -> Refined:
+    """Something that depends on all that a result may depend on, particle by particle."""
+    time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * len(poses))
+    moved = np.sin(poses * settings.damping + observation) + model.vertices.sum()
+    return Refined(moved, -np.abs(moved).sum(axis=1), np.abs(moved - poses).mean(axis=1))
+
+
+KERNEL = Kernel(observe, refine)
+
+
+def work(connect: Connect, name: Name = None, tied: Tied = False) -> None:
+    """As `gepf-worker` does."""
+    exit_with(lambda: serve(connect, name or "instant", lambda: KERNEL, tied=tied))
+
+
+if __name__ == "__main__":
+    typer.run(work)

@@ -1,0 +1,103 @@
+"""`gepf-worker`: one worker, from the command line."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import signal
+import socket
+import sys
+import threading
+import uuid
+from collections.abc import Callable
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from common.bus import open_worker
+from common.errors import GepfError, InputError
+from common.keys import check_name
+from worker.service import Kernel, Service
+
+log = logging.getLogger("gepf-worker")
+
+Connect = Annotated[
+    list[str], typer.Option(metavar="ENDPOINT", help="Where a coordinator or router listens: tcp/HOST:PORT.")
+]
+Name = Annotated[str | None, typer.Option(metavar="NAME", help="What the worker is called; unique.")]
+Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
+
+
+def main() -> None:
+    """Entry point."""
+    typer.run(work)
+
+
+def work(connect: Connect, name: Name = None, tied: Tied = False) -> None:
+    """Refine particles for any coordinator that is connected, until stopped."""
+    exit_with(lambda: serve(connect, name or invent_name(), load_kernel, tied=tied))
+
+
+def exit_with(job: Callable[[], None]) -> NoReturn:
+    """Do a job and exit: 0 when it ends or is told to, 2 for faults of the user, 1 for others."""
+    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(name)s: %(message)s")
+    try:
+        job()
+    except KeyboardInterrupt:
+        raise SystemExit(0) from None
+    except GepfError as error:
+        log.error("%s", error)  # noqa: TRY400 - one line for the user
+        raise SystemExit(2 if isinstance(error, InputError) else 1) from error
+    raise SystemExit(0)
+
+
+def serve(connect: list[str], name: str, load: Callable[[], Kernel[Any]], *, tied: bool) -> None:
+    """Get ready, then serve until SIGTERM or SIGINT, or, if tied, until standard input ends."""
+    check_name("worker name", name)
+    if tied:
+        threading.Thread(target=end_with_parent, daemon=True).start()
+    kernel = load()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)  # while connecting, nothing else would be heard
+    with open_worker(connect) as bus:
+        service = Service(bus, name, kernel)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, end)
+        log.info("%s serves %s", name, ", ".join(connect))
+        service.run()
+
+
+def load_kernel() -> Kernel[Any]:
+    """The kernel, compiled and loaded."""
+    from worker.icp import refine
+    from worker.observation import observe
+    from worker.warm import warm_up
+
+    kernel = Kernel(observe, refine)
+    warm_up(kernel)
+    return kernel
+
+
+def end(*_: object) -> NoReturn:
+    """Handle a signal: leave, once; requests that are not answered are sent elsewhere."""
+    for other in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(other, signal.SIG_IGN)
+    raise SystemExit(0)
+
+
+def end_with_parent() -> None:
+    """Wait for the end of standard input, which a parent holds open as long as it lives."""
+    while os.read(0, 4096):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def invent_name() -> str:
+    """A name that nobody else has."""
+    host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname())[:32].strip("-") or "worker"
+    return f"{host}-{uuid.uuid4().hex[:8]}"
+
+
+if __name__ == "__main__":
+    main()

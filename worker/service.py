@@ -1,0 +1,136 @@
+"""Bytes in, refine, bytes out.
+
+What a worker remembers, frames and models, only saves it from asking again: a result depends on its
+request alone.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common import keys
+from common.body import BodyModel
+from common.bus import Bus, Request, Requests
+from common.errors import BusError, ProtocolError
+from common.frame import SubjectFrame
+from common.messages import (
+    RefineRequest,
+    decode_frame,
+    decode_model,
+    decode_request,
+    encode_refined,
+    encode_refusal,
+)
+from common.refinement import Refined
+from common.settings import RefineSettings
+from worker.store import Arrivals, Recent
+
+PATIENCE = 0.2  # seconds that a published frame may be behind the first request for it
+FETCH_TIMEOUT = 2.0  # seconds
+OBSERVATIONS = 8
+MODELS = 8
+
+log = logging.getLogger(__name__)
+
+O = TypeVar("O")  # noqa: E741 - what `observe` makes of a frame
+Refine = Callable[[BodyModel, O, NDArray[np.float64], RefineSettings], Refined]
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel(Generic[O]):
+    """What the work is done with."""
+
+    observe: Callable[[SubjectFrame], O]
+    refine: Refine[O]
+
+
+class Service(Generic[O]):
+    """One worker on the bus."""
+
+    def __init__(self, bus: Bus, name: str, kernel: Kernel[O]) -> None:
+        self._bus = bus
+        self._name = name
+        self._kernel = kernel
+        self._arrivals = Arrivals()
+        self._observations: Recent[tuple[str, int], O] = Recent(OBSERVATIONS)
+        self._models: Recent[str, BodyModel] = Recent(MODELS)
+        self._requests: Requests | None = None
+
+    def run(self) -> None:
+        """Announce the worker and serve requests until `stop` is called or the session ends."""
+        self._bus.follow_frames(keys.ANY_RUN_FRAMES, self._keep_frame)
+        self._requests = self._bus.requests(keys.worker_refine(self._name))
+        self._bus.announce(keys.worker_alive(self._name))  # last: from now on there will be requests
+        for request in self._requests:
+            self.serve(request)
+
+    def stop(self) -> None:
+        """End `run`; may be called from another thread."""
+        if self._requests is not None:
+            self._requests.close()
+
+    def serve(self, request: Request) -> None:
+        """Answer one request, if need be with the reason why it cannot be done."""
+        try:
+            payload = self.answer(request.payload)
+        except ProtocolError as error:
+            refuse(request, str(error))
+        except Exception as error:  # noqa: BLE001 - no request may end the worker
+            refuse(request, f"could not refine: {type(error).__name__}: {error}")
+        else:
+            request.reply(payload)
+
+    def answer(self, payload: bytes) -> bytes:
+        """Refine a batch. Raises ProtocolError for a request that cannot be served."""
+        request = decode_request(payload)
+        model = self._models.find(request.model_hash, lambda: self._fetch_model(request))
+        if request.poses.shape[1] != len(model.dof_names):
+            raise ProtocolError(
+                f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
+            )
+        observation = self._observations.find((request.run, request.frame), lambda: self._observe(request))
+        return encode_refined(self._kernel.refine(model, observation, request.poses, request.settings))
+
+    def _keep_frame(self, key: str, number: int, payload: bytes) -> None:
+        self._arrivals.put(keys.run_of(key), number, payload)
+
+    def _observe(self, request: RefineRequest) -> O:
+        subject = decode_frame(self._find_frame(request))
+        if subject.frame.number != request.frame:
+            raise ProtocolError(f"asked for frame {request.frame} and got {subject.frame.number}")
+        return self._kernel.observe(subject)
+
+    def _find_frame(self, request: RefineRequest) -> bytes:
+        """A frame from the subscription; from the run itself, if it does not come."""
+        payload = self._arrivals.wait(request.run, request.frame, PATIENCE)
+        return payload or self._fetch(
+            keys.run_frame(request.run, request.frame), f"frame {request.frame} of run {request.run}"
+        )
+
+    def _fetch_model(self, request: RefineRequest) -> BodyModel:
+        name = f"model {request.model_hash[:12]} of run {request.run}"
+        model = decode_model(self._fetch(keys.run_model(request.run, request.model_hash), name))
+        if model.hash != request.model_hash:
+            raise ProtocolError(f"asked for model {request.model_hash} and got {model.hash}")
+        return model
+
+    def _fetch(self, key: str, name: str) -> bytes:
+        try:
+            payload = self._bus.fetch(key, FETCH_TIMEOUT)
+        except BusError as error:
+            raise ProtocolError(f"{name} cannot be fetched: {error}") from error
+        if payload is None:
+            raise ProtocolError(f"nobody has {name}")
+        return payload
+
+
+def refuse(request: Request, reason: str) -> None:
+    """Tell why, to who asked and in the log."""
+    log.warning("refused a request: %s", reason)
+    request.refuse(encode_refusal(reason))
