@@ -167,7 +167,8 @@ def synth(
     """Render a sequence with truth and the start it is meant to be tracked from."""
     from coordinator.synth import synthesise
 
-    synthesise(scene, out, frames, noise_depth, noise_lateral, seed)
+    with on_stderr().steps("rendering") as advance:
+        synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance)
 
 
 def on_stderr() -> Show:
@@ -177,3 +178,7 @@ def on_stderr() -> Show:
     from coordinator.progress import show_on
 
     return show_on(Console(stderr=True))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+import os
 
 from coordinator.options import Pool
 from coordinator.progress import Show
-from coordinator.run import PooledRefiner
+from coordinator.runtime import PoolOptions, ZenohRefiner
 
 
-def connect_workers(pool: Pool, show: Show) -> AbstractContextManager[PooledRefiner]:
-    """Start local workers, wait for whoever joins, and give a refiner that uses them all."""
-    raise NotImplementedError(pool, show)
+def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
+    """Start local workers, one per core unless told otherwise, and let others join; a context manager."""
+    options = PoolOptions(
+        local_workers=count_cores() if pool.workers is None else pool.workers,
+        listen=(pool.listen,) if pool.listen else (),
+        connect=(pool.connect,) if pool.connect else (),
+    )
+    return ZenohRefiner(options, show.say)
+
+
+def count_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))

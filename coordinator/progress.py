@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from types import TracebackType
-from typing import Protocol, Self, TypeVar
+from typing import Protocol, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from coordinator.estimate import Estimate
 
-T = TypeVar("T")
 QUIET_SECONDS = 5.0  # between two lines where there is no terminal
+
+Advance = Callable[[int, int], None]
+"""Tells how many are done, and of how many."""
 
 
 class Show(Protocol):
@@ -24,8 +27,8 @@ class Show(Protocol):
         """One line."""
         ...
 
-    def over(self, items: Iterable[T], total: int, text: str) -> Iterator[T]:
-        """Pass `items` on, and tell how many there were."""
+    def steps(self, text: str) -> AbstractContextManager[Advance]:
+        """A count of something that takes a while."""
         ...
 
     def frames(self, total: int) -> FrameMeter:
@@ -39,7 +42,7 @@ class FrameMeter:
     def __init__(self, total: int) -> None:
         self.total = total
         self.done = 0
-        self._began = time.monotonic()
+        self._began = self._first = self._last = time.monotonic()
 
     def __enter__(self) -> Self:
         self._began = time.monotonic()
@@ -52,13 +55,24 @@ class FrameMeter:
 
     @property
     def seconds(self) -> float:
-        """Since the first frame was asked for."""
-        return time.monotonic() - self._began
+        """From the start to the last frame."""
+        return self._last - self._began
+
+    @property
+    def rate(self) -> float:
+        """Frames per second; the first, for which workers start, does not count if there are others."""
+        count, seconds = (
+            (self.done - 1, self._last - self._first) if self.done > 1 else (self.done, self.seconds)
+        )
+        return count / max(seconds, 1e-9)
 
     def advance(self, estimate: Estimate) -> None:
         """One frame more."""
         self.done += 1
-        self.show(describe(estimate, self.done / max(self.seconds, 1e-9)))
+        self._last = time.monotonic()
+        if self.done == 1:
+            self._first = self._last
+        self.show(describe(estimate, self.rate))
 
     def show(self, text: str) -> None:
         """Make the state known."""
@@ -84,11 +98,12 @@ class TerminalShow:
         """One line, above a bar if there is one."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def over(self, items: Iterable[T], total: int, text: str) -> Iterator[T]:
+    @contextmanager
+    def steps(self, text: str) -> Iterator[Advance]:
         """A bar that goes away at the end."""
-        bar = _bar(self._console, transient=True)
-        with bar:
-            yield from bar.track(items, total=total, description=text)
+        with _bar(self._console, transient=True) as bar:
+            task = bar.add_task(text, total=None)
+            yield lambda done, total: bar.update(task, completed=done, total=total)
 
     def frames(self, total: int) -> FrameMeter:
         """A bar with the run's state."""
@@ -105,14 +120,18 @@ class PlainShow:
         """One line."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def over(self, items: Iterable[T], total: int, text: str) -> Iterator[T]:
-        """A line at the start if it is likely to last."""
+    @contextmanager
+    def steps(self, text: str) -> Iterator[Advance]:
+        """A line every few seconds."""
         last = time.monotonic()
-        for done, item in enumerate(items, start=1):
+
+        def advance(done: int, total: int) -> None:
+            nonlocal last
             if time.monotonic() - last > QUIET_SECONDS:
-                self.say(f"{text}: {done} of {total}")
                 last = time.monotonic()
-            yield item
+                self.say(f"{text}: {done} of {total}")
+
+        yield advance
 
     def frames(self, total: int) -> FrameMeter:
         """Lines with the run's state."""
@@ -143,19 +162,19 @@ class _PlainMeter(FrameMeter):
         super().__init__(total)
         self._show = show
         self._text = ""
-        self._last = time.monotonic()
+        self._said = time.monotonic()
 
     def show(self, text: str) -> None:
         """Write a line if there was none for a while."""
         self._text = f"frame {self.done} of {self.total}: {text}"
-        if time.monotonic() - self._last > QUIET_SECONDS:
+        if time.monotonic() - self._said > QUIET_SECONDS:
             self.close()
 
     def close(self) -> None:
         """Write the last state, unless it was written."""
         if self._text:
             self._show.say(self._text)
-        self._text, self._last = "", time.monotonic()
+        self._text, self._said = "", time.monotonic()
 
 
 def show_on(console: Console) -> Show:

@@ -16,9 +16,10 @@ from coordinator.refiner import Refiner
 from coordinator.sources import Source, open_source
 from coordinator.sources.source import check_frames, select_frames
 from coordinator.start_file import read_start
-from coordinator.summary import Traffic, summarise
+from coordinator.summary import summarise
 from coordinator.track import read_track
 from coordinator.tracker import Tracker
+from coordinator.traffic import Traffic
 from coordinator.truth import Truth, read_truth
 
 
@@ -56,8 +57,8 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     bodies = choose_bodies(job.active)
     start = choose_start(job.init, source)
     truth = read_truth(source.truth) if source.truth else None
-    for _ in show.over(check_frames(source, numbers), len(numbers), "reading frames"):
-        pass
+    with show.steps("reading frames") as advance:
+        check_frames(source, numbers, advance)
     with Recorder(job.out) as recorder, connect(job.pool, show) as refiner:
         tracker = Tracker(refiner, job.settings, bodies, start)
         run = Run(job, source, numbers, tracker, refiner, recorder)
@@ -66,7 +67,7 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
             with meter:
                 follow(run, meter)
         finally:
-            finish(run, meter.seconds, show)
+            finish(run, meter, show)
     draw(run, truth, show)
 
 
@@ -86,16 +87,15 @@ def follow(run: Run, meter: FrameMeter) -> None:
         meter.advance(estimate)
 
 
-def finish(run: Run, seconds: float, show: Show) -> None:
+def finish(run: Run, meter: FrameMeter, show: Show) -> None:
     """Write the final files of what was recorded, be it all or not."""
     if not run.recorder.frames:
         return
     complete = run.recorder.frames == len(run.numbers)
     estimates = run.recorder.estimates()
-    traffic, start = run.refiner.traffic, run.tracker.start
-    run.recorder.finish(
-        summarise(run.job, start, estimates, seconds, traffic, complete=complete), complete=complete
-    )
+    summary = summarise(run.job, run.tracker.start, estimates, run.refiner.traffic)
+    timing = {"complete": complete, "seconds": meter.seconds, "frame_rate": meter.rate}
+    run.recorder.finish(timing | summary, complete=complete)
     if not complete:
         show.say(f"ended early; the first {len(estimates)} frames are in {run.job.out}")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import get_args
 
@@ -14,26 +13,16 @@ import msgspec
 from coordinator.estimate import Estimate, Status
 from coordinator.options import Job
 from coordinator.start import Start
+from coordinator.traffic import Traffic
 
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "open3d", "scipy")
 STATUSES = get_args(Status)
 
 
-@dataclass(frozen=True, slots=True)
-class Traffic:
-    """Who refined, and how often a batch had to be sent again."""
-
-    workers_seen: tuple[str, ...] = ()
-    batches_sent_again: int = 0
-
-
-def summarise(
-    job: Job, start: Start, estimates: Sequence[Estimate], seconds: float, traffic: Traffic, *, complete: bool
-) -> dict[str, object]:
-    """The content of `summary.json`. `seconds` is the time that the frames took together."""
+def summarise(job: Job, start: Start, estimates: Sequence[Estimate], traffic: Traffic) -> dict[str, object]:
+    """Settings, seed, versions, body, workers, frames and the time each stage took in all, in seconds."""
     return {
         "sequence": job.sequence.name,
-        "complete": complete,
         "method": job.settings.method,
         "preset": job.settings.preset,
         "seed": job.settings.seed,
@@ -47,12 +36,14 @@ def summarise(
         },
         "versions": versions(),
         "workers_seen": traffic.workers_seen,
+        "local_workers_restarted": traffic.local_workers_restarted,
+        "batches_sent": traffic.batches_sent,
         "batches_sent_again": traffic.batches_sent_again,
+        "batches_refused": traffic.batches_refused,
+        "replies_malformed": traffic.replies_malformed,
         "frames": len(estimates),
         "status": count_status(estimates),
         "particles": job.settings.filter.particles,
-        "frame_rate": len(estimates) / seconds if seconds > 0 else None,
-        "seconds": seconds,
         "time_per_stage": add_stages(estimates),
     }
 

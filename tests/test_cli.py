@@ -27,8 +27,8 @@ from coordinator.cli import main
 from coordinator.models.human import human
 from coordinator.options import Pool
 from coordinator.progress import Show
-from coordinator.summary import Traffic
 from coordinator.track import Track, read_track
+from coordinator.traffic import Traffic
 
 ARM = ("r_shoulder_flexion", "r_shoulder_abduct", "r_shoulder_twisting", "r_elbow_flexion")
 CAMERA = {
@@ -43,7 +43,7 @@ one_human = functools.cache(human)
 class StillWorkers:
     """Leaves particles where they are; before frame `fail_at` it raises `failure`."""
 
-    traffic = Traffic(("one", "two"), 3)
+    traffic = Traffic(workers_seen=("one", "two"), batches_sent_again=3)
 
     def __init__(self, fail_at: int | None = None, failure: BaseException | None = None) -> None:
         self.fail_at = fail_at

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol
 
@@ -67,19 +67,22 @@ def select_frames(numbers: range, wanted: str | None) -> range:
     return range(start, stop)
 
 
-def check_frames(source: Source, numbers: range) -> Iterator[int]:
-    """Read every frame of `numbers` once, yielding its number; InputError at the first damaged one.
+def check_frames(
+    source: Source, numbers: range, advance: Callable[[int, int], None] = lambda *_: None
+) -> None:
+    """Read every frame of `numbers` once; InputError at the first damaged one.
 
-    The first must hold some depth, since tracking starts from it.
+    The first must hold some depth, since tracking starts from it. `advance(done, total)` is called after
+    each frame.
     """
-    for number in numbers:
+    for done, number in enumerate(numbers, start=1):
         frame = source.frame(number)
         if number == numbers.start and not frame.depth.any():
             raise InputError(
                 f"frame {number} of {source.name} holds no depth at all, so tracking cannot start there; "
                 f"choose a later start with --frames A:{numbers.stop}"
             )
-        yield number
+        advance(done, len(numbers))
 
 
 def _span(numbers: range) -> str:
