@@ -25,6 +25,7 @@ PROTOCOL = 1
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_PARTICLES = 100_000  # of one batch
 MAX_ITERATIONS = 1_000
+LARGEST_VALUE = 1e6  # of a model: metres, indices
 MAX_REASON = 1_000  # characters
 
 # Of the arrays of a model and of a reply; a field that is not named here is checked less closely.
@@ -183,6 +184,8 @@ def decode_model(payload: bytes) -> BodyModel:
     """A model whose content has the hash that it names, or ProtocolError."""
     message = decode(payload, ModelMessage)
     values = {**message.texts, **message.names, **message.arrays}
+    if len(values) < len(message.texts) + len(message.names) + len(message.arrays):
+        raise ProtocolError("the model has a field twice")
     check_fields("model", set(values), {field.name for field in fields(BodyModel)})
     sizes = {
         letter: len(message.names.get(name, ()))
@@ -205,7 +208,9 @@ def check_model(values: dict[str, object], sizes: dict[str, int]) -> None:
     """ProtocolError where an index would leave its array, or a number is none."""
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     for name, value in arrays.items():
-        (check_numbers if name == "limits" else check_finite)(f"the model's {name}", value)
+        check_numbers(f"the model's {name}", value)
+        if name != "limits" and np.any(np.abs(value) > LARGEST_VALUE):
+            raise ProtocolError(f"the model's {name} holds values above {LARGEST_VALUE:g}")
     ranges = {
         "kinds": (TRANSLATION, ROTATION + 1),
         "parents": (-1, sizes["D"]),

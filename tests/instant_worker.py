@@ -1,4 +1,4 @@
-"""A `gepf-worker` whose kernel is simple arithmetic, for tests of the service: `python -m tests.instant_worker`."""
+"""A `gepf-worker` whose kernel is simple arithmetic: `python -m tests.instant_worker`."""
 
 from __future__ import annotations
 
