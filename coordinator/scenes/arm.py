@@ -16,10 +16,10 @@ STARTS_OFF = {"r_shoulder_abduct": -50.0}  # degrees, from the truth of the firs
 # Degrees by frame. The arm is close to the body around frames 60 and 105. The elbow is never straight, where
 # twisting could not be seen, and abduction stays far from 90, where flexion and twisting turn about one axis.
 KEYS: dict[str, dict[float, float]] = {
-    "r_shoulder_flexion": {0: 58, 30: 64, 60: -4, 82: 72, 105: 4, 138: 64, 160: 84, 175: 76},
-    "r_shoulder_abduct": {0: 24, 28: 62, 60: -1, 82: 20, 105: 0, 134: 62, 158: 16, 175: 24},
+    "r_shoulder_flexion": {0: 56, 30: 62, 60: -4, 82: 66, 105: 4, 138: 60, 160: 78, 175: 70},
+    "r_shoulder_abduct": {0: 26, 28: 62, 60: -1, 82: 32, 105: 0, 134: 62, 158: 22, 175: 30},
     "r_shoulder_twisting": {0: 0, 25: -22, 60: 20, 82: 5, 105: 42, 140: -20, 175: 15},
-    "r_elbow_flexion": {0: 34, 30: 62, 60: 22, 82: 28, 105: 84, 136: 24, 175: 46},
+    "r_elbow_flexion": {0: 48, 30: 80, 60: 34, 82: 52, 105: 96, 136: 40, 175: 70},
 }
 
 
