@@ -39,13 +39,14 @@ class Show(Protocol):
 class FrameMeter:
     """Frame rate, hypotheses, residual and status, frame by frame; subclasses show them."""
 
-    def __init__(self, total: int) -> None:
+    def __init__(self, total: int, clock: Callable[[], float] = time.monotonic) -> None:
         self.total = total
         self.done = 0
-        self._began = self._first = self._last = time.monotonic()
+        self._clock = clock
+        self._began = self._first = self._last = clock()
 
     def __enter__(self) -> Self:
-        self._began = time.monotonic()
+        self._began = self._clock()
         return self
 
     def __exit__(
@@ -61,15 +62,14 @@ class FrameMeter:
     @property
     def rate(self) -> float:
         """Frames per second; the first, for which workers start, does not count if there are others."""
-        count, seconds = (
-            (self.done - 1, self._last - self._first) if self.done > 1 else (self.done, self.seconds)
-        )
-        return count / max(seconds, 1e-9)
+        if self.done > 1:
+            return (self.done - 1) / max(self._last - self._first, 1e-9)
+        return self.done / max(self.seconds, 1e-9)
 
     def advance(self, estimate: Estimate) -> None:
         """One frame more."""
         self.done += 1
-        self._last = time.monotonic()
+        self._last = self._clock()
         if self.done == 1:
             self._first = self._last
         self.show(describe(estimate, self.rate))
@@ -84,8 +84,8 @@ class FrameMeter:
 def describe(estimate: Estimate, rate: float) -> str:
     """A frame's state in one short line."""
     count = len(estimate.hypothesis_weight)
-    residual = "-" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
-    return f"{rate:5.1f} frames/s  {count:3d} hypotheses  residual {residual:>8}  {estimate.status}"
+    residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
+    return f"{rate:.1f} frames/s, {count} hypotheses, residual {residual}, {estimate.status}"
 
 
 class TerminalShow:
@@ -142,7 +142,7 @@ class _TerminalMeter(FrameMeter):
     def __init__(self, total: int, console: Console) -> None:
         super().__init__(total)
         self._bar = _bar(console, transient=False)
-        self._task = self._bar.add_task("waiting for workers", total=total)
+        self._task = self._bar.add_task("starting", total=total)
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -183,5 +183,5 @@ def show_on(console: Console) -> Show:
 
 
 def _bar(console: Console, *, transient: bool) -> Progress:
-    columns = (BarColumn(bar_width=24), MofNCompleteColumn(), TextColumn("{task.description}"))
+    columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("{task.description}"))
     return Progress(*columns, TimeRemainingColumn(), console=console, transient=transient)
