@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 PACKAGES := common worker coordinator benchmarks tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow check format bench lock clean
+.PHONY: help setup demo test test-slow check format bench lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -40,6 +40,9 @@ bench: setup ## one particle's cost beside small_gicp's and Open3D's ICP
 
 lock: ## new pinned versions in constraints.txt: the newest that pyproject.toml allows
 	@.ci/lock
+
+clean-kernels: ## forget compiled kernels: after changing one that a kernel of another file calls
+	find $(PACKAGES) \( -name '*.nbi' -o -name '*.nbc' \) -delete
 
 clean: ## remove the virtual environment and all caches
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
