@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def complain(error: Exception, code: int, message: str | None = None) -> int:
     """Tell of an error in one line, after its trace if debugging, and return the exit code."""
-    if os.environ.get(DEBUG):
+    if os.environ.get(DEBUG, "0") != "0":
         traceback.print_exception(error)
     say(str(error) if message is None else message)
     return code
@@ -68,7 +68,9 @@ def say(message: str) -> None:
 def gepf(
     context: typer.Context,
     *,
-    debug: Annotated[bool, typer.Option("--debug", help="Show where an error arose.", envvar=DEBUG)] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show where an error arose; so does GEPF_DEBUG=1.")
+    ] = False,
 ) -> None:
     """Track a body through depth images, following many pose hypotheses at once.
 

@@ -47,7 +47,8 @@ def choose_settings(
     """A preset's settings with what the user asked for instead."""
     settings = PRESETS[one_of("preset", preset, tuple(PRESETS))]
     one_of("method", method, METHODS)
-    at_least(0, "--seed", seed)
+    if not 0 <= seed < 2**63:
+        raise InputError(f"--seed {seed} is out of range; give 0 to {2**63 - 1}")
     if points is not None:
         settings = msgspec.structs.replace(settings, points=at_least(1, "--points", points))
     if particles is not None:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from common.errors import InputError
-from coordinator.atomic_file import write_atomically
+from coordinator.atomic_file import sync_folder, write_atomically
 from coordinator.estimate import Estimate
 from coordinator.exports.csv import write_csv
 from coordinator.frame_log import Entry, Opening, append_record, entry_of, estimate_of, read_records
@@ -38,10 +38,12 @@ class Recorder:
         self.folder = folder
         self.frames = 0
         self._finished = False
-        self._made = _missing_parents(folder)
+        self._made: list[Path] = []
         try:
+            self._made = _missing_parents(folder)
             folder.mkdir(parents=True, exist_ok=True)
             self._log = open_log(folder / LOG_FILE)
+            sync_folder(folder)
         except OSError as error:
             _remove_empty(self._made)
             raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error

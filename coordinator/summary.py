@@ -22,7 +22,7 @@ STATUSES = get_args(Status)
 def summarise(job: Job, start: Start, estimates: Sequence[Estimate], traffic: Traffic) -> dict[str, object]:
     """Settings, seed, versions, body, workers, frames and the time each stage took in all, in seconds."""
     return {
-        "sequence": job.sequence.name,
+        "sequence": job.sequence.resolve().name,
         "method": job.settings.method,
         "preset": job.settings.preset,
         "seed": job.settings.seed,

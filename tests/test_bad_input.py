@@ -157,7 +157,8 @@ def test_a_damaged_folder_is_refused(
         (["--particles", "many"], "'--particles'"),
         (["--method", "gradient", "--particles", "5"], "leave --particles out"),
         (["--points", "0"], "--points 0 is too small; give 1 or more"),
-        (["--seed", "-1"], "--seed -1 is too small; give 0 or more"),
+        (["--seed", "-1"], "--seed -1 is out of range; give 0 to"),
+        (["--seed", str(2**63)], "is out of range; give 0 to"),
         (["--workers", "-1"], "--workers -1 is too small; give 0 or more"),
         (["--workers", "0"], "with --workers 0 nobody could join; add --listen or --connect"),
         (["--listen", "7447"], "--listen '7447' is no endpoint; give one such as tcp/127.0.0.1:7447"),
@@ -182,6 +183,7 @@ def test_a_path_without_a_sequence_is_refused(tmp_path: Path, refused: Callable[
     (tmp_path / "film.mp4").touch()
     assert "no such file or folder" in refused("track", tmp_path / "nowhere", "--out", tmp_path / "out")
     assert "holds no depth/000000.png" in refused("track", tmp_path / "empty", "--out", tmp_path / "out")
+    assert "cannot read" in refused("track", "x" * 5000, "--out", tmp_path / "out")
     assert "no depth sequence" in refused("track", tmp_path / "film.mp4", "--out", tmp_path / "out")
 
 
@@ -209,6 +211,7 @@ def test_an_output_folder_that_cannot_be_had_is_refused(
     assert "cannot write to" in refused("track", sequence, "--out", tmp_path / "file")
     assert "cannot write to" in refused("track", sequence, "--out", tmp_path / "file" / "out")
     assert "cannot write to" in refused("track", sequence, "--out", "/proc/out")
+    assert "cannot write to" in refused("track", sequence, "--out", tmp_path / ("x" * 5000))
     with Recorder(tmp_path / "busy"):
         line = refused("track", sequence, "--out", tmp_path / "busy")
     assert "is in use by a run that is still going on; choose another --out" in line

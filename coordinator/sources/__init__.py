@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from pathlib import Path
 
 from common.errors import InputError
@@ -19,10 +20,16 @@ def open_source(path: Path | str) -> Source:
     InputError where there is no sequence, or where its description is damaged.
     """
     path = Path(path)
-    if path.is_dir():
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(
+            f"no such file or folder: {path}; give a recorded folder or a UTD-MHAD .mat file"
+        ) from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; give another path") from error
+    if stat.S_ISDIR(mode):
         return RecordedFolder(path)
-    if not path.exists():
-        raise InputError(f"no such file or folder: {path}; give a recorded folder or a UTD-MHAD .mat file")
     if path.suffix.lower() == ".mat":
         return UtdMhadFile(path)
     raise InputError(
