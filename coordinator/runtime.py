@@ -142,6 +142,16 @@ class ZenohRefiner:
         self._traffic.batches_refused = counts.batches_refused
         return self._traffic
 
+    @property
+    def local_pids(self) -> dict[str, int]:
+        """Process ids of our own workers by name."""
+        return {worker.name: worker.process.pid for worker in self._local.workers.values()}
+
+    def wait_for(self, workers: int) -> None:
+        """Wait until so many workers are there. Raises as `refine` does."""
+        while len(self._askers) < workers:
+            self._step()
+
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to all workers; all later calls of `refine` are about it."""
         with self._timed("publish"):
@@ -156,6 +166,8 @@ class ZenohRefiner:
         Raises NoWorkers when the wait for a worker is over, ProtocolError when no worker can serve the
         request, BusError when the transport fails or local workers do not start.
         """
+        if len(poses) == 0:
+            raise ValueError("there is nothing to refine")
         with self._timed("refine"):
             self._shelf.put_model(model.hash, lambda: encode_model(model))
             self._request = RefineRequest(self.run, self._frame, model.hash, settings, poses)
@@ -277,6 +289,7 @@ class ZenohRefiner:
         alone = now - self._alone_since
         timeout = self._options.worker_timeout
         if timeout is not None and alone > timeout:
+            self._alone_since = None
             raise NoWorkers(f"no worker came within {timeout:g} s; start one with {self._invitation()}")
         if alone > NOTICE and not self._told_alone:
             self._told_alone = True

@@ -344,7 +344,7 @@ HISTORY = st.lists(
 
 @given(st.integers(1, 60), HISTORY)
 def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]]) -> None:
-    """Whatever workers do, each batch is accepted once; and once a good worker is there, the job gets done."""
+    """Whatever workers do, each batch is accepted once, and with a good worker the job gets done."""
     dispatch, now = Dispatch(), 0.0
     told: list[Instruction] = []
 

@@ -61,17 +61,21 @@ class Service(Generic[O]):
         self._observations: Recent[tuple[str, int], O] = Recent(OBSERVATIONS)
         self._models: Recent[str, BodyModel] = Recent(MODELS)
         self._requests: Requests | None = None
+        self._stopped = False
 
     def run(self) -> None:
         """Announce the worker and serve requests until `stop` is called or the session ends."""
         self._bus.follow_frames(keys.ANY_RUN_FRAMES, self._keep_frame)
         self._requests = self._bus.requests(keys.worker_refine(self._name))
         self._bus.announce(keys.worker_alive(self._name))  # last: from now on there will be requests
+        if self._stopped:
+            return
         for request in self._requests:
             self.serve(request)
 
     def stop(self) -> None:
         """End `run`; may be called from another thread."""
+        self._stopped = True
         if self._requests is not None:
             self._requests.close()
 

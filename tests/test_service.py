@@ -1,0 +1,358 @@
+"""Coordinator and workers joined in one process over the real bus."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common import keys
+from common.bus import Bus, Request, open_coordinator, open_worker
+from common.errors import BusError, InputError, NoWorkers, ProtocolError
+from common.frame import SubjectFrame
+from common.messages import RefineRequest, decode_refusal, encode_request
+from common.refinement import Refined
+from common.settings import RefineSettings
+from coordinator.runtime import PoolOptions, ZenohRefiner
+from tests.instant_worker import KERNEL, observe, refine
+from worker.icp import refine as real_refine
+from worker.observation import observe as real_observe
+from worker.service import Kernel, Service
+from worker.store import Arrivals, Recent
+from worker.warm import tiny_frame, tiny_model
+
+MODEL = tiny_model()
+SETTINGS = RefineSettings(damping=0.7)
+POSES = np.random.default_rng(0).normal(size=(20, 6)) * 0.01 + [0, 0, 2, 0, 0, 0]
+
+
+def frame(number: int) -> SubjectFrame:
+    """A frame that differs from others by its depth."""
+    subject = tiny_frame()
+    depth = np.where(subject.frame.depth > 0, 2000 + number, 0).astype(np.uint16)
+    return replace(subject, frame=replace(subject.frame, number=number, depth=depth))
+
+
+def expected(number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+    """What refining poses on a frame must give."""
+    return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
+
+
+def as_bytes(refined: Refined) -> bytes:
+    """All that was refined."""
+    return refined.poses.tobytes() + refined.log_likelihood.tobytes() + refined.residual.tobytes()
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A place for sessions of this process to meet; its path is short enough for a socket."""
+    with tempfile.TemporaryDirectory(prefix="gepf-test-") as folder:
+        yield f"unixsock-stream/{Path(folder) / 'bus'}"
+
+
+@contextmanager
+def serving(endpoint: str, name: str, kernel: Kernel[Any] = KERNEL) -> Iterator[None]:
+    """A worker in a thread."""
+    with open_worker([endpoint]) as bus:
+        service = Service(bus, name, kernel)
+        thread = threading.Thread(target=service.run)
+        thread.start()
+        try:
+            yield
+        finally:
+            service.stop()
+            thread.join(5.0)
+            assert not thread.is_alive()
+
+
+def pool(endpoint: str, **options: Any) -> ZenohRefiner:
+    """A coordinator without workers of its own."""
+    return ZenohRefiner(PoolOptions(listen=(endpoint,), worker_timeout=5.0, **options))
+
+
+def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+    """Publish a frame and have poses refined on it."""
+    refiner.publish(frame(number))
+    return as_bytes(refiner.refine(MODEL, poses, SETTINGS))
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_same_bytes_for_any_number_of_workers(endpoint: str, workers: int) -> None:
+    """Frame after frame, the result is that of the kernel itself, however it is divided."""
+    with pool(endpoint) as refiner, ExitStack() as stack:
+        for k in range(workers):
+            stack.enter_context(serving(endpoint, f"w{k}"))
+        refiner.wait_for(workers)
+        for number in range(5):
+            assert refined_bytes(refiner, number) == expected(number)
+        assert refiner.traffic.workers_seen == tuple(f"w{k}" for k in range(workers))
+        assert refiner.traffic.batches_sent_again == 0
+        assert all(seconds > 0 for seconds in refiner.traffic.stage_seconds.values())
+
+
+def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
+    """Several calls about one frame see the same frame, with other poses and models."""
+    other = replace(MODEL, vertices=MODEL.vertices * 2)
+    with pool(endpoint) as refiner, serving(endpoint, "w"):
+        refiner.publish(frame(3))
+        one = refiner.refine(MODEL, POSES[:1], SETTINGS)
+        two = refiner.refine(other, POSES, SETTINGS)
+    assert as_bytes(one) == expected(3, POSES[:1])
+    assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), POSES, SETTINGS))
+
+
+def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
+    """A worker that comes long after the frame was published serves it all the same."""
+    with pool(endpoint) as refiner:
+        refiner.publish(frame(1))
+        refiner.publish(frame(2))
+        with serving(endpoint, "late"):
+            assert as_bytes(refiner.refine(MODEL, POSES, SETTINGS)) == expected(2)
+
+
+def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
+    """A run without workers waits, and goes on by itself when one comes."""
+    told: list[str] = []
+    with ZenohRefiner(PoolOptions(listen=(endpoint,)), told.append) as refiner, ExitStack() as stack:
+        timer = threading.Timer(0.5, lambda: stack.enter_context(serving(endpoint, "w")))
+        timer.start()
+        assert refined_bytes(refiner, 1) == expected(1)
+        timer.join()
+    assert told == ["worker w joined"]
+
+
+def test_worker_leaves_and_comes_back(endpoint: str) -> None:
+    """A worker that ends and starts again under the same name goes on serving."""
+    with pool(endpoint) as refiner:
+        for number in range(3):
+            with serving(endpoint, "w"):
+                assert refined_bytes(refiner, number) == expected(number)
+
+
+def test_frame_is_observed_once_by_a_worker(endpoint: str) -> None:
+    """However many batches a frame has, it is decoded and observed once."""
+    seen: list[int] = []
+
+    def count(subject: SubjectFrame) -> float:
+        seen.append(subject.frame.number)
+        return observe(subject)
+
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(count, refine)):
+        for number in range(3):
+            refined_bytes(refiner, number, np.tile(POSES, (4, 1)))
+    assert seen == [0, 1, 2]
+
+
+def test_nobody_comes(endpoint: str) -> None:
+    """The wait for workers can be bounded, and its end tells how to start one."""
+    options = PoolOptions(listen=(endpoint,), worker_timeout=0.2)
+    with ZenohRefiner(options) as refiner, pytest.raises(NoWorkers, match="gepf-worker --connect unixsock"):
+        refined_bytes(refiner, 1)
+
+
+def test_run_says_that_it_waits(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who waits for workers is told so, once."""
+    monkeypatch.setattr("coordinator.runtime.NOTICE", 0.1)
+    told: list[str] = []
+    options = PoolOptions(listen=(endpoint,), worker_timeout=0.6)
+    with ZenohRefiner(options, told.append) as refiner, pytest.raises(NoWorkers):
+        refined_bytes(refiner, 1)
+    assert told == ["no worker is there; waiting for one"]
+
+
+def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
+    """What no worker can do is an error that says why, and the workers live on."""
+
+    def fail(*_: object) -> Refined:
+        raise ZeroDivisionError("no mass")
+
+    with pool(endpoint) as refiner:
+        why = pytest.raises(ProtocolError, match="could not refine: ZeroDivisionError: no mass")
+        with serving(endpoint, "w", Kernel(observe, fail)), why:
+            refined_bytes(refiner, 1, POSES[:1])
+        with serving(endpoint, "good"):
+            assert refined_bytes(refiner, 2) == expected(2)
+
+
+@contextmanager
+def answering(endpoint: str, name: str, answer: Callable[[Request], None]) -> Iterator[None]:
+    """Something on the bus that says it is a worker."""
+    with open_worker([endpoint]) as bus:
+        requests = bus.requests(keys.worker_refine(name))
+        bus.announce(keys.worker_alive(name))
+
+        def serve() -> None:
+            for request in requests:
+                answer(request)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield
+        finally:
+            requests.close()
+            thread.join(5.0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "malformed"),
+    [
+        (lambda request: request.reply(b"\xc1nonsense"), True),
+        (lambda request: request.reply(request.payload), True),
+        (lambda request: request.refuse(b"\xc1nonsense"), False),
+        (lambda _: None, False),
+    ],
+    ids=["rubbish", "echo", "odd-error", "silence"],
+)
+def test_bad_worker_does_not_spoil_the_result(
+    endpoint: str, answer: Callable[[Request], None], malformed: bool
+) -> None:
+    """Answers that make no sense, or none at all, are counted and the batches done by others."""
+    with pool(endpoint) as refiner, answering(endpoint, "a-liar", answer):
+        refiner.wait_for(1)  # the liar is known, and gets work first
+        with serving(endpoint, "good"):
+            for number in range(3):
+                assert refined_bytes(refiner, number) == expected(number)
+        assert (refiner.traffic.replies_malformed > 0) == malformed
+
+
+class Client:
+    """Asks a worker directly."""
+
+    def __init__(self, bus: Bus, worker: str) -> None:
+        self.asker = bus.asker(keys.worker_refine(worker), 10.0)
+
+    def ask(self, payload: bytes) -> tuple[str, bytes]:
+        """What came first: "reply" or "refusal" with its payload, or the "end"."""
+        came: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
+        self.asker.ask(
+            payload,
+            on_reply=lambda reply: came.put(("reply", reply)),
+            on_refusal=lambda reply: came.put(("refusal", reply)),
+            on_end=lambda: came.put(("end", b"")),
+        )
+        return came.get(timeout=10.0)
+
+
+@contextmanager
+def client(endpoint: str) -> Iterator[Client]:
+    """A worker, and someone who asks it without being a run."""
+    with open_coordinator([endpoint]) as bus, serving(endpoint, "w"):
+        alive: SimpleQueue[bool] = SimpleQueue()
+        bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.put(there))
+        assert alive.get(timeout=5.0)
+        yield Client(bus, "w")
+
+
+REQUEST = RefineRequest("ghost", 1, MODEL.hash, SETTINGS, POSES)
+
+
+@pytest.mark.parametrize(
+    ("payload", "reason"),
+    [
+        (b"", "not a request message"),
+        (b"\xc1" * 1000, "not a request message"),
+        (encode_request(REQUEST).replace(b"version\x01", b"version\x02"), "protocol version 2, expected 1"),
+        (encode_request(replace(REQUEST, poses=POSES * np.nan)), "poses holds values that are not finite"),
+        (encode_request(REQUEST), "nobody has model [0-9a-f]{12} of run ghost"),
+    ],
+    ids=["empty", "rubbish", "version", "nan", "unknown-run"],
+)
+def test_request_that_cannot_be_served_gets_a_reason(endpoint: str, payload: bytes, reason: str) -> None:
+    """Whatever a worker is asked, it answers; and it serves the next one."""
+    with client(endpoint) as someone:
+        for _ in range(2):
+            kind, answer = someone.ask(payload)
+            assert kind == "refusal"
+            assert_matches(decode_refusal(answer), reason)
+
+
+def assert_matches(text: str, pattern: str) -> None:
+    """The text must hold the pattern."""
+    with pytest.raises(ProtocolError, match=pattern):
+        raise ProtocolError(text)
+
+
+def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) -> None:
+    """A frame that the run no longer has, and poses of another model, are refused by name."""
+    with pool(endpoint) as refiner, serving(endpoint, "w"), open_worker([endpoint]) as bus:
+        refined_bytes(refiner, 1)
+        asker, request = Client(bus, "w"), replace(REQUEST, run=refiner.run)
+        kind, answer = asker.ask(encode_request(replace(request, frame=99)))
+        assert kind == "refusal"
+        assert decode_refusal(answer) == f"nobody has frame 99 of run {refiner.run}"
+        kind, answer = asker.ask(encode_request(replace(request, poses=POSES[:, :5])))
+        assert kind == "refusal"
+        assert decode_refusal(answer) == "poses have 5 values, the model has 6"
+
+
+def test_real_kernel_over_the_bus(endpoint: str) -> None:
+    """The real kernel gives the same bytes by itself, with one worker, and with two in other batches."""
+    kernel = Kernel(real_observe, real_refine)
+    results = {as_bytes(real_refine(MODEL, real_observe(frame(1)), POSES, SETTINGS))}
+    with pool(endpoint) as refiner, serving(endpoint, "one", kernel):
+        results.add(refined_bytes(refiner, 1))
+        with serving(endpoint, "two", kernel):
+            refiner.wait_for(2)
+            results.add(as_bytes(refiner.refine(MODEL, POSES, SETTINGS)))
+        assert refiner.traffic.workers_seen == ("one", "two")
+    assert len(results) == 1
+
+
+def test_endpoint_that_cannot_be_opened() -> None:
+    """A failing endpoint is our error and names the endpoint, not the transport's sources."""
+    with pytest.raises(BusError, match=r"opening nonsense: ") as caught, open_coordinator(["nonsense"]):
+        pass
+    assert ".rs:" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "*", "a b", "@x", "x" * 65, "a\n"])
+def test_names_that_cannot_be_keys(name: str) -> None:
+    """Names that would break or widen a key are refused before they are used."""
+    with pytest.raises(InputError, match="cannot be used"):
+        keys.check_name("run", name)
+
+
+def test_recent_forgets_what_was_used_longest_ago() -> None:
+    """The store is bounded, and use keeps a value alive."""
+    recent: Recent[int, str] = Recent(2)
+    recent.put(1, "one")
+    recent.put(2, "two")
+    assert recent.find(1, lambda: "other") == "one"
+    recent.put(3, "three")
+    assert (recent.get(1), recent.get(2), recent.get(3), len(recent)) == ("one", None, "three", 2)
+
+
+def test_arrivals_are_bounded_and_wake_who_waits() -> None:
+    """Old frames and old runs are forgotten; a frame that comes while it is waited for is found."""
+    arrivals = Arrivals()
+    for run in range(100):
+        for number in range(10):
+            arrivals.put(f"run{run}", number, b"x")
+    kept = [(r, n) for r in range(100) for n in range(10) if arrivals.wait(f"run{r}", n, 0.0)]
+    assert kept == [(r, n) for r in range(84, 100) for n in (8, 9)]
+    threading.Timer(0.05, lambda: arrivals.put("new", 1, b"y")).start()
+    assert arrivals.wait("new", 1, 5.0) == b"y"
+
+
+def test_contexts_are_what_they_say(endpoint: str) -> None:
+    """A refiner is a context manager that leaves no thread behind."""
+    before = threading.active_count()
+    refiner = pool(endpoint)
+    assert isinstance(refiner, AbstractContextManager)
+    with refiner, serving(endpoint, "w"):
+        refined_bytes(refiner, 1)
+    deadline = time.monotonic() + 5.0
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert threading.active_count() <= before
