@@ -54,6 +54,7 @@ from coordinator.traffic import Traffic
 TICK = 0.1  # seconds between looks at the clock and at the local workers
 REQUEST_TIMEOUT = 60.0  # seconds; only a worker that lives and hangs takes so long
 NOTICE = 5.0  # seconds without a worker until we say so
+NOT_READY = "the local workers are not ready yet; the first time, they compile their kernels for a minute"
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,7 +294,7 @@ class ZenohRefiner:
             raise NoWorkers(f"no worker came within {timeout:g} s; start one with {self._invitation()}")
         if alone > NOTICE and not self._told_alone:
             self._told_alone = True
-            self._tell("no worker is there; waiting for one")
+            self._tell(NOT_READY if self._options.local_workers else "no worker is there; waiting for one")
 
     def _invitation(self) -> str:
         endpoints = [*self._options.listen, *self._options.connect] or ["ENDPOINT"]

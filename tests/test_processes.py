@@ -99,7 +99,7 @@ def test_killed_worker_is_replaced(workers: int) -> None:
 
 @pytest.mark.usefixtures("slow")
 def test_frozen_worker_is_worked_around() -> None:
-    """SIGSTOP in the middle of a frame changes no byte; the frame is done before the bus misses the worker."""
+    """SIGSTOP in mid-frame changes no byte; the frame is done before the bus misses the worker."""
     told: list[str] = []
     with local(2, told.append) as refiner:
         refiner.wait_for(2)
