@@ -8,7 +8,7 @@ PACKAGES := common worker coordinator benchmarks tests
 .PHONY: help setup demo test test-slow check format bench lock clean clean-kernels
 
 help: ## show what there is to make
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 setup: $(STAMP) ## virtual environment in .venv with gepf, gepf-worker and the tools
 
