@@ -27,8 +27,12 @@ class Scene:
 
 
 def through_keys(keys: dict[float, float], frames: int) -> NDArray[np.float64]:
-    """A smooth curve (frames,) through key values by frame number, which never overshoots them."""
-    return np.asarray(PchipInterpolator(list(keys), list(keys.values()))(np.arange(frames)))
+    """A smooth curve (frames,) through key values by frame number, which never overshoots them.
+
+    Before the first and after the last key it stands still.
+    """
+    curve = PchipInterpolator(list(keys), list(keys.values()))
+    return np.asarray(curve(np.clip(np.arange(frames), min(keys), max(keys))))
 
 
 def animate(model: BodyModel, keys: dict[str, dict[float, float]], frames: int) -> NDArray[np.float64]:

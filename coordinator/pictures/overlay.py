@@ -1,0 +1,126 @@
+"""One frame as a picture: observed depth, the model over it, the skeletons of all hypotheses, a caption."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from matplotlib import font_manager
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import binary_dilation
+
+from common.body import BodyModel
+from common.camera import project
+from common.frame import DepthFrame
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.pictures.shading import contours, lambert, shade_depth
+from coordinator.pictures.skeleton import bones
+from coordinator.pictures.view import View
+from coordinator.rendering import DepthRenderer
+
+Array = NDArray[np.float64]
+Colours = NDArray[np.float32]  # (H, W, 3), 0-255
+
+FINER = 2  # the picture is drawn at this multiple and averaged
+BACKGROUND = np.array([19.0, 23.0, 31.0], dtype=np.float32)
+MODEL_COLOUR = np.array([255.0, 122.0, 28.0], dtype=np.float32)
+MODEL_OPACITY, CONTOUR_OPACITY, CONTOUR_JUMP_M = 0.38, 0.9, 0.06
+SKELETON_COLOUR, OTHERS_COLOUR = (255, 255, 255), (92, 214, 255)
+STATUS_COLOURS = {"tracked": (92, 200, 120), "ambiguous": (245, 190, 70), "lost": (240, 90, 90)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """What the tracker said about a frame: the reported pose (D,), all hypotheses (M, D), the status."""
+
+    pose: Array
+    hypotheses: Array
+    status: str
+
+
+class Painter:
+    """Paints frames of one run in one view; without OpenGL the model is drawn as its vertices."""
+
+    def __init__(self, model: BodyModel, view: View, opengl: bool = True) -> None:
+        self.model, self.view = model, view
+        self._fine = view.resized(FINER)
+        self._renderer = DepthRenderer(self._fine.intrinsics) if opengl else None
+
+    def paint(self, frame: DepthFrame, shown: Shown, title: str | None = None) -> Image.Image:
+        """The picture of a frame, RGB, of the view's size."""
+        canvas = self._paint_depth(frame)
+        canvas = self._paint_model(canvas, shown.pose)
+        picture = Image.fromarray(canvas.astype(np.uint8))
+        self._draw_skeletons(picture, shown)
+        picture = picture.resize((self.view.width, self.view.height), Image.Resampling.BOX)
+        write_caption(picture, title or f"{frame.number}", shown.status)
+        return picture
+
+    def close(self) -> None:
+        """Release the OpenGL context."""
+        if self._renderer is not None:
+            self._renderer.close()
+
+    def _paint_depth(self, frame: DepthFrame) -> Colours:
+        depth = self.view.crop(frame.metres())
+        colours = np.where((depth > 0.0)[..., None], shade_depth(depth, self.view.window), BACKGROUND)
+        size = (self._fine.width, self._fine.height)
+        picture = Image.fromarray(colours.astype(np.uint8)).resize(size, Image.Resampling.BILINEAR)
+        return np.asarray(picture, dtype=np.float32)
+
+    def _paint_model(self, canvas: Colours, pose: Array) -> Colours:
+        vertices = pose_vertices(self.model, pose[None])[0]
+        if self._renderer is None:
+            return self._paint_vertices(canvas, vertices)
+        depth = self._renderer.depth(vertices, self.model.triangles)
+        light = 0.45 + 0.55 * lambert(depth, self._fine.intrinsics)
+        lines = binary_dilation(contours(depth, CONTOUR_JUMP_M))
+        opacity = np.where(lines, CONTOUR_OPACITY, MODEL_OPACITY * (depth > 0.0))[..., None]
+        colour = MODEL_COLOUR * np.where(lines, 1.0, light)[..., None]
+        painted: Colours = canvas + (colour - canvas) * opacity.astype(np.float32)
+        return painted
+
+    def _paint_vertices(self, canvas: Colours, vertices: Array) -> Colours:
+        pixels = np.rint(project(vertices[vertices[:, 2] > 0.0], self._fine.intrinsics)).astype(int)
+        inside = np.all((pixels >= 0) & (pixels < (canvas.shape[1], canvas.shape[0])), axis=1)
+        columns, rows = pixels[inside].T
+        painted = canvas.copy()
+        painted[rows, columns] = MODEL_COLOUR
+        return painted
+
+    def _draw_skeletons(self, picture: Image.Image, shown: Shown) -> None:
+        draw = ImageDraw.Draw(picture)
+        width = max(2, picture.height // 160)
+        others = shown.hypotheses[np.all(np.isfinite(shown.hypotheses), axis=1)]
+        for joints in joint_positions(self.model, others):
+            self._draw_skeleton(draw, joints, OTHERS_COLOUR, width // 2)
+        reported = joint_positions(self.model, shown.pose[None])[0]
+        self._draw_skeleton(draw, reported, (0, 0, 0), width + 2)
+        self._draw_skeleton(draw, reported, SKELETON_COLOUR, width)
+
+    def _draw_skeleton(
+        self, draw: ImageDraw.ImageDraw, joints: Array, colour: tuple[int, int, int], width: int
+    ) -> None:
+        if np.any(joints[:, 2] <= 0.0):
+            return
+        pixels = project(joints, self._fine.intrinsics)
+        for a, b in bones(self.model.joint_names):
+            draw.line([*pixels[a], *pixels[b]], fill=colour, width=width)
+        for x, y in pixels:
+            draw.ellipse([x - width, y - width, x + width, y + width], fill=colour)
+
+
+def write_caption(picture: Image.Image, title: str, status: str) -> None:
+    """Write the title and the status at the top, in place."""
+    draw = ImageDraw.Draw(picture)
+    size = max(11, picture.height // 22)
+    draw.text((size // 2, size // 3), title, fill=(235, 238, 243), font=font(size))
+    draw.text((picture.width - size // 2, size // 3), status, STATUS_COLOURS[status], font(size), anchor="ra")
+
+
+@cache
+def font(size: int) -> ImageFont.FreeTypeFont:
+    """The typeface that matplotlib brings along."""
+    return ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size)

@@ -1,0 +1,85 @@
+"""All pictures of a run, into its folder."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import closing
+from pathlib import Path
+
+from PIL import Image
+
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.errors import GepfError
+from coordinator.atomic_file import write_atomically
+from coordinator.pictures.animation import encode_gif
+from coordinator.pictures.errors import draw_errors
+from coordinator.pictures.hypotheses import draw_hypotheses
+from coordinator.pictures.overlay import Painter, Shown
+from coordinator.pictures.sheet import spread, tile
+from coordinator.pictures.view import around
+from coordinator.rendering import DepthRenderer
+from coordinator.sources.source import Source
+from coordinator.track import Track
+from coordinator.truth import Truth
+
+ANIMATION_FILE, SHEET_FILE = "overlay.gif", "sheet.png"
+HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
+PICTURE_SIZE = (360, 400)  # at the most
+ANIMATION_FRAMES, SHEET_FRAMES, SHEET_COLUMNS = 75, 15, 5
+
+logger = logging.getLogger(__name__)
+
+
+def draw_run(
+    source: Source, model: BodyModel, track: Track, out: Path, truth: Truth | None = None
+) -> list[Path]:
+    """Write overlay.gif, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
+
+    `model` is the body that was tracked, with the track's degrees of freedom. Without OpenGL it is drawn as
+    its vertices, and a warning says so.
+    """
+    files = [out / ANIMATION_FILE, out / SHEET_FILE, out / HYPOTHESES_FILE]
+    chosen = spread(len(track.frame), ANIMATION_FRAMES)
+    pictures = paint(source, model, track, chosen)
+    write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
+    write_sheet(pictures, files[1])
+    draw_hypotheses(track, truth, files[2])
+    if truth is not None:
+        files.append(out / ERRORS_FILE)
+        draw_errors(track, truth, files[3])
+    return files
+
+
+def paint(source: Source, model: BodyModel, track: Track, chosen: list[int]) -> list[Image.Image]:
+    """Pictures of the track's frames at positions `chosen`."""
+    view = around(track, source.intrinsics, *PICTURE_SIZE)
+    with closing(Painter(model, view, opengl=opengl_starts())) as painter:
+        return [painter.paint(source.frame(int(track.frame[f])), shown_at(track, f)) for f in chosen]
+
+
+def write_animation(pictures: list[Image.Image], seconds_each: float, file: Path) -> None:
+    """Write all pictures as an animated GIF."""
+    data = encode_gif(pictures, seconds_each)
+    write_atomically(file, lambda opened: opened.write(data))
+
+
+def write_sheet(pictures: list[Image.Image], file: Path) -> None:
+    """Write some of the pictures side by side."""
+    sheet = tile([pictures[i] for i in spread(len(pictures), SHEET_FRAMES)], SHEET_COLUMNS)
+    write_atomically(file, lambda opened: sheet.save(opened, "PNG"))
+
+
+def shown_at(track: Track, position: int) -> Shown:
+    """What the tracker said about the frame at this position."""
+    return Shown(track.pose[position], track.hypothesis_pose[position], str(track.status[position]))
+
+
+def opengl_starts() -> bool:
+    """Whether surfaces can be rendered; else a warning."""
+    try:
+        DepthRenderer(Intrinsics(8, 8, 8.0, 8.0, 3.5, 3.5)).close()
+    except GepfError as error:
+        logger.warning("pictures show the body as dots: %s", error)
+        return False
+    return True
