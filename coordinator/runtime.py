@@ -54,6 +54,7 @@ from coordinator.traffic import Traffic
 TICK = 0.1  # seconds between looks at the clock and at the local workers
 REQUEST_TIMEOUT = 60.0  # seconds; only a worker that lives and hangs takes so long
 NOTICE = 5.0  # seconds without a worker until we say so
+LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 NOT_READY = "the local workers are not ready yet; the first time, they compile their kernels for a minute"
 
 
@@ -114,7 +115,7 @@ class ZenohRefiner:
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gepf-")))
+            folder = Path(stack.enter_context(private_folder()))
             local = f"unixsock-stream/{folder / 'bus'}"
             own = [local] if self._options.local_workers else []
             self._bus = stack.enter_context(
@@ -156,7 +157,7 @@ class ZenohRefiner:
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to all workers; all later calls of `refine` are about it."""
         with self._timed("publish"):
-            self._frame = subject.frame.number
+            self._frame = max(subject.frame.number, self._frame + 1)  # never the same twice
             payload = encode_frame(subject)
             self._shelf.put_frame(self._frame, payload)
             self._frames.put(self._frame, payload)
@@ -315,3 +316,9 @@ def read_refusal(ticket: int, payload: bytes) -> Event:
         return Refused(ticket, decode_refusal(payload))
     except ProtocolError:
         return Ended(ticket)
+
+
+def private_folder() -> tempfile.TemporaryDirectory[str]:
+    """A folder of our own whose path is short enough for a socket in it."""
+    usual = len(tempfile.gettempdir()) <= LONGEST_FOLDER
+    return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")

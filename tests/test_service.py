@@ -6,6 +6,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from common import keys
-from common.bus import Bus, Request, open_coordinator, open_worker
+from common.bus import Bus, Request, open_bus, open_coordinator, open_worker
 from common.errors import BusError, InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.messages import RefineRequest, decode_refusal, encode_request
@@ -109,6 +110,29 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
         two = refiner.refine(other, POSES, SETTINGS)
     assert as_bytes(one) == expected(3, POSES[:1])
     assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), POSES, SETTINGS))
+
+
+def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
+    """A number that comes again, as in a second sequence on the same pool, means the new frame."""
+    with pool(endpoint) as refiner, serving(endpoint, "w"):
+        for depth in (1, 2, 3):
+            again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
+            refiner.publish(again)
+            assert as_bytes(refiner.refine(MODEL, POSES, SETTINGS)) == expected(depth)
+
+
+def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
+    """Workers and runs that meet at a router: both runs get the bytes that they would get alone."""
+    with open_bus("router", [endpoint], [], 2**20), ExitStack() as stack:
+        options = PoolOptions(connect=(endpoint,), worker_timeout=5.0)
+        runs = [stack.enter_context(ZenohRefiner(options)) for _ in range(2)]
+        runs[0].publish(frame(0))
+        for k in range(2):
+            stack.enter_context(serving(endpoint, f"w{k}"))
+        with ThreadPoolExecutor(2) as both:
+            for number in range(1, 9, 2):
+                results = both.map(refined_bytes, runs, [number, number + 1])
+                assert list(results) == [expected(number), expected(number + 1)]
 
 
 def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
