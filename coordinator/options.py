@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 
 from common.errors import InputError
-from common.settings import Settings
+from common.settings import Settings, preset
 
 METHODS = ("gepf", "gradient")
-PRESETS = {"default": Settings(preset="default"), "paper": Settings(preset="paper")}
+PRESETS = ("default", "paper")
 MODELS = ("human",)
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
 AUTOMATIC = "auto"
@@ -42,10 +42,10 @@ class Job:
 
 
 def choose_settings(
-    method: str, preset: str, particles: int | None, points: int | None, seed: int
+    method: str, preset_name: str, particles: int | None, points: int | None, seed: int
 ) -> Settings:
     """A preset's settings with what the user asked for instead."""
-    settings = PRESETS[one_of("preset", preset, tuple(PRESETS))]
+    settings = preset(one_of("preset", preset_name, PRESETS))
     one_of("method", method, METHODS)
     if not 0 <= seed < 2**63:
         raise InputError(f"--seed {seed} is out of range; give 0 to {2**63 - 1}")

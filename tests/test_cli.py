@@ -166,11 +166,11 @@ def test_a_frame_without_depth_is_lost_and_the_run_goes_on(tracked: Tracked) -> 
 def test_the_summary_tells_what_was_decided_and_how_it_went(tracked: Tracked) -> None:
     """Settings, seed, versions, workers, batches sent again, frames, particles, rate and times."""
     _, summary = tracked(
-        "--particles", "7", "--points", "300", "--seed", "9", "--preset", "paper", "--workers", "3"
+        "--particles", "7", "--points", "300", "--seed", "9", "--preset", "default", "--workers", "3"
     )
     assert summary["sequence"] == "wall"
     assert summary["complete"] is True
-    assert (summary["method"], summary["preset"], summary["seed"]) == ("gepf", "paper", 9)
+    assert (summary["method"], summary["preset"], summary["seed"]) == ("gepf", "default", 9)
     assert (summary["frames"], summary["particles"]) == (5, 7)
     assert (summary["workers_seen"], summary["batches_sent_again"]) == (["one", "two"], 3)
     settings, versions, stages = summary["settings"], summary["versions"], summary["time_per_stage"]
