@@ -37,9 +37,9 @@ def draw_hypotheses(track: Track, truth: Truth | None, file: Path) -> None:
 
 
 def most_varying(track: Track) -> list[int]:
-    """Indices of the joint angles that vary most over all frames and hypotheses, in the model's order."""
+    """Indices of the joint angles that vary most in what was reported, in the model's order."""
     joints = [j for j, name in enumerate(track.dof_names) if name not in ROOT_DOFS]
-    spread = np.nan_to_num(np.nanstd(track.pose[:, joints], axis=0))
+    spread = np.std(half_turn(track.pose[:, joints]), axis=0)
     chosen = np.argsort(-spread, kind="stable")[:MOST_ANGLES]
     return sorted(joints[k] for k in chosen)
 
@@ -47,9 +47,9 @@ def most_varying(track: Track) -> list[int]:
 def draw_angle(axes: Axes, track: Track, truth: Truth | None, angle: int) -> None:
     """Dots for hypotheses, the stronger the heavier, a line for the reported, dashes for the true value."""
     name = track.dof_names[angle]
-    reported = track.pose[:, angle]
+    reported = half_turn(track.pose[:, angle])
     frames = np.broadcast_to(track.frame[:, None], track.hypothesis_weight.shape)
-    values = nearest_turn(track.hypothesis_pose[:, :, angle], reported[:, None])
+    values = reported[:, None] + half_turn(track.hypothesis_pose[:, :, angle] - reported[:, None])
     opacity = np.clip(0.15 + 0.85 * np.nan_to_num(track.hypothesis_weight), 0.0, 1.0)
     axes.scatter(
         frames,
@@ -62,7 +62,7 @@ def draw_angle(axes: Axes, track: Track, truth: Truth | None, angle: int) -> Non
     )
     axes.plot(track.frame, np.rad2deg(reported), color=REPORTED, linewidth=1.6, label="reported")
     if truth is not None and name in truth.dof_names:
-        true = np.rad2deg(truth.pose[:, truth.dof_names.index(name)])
+        true = np.rad2deg(half_turn(truth.pose[:, truth.dof_names.index(name)]))
         axes.plot(truth.frame, true, color=TRUE, linewidth=1.1, linestyle=(0, (4, 2.5)), label="truth")
     low, high = np.nanpercentile(np.rad2deg(values), [OUTLIERS, 100.0 - OUTLIERS])
     axes.set_ylim(*span(low, high, np.rad2deg(reported)))
@@ -80,10 +80,12 @@ def draw_count(axes: Axes, track: Track) -> None:
     """How many hypotheses each frame ended with."""
     count = np.isfinite(track.hypothesis_weight).sum(axis=1)
     axes.fill_between(track.frame, count, step="mid", color=HYPOTHESIS, alpha=0.35, linewidth=0)
-    axes.set(title="number of hypotheses", ylim=(0, max(1.0, 1.1 * float(count.max(initial=0)))))
+    axes.set(
+        title="number of hypotheses", ylim=(0, max(1.0, 1.1 * float(count.max(initial=0)))), axisbelow=True
+    )
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
 
 
-def nearest_turn(angles: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles moved by whole turns to within half a turn of the reference."""
-    return reference + (angles - reference + np.pi) % (2.0 * np.pi) - np.pi
+def half_turn(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles less whole turns, from -pi to pi."""
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi
