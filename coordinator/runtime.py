@@ -52,7 +52,7 @@ from coordinator.shelf import Shelf
 from coordinator.traffic import Traffic
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
-REQUEST_TIMEOUT = 60.0  # seconds; only a worker that lives and hangs takes so long
+REQUEST_TIMEOUT = 30.0  # seconds; only a worker that lives and hangs takes so long
 NOTICE = 5.0  # seconds without a worker until we say so
 LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 NOT_READY = "the local workers are not ready yet; the first time, they compile their kernels for a minute"

@@ -147,10 +147,13 @@ with ZenohRefiner(PoolOptions(local_workers=2, worker_command=INSTANT)) as refin
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_workers_end_with_their_coordinator(number: signal.Signals) -> None:
+def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Path) -> None:
     """However the coordinator ends, its own workers do not outlive it."""
     with subprocess.Popen(
-        [sys.executable, "-c", COORDINATOR], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        [sys.executable, "-c", COORDINATOR],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
     ) as process:
         assert process.stdout is not None
         pids = [int(pid) for pid in process.stdout.readline().split()]
