@@ -93,9 +93,9 @@ def figures(spent: np.ndarray, yardstick: np.ndarray) -> dict[str, float]:
 def table(result: dict[str, Any]) -> str:
     """The numbers for a person to read."""
     lines = [
-        f"{result['machine']['processor']}, one core; {result['points']} points, "
-        f"{result['icp_iterations']} ICP iterations, medians of {result['rounds']}; "
-        f"ratio to {result['yardstick']} (point clouds and k-d tree included)"
+        f"{result['machine']['processor']}, one core",
+        f"{result['points']} points, {result['icp_iterations']} ICP iterations, medians of {result['rounds']}",
+        f"ratio to {result['yardstick']} (point clouds and k-d tree included)",
     ]
     for case in result["cases"]:
         lines.append(
