@@ -83,7 +83,9 @@ class Painter:
         return painted
 
     def _paint_vertices(self, canvas: Colours, vertices: Array) -> Colours:
-        pixels = np.rint(project(vertices[vertices[:, 2] > 0.0], self._fine.intrinsics)).astype(int)
+        dots = np.floor(project(vertices[vertices[:, 2] > 0.0], self._fine.intrinsics)).astype(int)
+        square = np.indices((FINER, FINER)).reshape(2, -1).T  # one pixel of the picture
+        pixels = (dots[:, None] + square).reshape(-1, 2)
         inside = np.all((pixels >= 0) & (pixels < (canvas.shape[1], canvas.shape[0])), axis=1)
         columns, rows = pixels[inside].T
         painted = canvas.copy()

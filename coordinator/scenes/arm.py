@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from common.camera import Intrinsics
@@ -23,6 +25,7 @@ KEYS: dict[str, dict[float, float]] = {
 }
 
 
+@cache
 def arm() -> Scene:
     """A standing person swings the right arm; tracking starts 50 degrees off in one shoulder angle."""
     model = human()

@@ -25,6 +25,10 @@ class Scene:
     poses: NDArray[np.float64]  # (F, D) radians and metres
     start: NDArray[np.float64]  # (D,)
 
+    def __post_init__(self) -> None:
+        self.poses.setflags(write=False)
+        self.start.setflags(write=False)
+
 
 def through_keys(keys: dict[float, float], frames: int) -> NDArray[np.float64]:
     """A smooth curve (frames,) through key values by frame number, which never overshoots them.

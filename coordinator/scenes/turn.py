@@ -5,6 +5,8 @@ The situation of section 6 of the paper, with truth: 24 degrees of freedom, 180 
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from common.camera import Intrinsics
@@ -30,7 +32,7 @@ ANGLES_DEG: dict[str, dict[float, float]] = {
     "r_shoulder_abduct": {0: 15, 30: 60, 55: 20, 85: 50, 110: 15, 135: 4, 157: 6, 179: 25},
     "r_shoulder_twisting": {0: 0, 40: -20, 75: 30, 115: 0, 150: 20, 179: 0},
     "r_elbow_flexion": {0: 25, 30: 60, 55: 85, 85: 40, 110: 30, 135: 22, 157: 50, 179: 70},
-    "l_hip_flexion": {14: 0, 32: 40, 57: 0, 80: 35, 98: 0, 114: -12, 128: 6, 146: 12, 160: 26, 179: 0},
+    "l_hip_flexion": {14: 0, 32: 40, 57: 0, 80: 35, 98: 0, 114: -12, 128: 9, 146: 15, 160: 26, 179: 0},
     "l_hip_abduct": {0: 4, 32: 12, 62: 4, 80: 14, 110: 2, 179: 4},
     "l_hip_twisting": {0: 0, 32: -12, 62: 0, 80: 10, 120: 0, 179: 0},
     "l_knee_flexion": {14: 5, 32: 60, 57: 5, 80: 55, 98: 5, 114: 20, 128: 14, 146: 20, 160: 25, 179: 5},
@@ -43,6 +45,7 @@ ANGLES_DEG: dict[str, dict[float, float]] = {
 }
 
 
+@cache
 def turn() -> Scene:
     """Arms and legs move, the body turns by 80 degrees and back; tracking starts from the truth."""
     model = human()
