@@ -1,7 +1,8 @@
 """What one particle costs, as a multiple of a rigid ICP on the same points: python -m benchmarks.kernel.
 
 One particle is all of steps 4a-4d and 5: pose, visibility, closest points, solve, likelihood. Its 10 000
-observed points and the visible model points are also what the peers get. One core, calls in turns, medians.
+observed points and the visible model points are also what the peers get. Processor time on one core, so that
+what else the machine does counts little; calls in turns; medians.
 """
 
 from __future__ import annotations
@@ -93,8 +94,8 @@ def figures(spent: np.ndarray, yardstick: np.ndarray) -> dict[str, float]:
 def table(result: dict[str, Any]) -> str:
     """The numbers for a person to read."""
     lines = [
-        f"{result['machine']['processor']}, one core",
-        f"{result['points']} points, {result['icp_iterations']} ICP iterations, medians of {result['rounds']}",
+        f"{result['machine']['processor']}, processor time on one core",
+        f"{result['points']} points, {result['icp_iterations']} ICP iterations, median of {result['rounds']}",
         f"ratio to {result['yardstick']} (point clouds and k-d tree included)",
     ]
     for case in result["cases"]:
