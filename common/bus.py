@@ -16,7 +16,7 @@ import zenoh
 from zenoh import ext, handlers
 
 from common.errors import BusError
-from common.messages import MAX_BYTES
+from common.wire import MAX_BYTES
 
 LEASE_MS = 1_000  # a peer that is silent for so long is gone
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest

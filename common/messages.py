@@ -6,27 +6,32 @@ Every decoder raises ProtocolError, and its message says what is wrong. Nothing 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Annotated, TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Dims, check_finite, check_indices, check_numbers, pack, unpack
+from common.arrays import Dims, check_finite, check_indices, check_numbers, pack, unpack
 from common.body import ROTATION, TRANSLATION, BodyModel
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import DepthFrame, SubjectFrame
-from common.keys import NAME
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.wire import (
+    MAX_REASON,
+    FrameMessage,
+    ModelMessage,
+    RefusalMessage,
+    ReplyMessage,
+    RequestMessage,
+    decode,
+    encode,
+)
 
-PROTOCOL = 1
-MAX_BYTES = 64 * 2**20  # of one message
 MAX_PARTICLES = 100_000  # of one batch
 MAX_ITERATIONS = 1_000
 LARGEST_VALUE = 1e6  # of a model: metres, indices
-MAX_REASON = 1_000  # characters
 
 # Of the arrays of a model and of a reply; a field that is not named here is checked less closely.
 MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
@@ -50,13 +55,6 @@ REPLY_ARRAYS: dict[str, tuple[str, Dims]] = {
     "residual": ("<f8", ("N",)),
 }
 
-Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
-Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
-Name = Annotated[str, msgspec.Meta(max_length=200)]
-Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
-Hash = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
-RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefineRequest:
@@ -67,64 +65,6 @@ class RefineRequest:
     model_hash: str
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
-
-
-class Header(msgspec.Struct, frozen=True):
-    """What every message of every version begins with."""
-
-    version: int
-
-
-class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    """A message of this version."""
-
-    version: int = PROTOCOL
-
-
-class FrameMessage(Message, frozen=True, tag="frame"):
-    """A SubjectFrame."""
-
-    number: Natural
-    time_s: float
-    depth_scale: float
-    intrinsics: Intrinsics
-    depth: Array
-    picked: Array
-    view: tuple[Pixel, Pixel, Pixel, Pixel]
-
-
-class ModelMessage(Message, frozen=True, tag="model"):
-    """A BodyModel: its texts, lists of names and arrays by field."""
-
-    hash: Hash
-    texts: dict[str, Name]
-    names: dict[str, Names]
-    arrays: dict[str, Array]
-
-
-class RequestMessage(Message, frozen=True, tag="request"):
-    """A RefineRequest."""
-
-    run: RunName
-    frame: Natural
-    model: Hash
-    settings: RefineSettings
-    poses: Array
-
-
-class ReplyMessage(Message, frozen=True, tag="reply"):
-    """Refined particles: arrays by field."""
-
-    arrays: dict[str, Array]
-
-
-class RefusalMessage(Message, frozen=True, tag="refusal"):
-    """Why a request cannot be served."""
-
-    reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
-
-
-M = TypeVar("M", bound=Message)
 
 
 def encode_frame(subject: SubjectFrame) -> bytes:
@@ -139,7 +79,7 @@ def encode_frame(subject: SubjectFrame) -> bytes:
         picked=pack(subject.picked),
         view=subject.view,
     )
-    return msgspec.msgpack.encode(message)
+    return encode(message)
 
 
 def decode_frame(payload: bytes) -> SubjectFrame:
@@ -177,7 +117,7 @@ def encode_model(model: BodyModel) -> bytes:
         names={name: value for name, value in values.items() if isinstance(value, tuple)},
         arrays={name: pack(value) for name, value in values.items() if isinstance(value, np.ndarray)},
     )
-    return msgspec.msgpack.encode(message)
+    return encode(message)
 
 
 def decode_model(payload: bytes) -> BodyModel:
@@ -233,7 +173,7 @@ def encode_request(request: RefineRequest) -> bytes:
         settings=request.settings,
         poses=pack(request.poses),
     )
-    return msgspec.msgpack.encode(message)
+    return encode(message)
 
 
 def decode_request(payload: bytes) -> RefineRequest:
@@ -260,7 +200,7 @@ def check_settings(settings: RefineSettings) -> None:
 def encode_refined(refined: Refined) -> bytes:
     """Refined particles for the coordinator."""
     arrays = {field.name: pack(getattr(refined, field.name)) for field in fields(refined)}
-    return msgspec.msgpack.encode(ReplyMessage(arrays=arrays))
+    return encode(ReplyMessage(arrays=arrays))
 
 
 def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
@@ -281,7 +221,7 @@ def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
 
 def encode_refusal(reason: str) -> bytes:
     """Why a request cannot be served."""
-    return msgspec.msgpack.encode(RefusalMessage(reason=reason[:MAX_REASON]))
+    return encode(RefusalMessage(reason=reason[:MAX_REASON]))
 
 
 def decode_refusal(payload: bytes) -> str:
@@ -294,16 +234,3 @@ def check_fields(what: str, given: set[str], expected: set[str]) -> None:
     if given != expected:
         missing, unknown = sorted(expected - given), sorted(given - expected)
         raise ProtocolError(f"the {what} lacks fields {missing} and has unknown fields {unknown[:10]}")
-
-
-def decode(payload: bytes, kind: type[M]) -> M:
-    """A message of one kind and of this version, or ProtocolError."""
-    if len(payload) > MAX_BYTES:
-        raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
-    try:
-        version = msgspec.msgpack.decode(payload, type=Header).version
-        if version != PROTOCOL:
-            raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
-        return msgspec.msgpack.decode(payload, type=kind)
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        raise ProtocolError(f"not a {kind.__struct_config__.tag} message: {error}") from error

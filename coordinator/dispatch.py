@@ -15,6 +15,21 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from coordinator.batches import split
+from coordinator.instructions import (
+    Accept,
+    Done,
+    Ended,
+    Event,
+    Fail,
+    Instruction,
+    JobStarted,
+    Refused,
+    Replied,
+    Send,
+    Ticked,
+    WorkerJoined,
+    WorkerLeft,
+)
 
 WINDOW = 2
 LATE_FACTOR = 3.0  # times the usual time from request to result
@@ -24,90 +39,6 @@ STRIKES = 3  # failures in a row until a worker rests
 REST, REST_MOST = 1.0, 30.0  # seconds; doubles each time
 PAUSE = 0.1  # seconds after a request that ended without an answer: the worker may just have gone
 REFUSALS_LEAST = 3  # of a batch, before it fails the job
-
-
-@dataclass(frozen=True, slots=True)
-class JobStarted:
-    """Refine `particles` particles; whatever is left of the job before is given up."""
-
-    particles: int
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerJoined:
-    """A worker is there."""
-
-    worker: str
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerLeft:
-    """A worker is gone, and what it was working on with it."""
-
-    worker: str
-
-
-@dataclass(frozen=True, slots=True)
-class Replied:
-    """A request has brought a result that makes sense."""
-
-    ticket: int
-
-
-@dataclass(frozen=True, slots=True)
-class Refused:
-    """A request has brought an error, or a result that makes no sense."""
-
-    ticket: int
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Ended:
-    """A request is over; nothing more will come of it."""
-
-    ticket: int
-
-
-@dataclass(frozen=True, slots=True)
-class Ticked:
-    """Time has passed."""
-
-
-Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Ended | Ticked
-
-
-@dataclass(frozen=True, slots=True)
-class Send:
-    """Ask a worker to refine particles start..stop-1."""
-
-    ticket: int
-    worker: str
-    start: int
-    stop: int
-
-
-@dataclass(frozen=True, slots=True)
-class Accept:
-    """The result of a ticket is the first for the particles from `start` on."""
-
-    ticket: int
-    start: int
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """Every particle of the job has a result."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fail:
-    """The job cannot be done; all workers say why."""
-
-    reason: str
-
-
-Instruction = Send | Accept | Done | Fail
 
 
 @dataclass(slots=True, eq=False)

@@ -18,22 +18,21 @@ from numpy.typing import NDArray
 
 from common import keys
 from common.body import BodyModel
-from common.bus import Asker, Bus, FramePublisher, open_coordinator
-from common.errors import NoWorkers, ProtocolError
+from common.bus import Asker, open_coordinator
+from common.errors import ProtocolError
 from common.frame import SubjectFrame
 from common.messages import (
     RefineRequest,
     decode_refined,
     decode_refusal,
-    encode_frame,
-    encode_model,
     encode_request,
 )
 from common.refinement import Refined, concatenate
 from common.settings import RefineSettings
-from coordinator.dispatch import (
+from coordinator.absence import Absence
+from coordinator.dispatch import Dispatch
+from coordinator.instructions import (
     Accept,
-    Dispatch,
     Done,
     Ended,
     Event,
@@ -48,14 +47,12 @@ from coordinator.dispatch import (
     WorkerLeft,
 )
 from coordinator.local_workers import COMMAND, LocalWorkers
-from coordinator.shelf import Shelf
+from coordinator.publication import Publication
 from coordinator.traffic import Traffic
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
 REQUEST_TIMEOUT = 30.0  # seconds; only a worker that lives and hangs takes so long
-NOTICE = 5.0  # seconds without a worker until we say so
 LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
-NOT_READY = "the local workers are not ready yet; the first time, they compile their kernels for a minute"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +65,16 @@ class PoolOptions:
     worker_timeout: float | None = None  # seconds without any worker until we give up; None to wait for ever
     run: str | None = None  # None to invent a name
     worker_command: tuple[str, ...] = COMMAND
+
+    def missing(self) -> str:
+        """What to say when no worker is there."""
+        if self.local_workers:
+            return "the local workers are not ready yet; the first time they compile for a minute or so"
+        return "no worker is there; waiting for one"
+
+    def invitation(self) -> str:
+        """The command that adds a worker."""
+        return f"gepf-worker --connect {next(iter([*self.listen, *self.connect]), 'ENDPOINT')}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +109,8 @@ class ZenohRefiner:
         self._dispatch = Dispatch()
         self._askers: dict[str, Asker] = {}
         self._seen: dict[str, None] = {}
-        self._shelf = Shelf()
         self._traffic = Traffic()
-        self._alone_since: float | None = None
-        self._told_alone = False
-        self._frame = -1
+        self._absence = Absence(options.worker_timeout, options.missing(), options.invitation())
         self._request: RefineRequest | None = None
         self._refined: dict[int, Refined] = {}  # by ticket
         self._parts: dict[int, Refined] = {}  # by first particle
@@ -121,7 +125,8 @@ class ZenohRefiner:
             self._bus = stack.enter_context(
                 open_coordinator([*own, *self._options.listen], self._options.connect)
             )
-            self._frames = self._open(self._bus)
+            self._publication = Publication(self._bus, self.run)
+            self._bus.watch(keys.ANY_WORKER_ALIVE, self._notice)
             names = [f"{self.run}-{k}" for k in range(self._options.local_workers)]
             self._local = LocalWorkers(names, local, folder, self._options.worker_command)
             stack.callback(self._local.stop)
@@ -157,10 +162,7 @@ class ZenohRefiner:
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to all workers; all later calls of `refine` are about it."""
         with self._timed("publish"):
-            self._frame = max(subject.frame.number, self._frame + 1)  # never the same twice
-            payload = encode_frame(subject)
-            self._shelf.put_frame(self._frame, payload)
-            self._frames.put(self._frame, payload)
+            self._publication.put(subject)
 
     def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
         """Poses (N, D) after their descent, in the order given.
@@ -171,22 +173,17 @@ class ZenohRefiner:
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         with self._timed("refine"):
-            self._shelf.put_model(model.hash, lambda: encode_model(model))
-            self._request = RefineRequest(self.run, self._frame, model.hash, settings, poses)
+            self._publication.offer(model)
+            self._handle(JobStarted(0))  # gives up what is left of a job that failed
+            self._catch_up()
+            self._request = RefineRequest(self.run, self._publication.last, model.hash, settings, poses)
             self._parts.clear()
             self._refined.clear()
             self._done = False
-            self._catch_up()
             self._handle(JobStarted(len(poses)))
             while not self._done:
                 self._step()
             return concatenate([self._parts[start] for start in sorted(self._parts)])
-
-    def _open(self, bus: Bus) -> FramePublisher:
-        bus.serve(keys.run_frame(self.run, "*"), lambda key: self._shelf.frame(keys.last_of(key)))
-        bus.serve(keys.run_model(self.run, "*"), lambda key: self._shelf.model(keys.last_of(key)))
-        bus.watch(keys.ANY_WORKER_ALIVE, self._notice)
-        return bus.publish_frames(keys.run_frames(self.run))
 
     def _notice(self, key: str, alive: bool) -> None:
         worker = keys.worker_of(key)
@@ -238,7 +235,7 @@ class ZenohRefiner:
             return
         self._askers[worker] = self._bus.asker(keys.worker_refine(worker), REQUEST_TIMEOUT)
         self._seen[worker] = None
-        self._alone_since, self._told_alone = None, False
+        self._absence.end()
         self._tell(f"worker {worker} joined")
 
     def _dismiss(self, worker: str) -> None:
@@ -260,7 +257,7 @@ class ZenohRefiner:
             case Done():
                 self._done = True
             case Fail(reason):
-                raise ProtocolError(f"no worker can refine frame {self._frame}: {reason}")
+                raise ProtocolError(f"no worker can refine frame {self._publication.last}: {reason}")
 
     def _send(self, send: Send) -> None:
         assert self._request is not None
@@ -282,24 +279,9 @@ class ZenohRefiner:
     def _look_after_workers(self) -> None:
         for line in self._local.restart_dead():
             self._tell(line)
-        if not self._askers:
-            self._wait_alone(time.monotonic())
-
-    def _wait_alone(self, now: float) -> None:
-        """Nobody is there: say so after a while, and give up when the user wants that."""
-        self._alone_since = now if self._alone_since is None else self._alone_since
-        alone = now - self._alone_since
-        timeout = self._options.worker_timeout
-        if timeout is not None and alone > timeout:
-            self._alone_since = None
-            raise NoWorkers(f"no worker came within {timeout:g} s; start one with {self._invitation()}")
-        if alone > NOTICE and not self._told_alone:
-            self._told_alone = True
-            self._tell(NOT_READY if self._options.local_workers else "no worker is there; waiting for one")
-
-    def _invitation(self) -> str:
-        endpoints = [*self._options.listen, *self._options.connect] or ["ENDPOINT"]
-        return f"gepf-worker --connect {endpoints[0]}"
+        missing = None if self._askers else self._absence.look(time.monotonic())
+        if missing is not None:
+            self._tell(missing)
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:

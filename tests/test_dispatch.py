@@ -9,13 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coordinator.batches import LARGEST, split
-from coordinator.dispatch import (
-    LATE_LEAST,
-    PAUSE,
-    REST,
-    WINDOW,
+from coordinator.dispatch import LATE_LEAST, PAUSE, REST, WINDOW, Dispatch
+from coordinator.instructions import (
     Accept,
-    Dispatch,
     Done,
     Ended,
     Event,

@@ -14,12 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from common import messages
+from common import messages, wire
 from common.body import BodyModel
 from common.errors import ProtocolError
 from common.frame import SubjectFrame
 from common.messages import (
-    PROTOCOL,
     RefineRequest,
     decode_frame,
     decode_model,
@@ -34,6 +33,7 @@ from common.messages import (
 )
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.wire import MAX_REASON, PROTOCOL
 from worker.warm import tiny_frame, tiny_model
 
 COUNT, DOFS = 3, 6
@@ -147,7 +147,7 @@ def test_reply_may_be_infinite_but_for_its_poses() -> None:
 def test_refusal_survives_in_part() -> None:
     """A reason arrives, and one that is too long arrives shortened."""
     assert decode_refusal(KINDS["refusal"].payload) == "no"
-    assert decode_refusal(encode_refusal("x" * 5000)) == "x" * messages.MAX_REASON
+    assert decode_refusal(encode_refusal("x" * 5000)) == "x" * MAX_REASON
 
 
 def test_tables_know_every_array() -> None:
@@ -230,7 +230,7 @@ def test_rubbish_is_refused(kind: str, payload: bytes) -> None:
 
 def test_too_large_is_refused_unread(monkeypatch: pytest.MonkeyPatch) -> None:
     """A message above the limit is not even looked into."""
-    monkeypatch.setattr(messages, "MAX_BYTES", 100)
+    monkeypatch.setattr(wire, "MAX_BYTES", 100)
     refuse("frame", b"\xc1" * 101, "101 bytes is above the limit of 100")
 
 

@@ -184,9 +184,19 @@ def test_nobody_comes(endpoint: str) -> None:
         refined_bytes(refiner, 1)
 
 
+def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
+    """Who tries again after a job that failed gets the new job's result, with nothing of the old one."""
+    with ZenohRefiner(PoolOptions(listen=(endpoint,), worker_timeout=0.2)) as refiner:
+        with pytest.raises(NoWorkers):
+            refined_bytes(refiner, 1)
+        with serving(endpoint, "w"):
+            time.sleep(0.2)  # for its coming to be waiting to be handled
+            assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
+
+
 def test_run_says_that_it_waits(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Who waits for workers is told so, once."""
-    monkeypatch.setattr("coordinator.runtime.NOTICE", 0.1)
+    monkeypatch.setattr("coordinator.absence.NOTICE", 0.1)
     told: list[str] = []
     options = PoolOptions(listen=(endpoint,), worker_timeout=0.6)
     with ZenohRefiner(options, told.append) as refiner, pytest.raises(NoWorkers):

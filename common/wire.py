@@ -1,0 +1,100 @@
+"""The form of every message: msgpack maps of this protocol version, limited in size."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeVar
+
+import msgspec
+
+from common.arrays import Array
+from common.camera import Intrinsics
+from common.errors import ProtocolError
+from common.keys import NAME
+from common.settings import RefineSettings
+
+PROTOCOL = 1
+MAX_BYTES = 64 * 2**20  # of one message
+MAX_REASON = 1_000  # characters
+
+Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
+Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
+Name = Annotated[str, msgspec.Meta(max_length=200)]
+Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
+Hash = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
+RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
+
+
+class Header(msgspec.Struct, frozen=True):
+    """What every message of every version begins with."""
+
+    version: int
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    """A message of this version."""
+
+    version: int = PROTOCOL
+
+
+class FrameMessage(Message, frozen=True, tag="frame"):
+    """A SubjectFrame."""
+
+    number: Natural
+    time_s: float
+    depth_scale: float
+    intrinsics: Intrinsics
+    depth: Array
+    picked: Array
+    view: tuple[Pixel, Pixel, Pixel, Pixel]
+
+
+class ModelMessage(Message, frozen=True, tag="model"):
+    """A BodyModel: its texts, lists of names and arrays by field."""
+
+    hash: Hash
+    texts: dict[str, Name]
+    names: dict[str, Names]
+    arrays: dict[str, Array]
+
+
+class RequestMessage(Message, frozen=True, tag="request"):
+    """A RefineRequest."""
+
+    run: RunName
+    frame: Natural
+    model: Hash
+    settings: RefineSettings
+    poses: Array
+
+
+class ReplyMessage(Message, frozen=True, tag="reply"):
+    """Refined particles: arrays by field."""
+
+    arrays: dict[str, Array]
+
+
+class RefusalMessage(Message, frozen=True, tag="refusal"):
+    """Why a request cannot be served."""
+
+    reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
+
+
+M = TypeVar("M", bound=Message)
+
+
+def encode(message: Message) -> bytes:
+    """A message as bytes."""
+    return msgspec.msgpack.encode(message)
+
+
+def decode(payload: bytes, kind: type[M]) -> M:
+    """A message of one kind and of this version, or ProtocolError."""
+    if len(payload) > MAX_BYTES:
+        raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
+    try:
+        version = msgspec.msgpack.decode(payload, type=Header).version
+        if version != PROTOCOL:
+            raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
+        return msgspec.msgpack.decode(payload, type=kind)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        raise ProtocolError(f"not a {kind.__struct_config__.tag} message: {error}") from error

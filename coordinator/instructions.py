@@ -1,0 +1,89 @@
+"""What happens to a job, and what is to be done about it: the language of dispatch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class JobStarted:
+    """Refine `particles` particles; whatever is left of the job before is given up."""
+
+    particles: int
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerJoined:
+    """A worker is there."""
+
+    worker: str
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerLeft:
+    """A worker is gone, and what it was working on with it."""
+
+    worker: str
+
+
+@dataclass(frozen=True, slots=True)
+class Replied:
+    """A request has brought a result that makes sense."""
+
+    ticket: int
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A request has brought an error, or a result that makes no sense."""
+
+    ticket: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A request is over; nothing more will come of it."""
+
+    ticket: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ticked:
+    """Time has passed."""
+
+
+Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Ended | Ticked
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Ask a worker to refine particles start..stop-1."""
+
+    ticket: int
+    worker: str
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class Accept:
+    """The result of a ticket is the first for the particles from `start` on."""
+
+    ticket: int
+    start: int
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """Every particle of the job has a result."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fail:
+    """The job cannot be done; all workers say why."""
+
+    reason: str
+
+
+Instruction = Send | Accept | Done | Fail
