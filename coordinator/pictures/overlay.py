@@ -27,6 +27,7 @@ FINER = 2  # the picture is drawn at this multiple and averaged
 BACKGROUND = np.array([19.0, 23.0, 31.0], dtype=np.float32)
 MODEL_COLOUR = np.array([255.0, 122.0, 28.0], dtype=np.float32)
 MODEL_OPACITY, CONTOUR_OPACITY, CONTOUR_JUMP_M = 0.38, 0.9, 0.06
+FARTHEST = 1e4  # pixels outside the picture that a line may go
 SKELETON_COLOUR, OTHERS_COLOUR = (255, 255, 255), (92, 214, 255)
 STATUS_COLOURS = {"tracked": (92, 200, 120), "ambiguous": (245, 190, 70), "lost": (240, 90, 90)}
 
@@ -107,7 +108,7 @@ class Painter:
     ) -> None:
         if np.any(joints[:, 2] <= 0.0):
             return
-        pixels = project(joints, self._fine.intrinsics)
+        pixels = np.clip(project(joints, self._fine.intrinsics), -FARTHEST, FARTHEST)
         for a, b in bones(self.model.joint_names):
             draw.line([*pixels[a], *pixels[b]], fill=colour, width=width)
         for x, y in pixels:

@@ -10,8 +10,9 @@ from PIL import Image
 
 from common.body import BodyModel
 from common.camera import Intrinsics
-from common.errors import GepfError
+from common.errors import GepfError, InputError
 from coordinator.atomic_file import write_atomically
+from coordinator.evaluation import compare
 from coordinator.pictures.animation import encode_gif
 from coordinator.pictures.errors import draw_errors
 from coordinator.pictures.hypotheses import draw_hypotheses
@@ -45,9 +46,9 @@ def draw_run(
     write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
     write_sheet(pictures, files[1])
     draw_hypotheses(track, truth, files[2])
-    if truth is not None:
+    if truth is not None and comparable(track, truth):
         files.append(out / ERRORS_FILE)
-        draw_errors(track, truth, files[3])
+        draw_errors(track, truth, files[-1])
     return files
 
 
@@ -68,6 +69,16 @@ def write_sheet(pictures: list[Image.Image], file: Path) -> None:
     """Write some of the pictures side by side."""
     sheet = tile([pictures[i] for i in spread(len(pictures), SHEET_FRAMES)], SHEET_COLUMNS)
     write_atomically(file, lambda opened: sheet.save(opened, "PNG"))
+
+
+def comparable(track: Track, truth: Truth) -> bool:
+    """Whether track and truth share anything; else a warning."""
+    try:
+        compare(track, truth)
+    except InputError as error:
+        logger.warning("there is no picture of the errors: %s", error)
+        return False
+    return True
 
 
 def shown_at(track: Track, position: int) -> Shown:
