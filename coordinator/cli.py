@@ -83,6 +83,20 @@ def gepf(
 
 
 @app.command()
+def demo(
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the demo (default: gepf-demo).")
+    ] = None,
+) -> None:
+    """Track an arm behind heavy noise: a table of errors, and pictures."""
+    from coordinator.demo import run_demo
+    from coordinator.pool import connect_workers
+
+    end_as_interrupted()
+    run_demo(out, on_stderr(), connect_workers)
+
+
+@app.command()
 def track(  # noqa: PLR0913 one parameter an option
     sequence: Sequence_,
     out: Results,
@@ -123,7 +137,7 @@ def track(  # noqa: PLR0913 one parameter an option
     from coordinator.pool import connect_workers
     from coordinator.run import track_sequence
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_as_interrupted()
     track_sequence(job, on_stderr(), connect_workers)
 
 
@@ -171,6 +185,11 @@ def synth(
 
     with on_stderr().steps("rendering") as advance:
         synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance)
+
+
+def end_as_interrupted() -> None:
+    """Let SIGTERM end a run as Ctrl-C does, so that its frames are kept."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def on_stderr() -> Show:

@@ -228,6 +228,8 @@ def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Call
     assert "no such folder" in refused("export", run, "--to", "csv", "--out", tmp_path / "x.csv")
     assert "unknown scene 'leg'; choose from arm" in refused("synth", "leg", "--out", tmp_path / "seq")
     assert "--frames" in refused("synth", "arm", "--out", tmp_path / "seq", "--frames", "x")
+    (tmp_path / "thesis.tex").touch()
+    assert "holds other things than a demo; choose another --out" in refused("demo", "--out", tmp_path)
     assert "No such command 'trak'. Did you mean 'track'?" in refused("trak")
     assert "Missing argument" in refused("track", "--out", tmp_path / "out")
     assert "Missing option '--out'" in refused("track", tmp_path)

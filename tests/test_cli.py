@@ -123,7 +123,7 @@ def test_gepf_alone_tells_what_it_can_do(capsys: pytest.CaptureFixture[str]) -> 
     assert main([]) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    for command in ("track", "evaluate", "export", "synth"):
+    for command in ("demo", "track", "evaluate", "export", "synth"):
         assert command in out
 
 
