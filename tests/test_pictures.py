@@ -206,6 +206,17 @@ def test_a_view_shows_a_point_where_its_camera_says(track: Track, source: Source
     assert view.crop(source.frame(0).metres()).shape == (view.rows, view.columns)
 
 
+def test_a_lost_body_does_not_widen_the_view(track: Track, source: Source) -> None:
+    """Joints of the lost frame far outside leave the view as it was; if all are lost, they count."""
+    away = track.joint_positions.copy()
+    away[3] += (0.5, 0.0, -1.0)
+    once = replace(track, joint_positions=away)
+    always = replace(once, status=np.array(["lost"] * FRAMES))
+    view = around(track, source.intrinsics, 300, 300)
+    assert around(once, source.intrinsics, 300, 300) == view
+    assert around(always, source.intrinsics, 300, 300).columns > view.columns
+
+
 @given(st.integers(1, 500), st.integers(1, 100))
 def test_spread_takes_the_first_and_the_last_and_no_frame_twice(count: int, wanted: int) -> None:
     """At most as many as wanted, in order, with gaps that differ by at most one."""

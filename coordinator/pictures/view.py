@@ -59,8 +59,12 @@ class View:
 
 
 def around(track: Track, camera: Intrinsics, width: int, height: int) -> View:
-    """The view that shows all joints of all frames, and fits into width x height pixels."""
-    points = track.joint_positions.reshape(-1, 3)
+    """The view that shows all joints of all frames, and fits into width x height pixels.
+
+    Where a lost body is said to be does not count, unless it is lost all the time.
+    """
+    kept = track.status != "lost"
+    points = track.joint_positions[kept if kept.any() else ...].reshape(-1, 3)
     points = points[np.all(np.isfinite(points), axis=1) & (points[:, 2] > MARGIN_M)]
     if not len(points):
         return fit(camera, 0, 0, camera.width, camera.height, width, height)
