@@ -1,4 +1,4 @@
-"""A person in front of a depth camera, and a pose nearby to refine: the case that a particle's cost is for."""
+"""A person in front of a depth camera and a pose nearby to refine: what a particle's cost is measured on."""
 
 from __future__ import annotations
 
