@@ -16,7 +16,7 @@ from common.kinematics import dof_transforms
 from coordinator.models.measures import Measures
 from coordinator.models.ranges import joint_range
 from coordinator.models.shape import ARMS_RAISED, LEGS_SPREAD, moved, shape_person
-from coordinator.models.skeleton import Skeleton, build_skeleton
+from coordinator.models.skeleton import ARM_TILT, Skeleton, build_skeleton
 from coordinator.models.skinning import KEPT, skin_shares, strongest
 from coordinator.models.surface import mesh_symmetric
 
@@ -58,7 +58,7 @@ def human_of(measures: Measures) -> BodyModel:
     """A person of these measures. The same measures give the same bytes."""
     skeleton = build_skeleton(measures)
     bare = _without_skin(skeleton)
-    raised = dof_transforms(bare, _building_pose(bare, measures)[None])[0]  # (D, 3, 4)
+    raised = dof_transforms(bare, _building_pose(bare)[None])[0]  # (D, 3, 4)
     joints = {dof.joint: moved(raised[j], skeleton.joints[dof.joint]) for j, dof in enumerate(skeleton.dofs)}
 
     shape = shape_person(measures, skeleton)
@@ -103,10 +103,10 @@ def _without_skin(skeleton: Skeleton) -> BodyModel:
     )
 
 
-def _building_pose(model: BodyModel, measures: Measures) -> Array:
+def _building_pose(model: BodyModel) -> Array:
     pose = np.zeros(len(model.dof_names))
     for side in "lr":
-        pose[model.dof(f"{side}_shoulder_abduct")] = ARMS_RAISED - measures.arm_tilt
+        pose[model.dof(f"{side}_shoulder_abduct")] = ARMS_RAISED - ARM_TILT
         pose[model.dof(f"{side}_hip_abduct")] = LEGS_SPREAD
     return pose
 

@@ -9,7 +9,6 @@ Motor Control of Human Movement", 4th ed. (2009), fig. 4.1. The joint centre of 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 
 from common.errors import InputError
@@ -61,11 +60,6 @@ class Measures:
         measures = cls(stature=stature_m, girth=girth, **{**known, **lengths})
         measures._check(known)
         return measures
-
-    @property
-    def arm_tilt(self) -> float:
-        """How far the resting arms hang off the vertical, in radians: the wider the trunk, the farther."""
-        return max(math.radians(3.0), math.radians(9.0 + 45.0 * (self.girth - 1.0)))
 
     def _check(self, usual: dict[str, float]) -> None:
         if not 0.5 <= self.stature <= 2.6:

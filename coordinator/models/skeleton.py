@@ -1,9 +1,9 @@
 """Joint centres of the human template and the table of its degrees of freedom.
 
 Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms hang a little
-off the vertical, by `Measures.arm_tilt`, so that they clear the trunk; all angles are zero there.
-Coordinates are those of `common.body`: x to the person's left, y down, z to the person's back, the root
-between the hip joints at the origin.
+off the vertical, by `ARM_TILT`, so that they clear an average trunk; all angles are zero there whatever
+the girth, so that angles of different people compare. Coordinates are those of `common.body`: x to the
+person's left, y down, z to the person's back, the root between the hip joints at the origin.
 
 Signs, the same on both sides of the body:
 
@@ -37,6 +37,8 @@ Bone = tuple[str, str | None, str, Motions, int]
 
 LEFT, DOWN, BACK = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 RIGHT, UP, FRONT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
+
+ARM_TILT = np.radians(11.0)
 
 _SPINE_MOTIONS = {"roll": FRONT, "torsion": UP, "tilt": LEFT}
 _THUMB_DIRECTION = (0.0, 0.8, -0.6)
@@ -97,7 +99,7 @@ def build_skeleton(measures: Measures) -> Skeleton:
     joints = place_joints(measures)
     dofs: list[Dof] = []
     links: dict[str, str] = {}
-    for link, parent, joint, axes, kind in _bones(measures.arm_tilt):
+    for link, parent, joint, axes, kind in _bones():
         above = links.get(parent) if parent else None
         for name, axis in axes.items():
             dofs.append(Dof(name, kind, above, axis, joint))
@@ -106,7 +108,7 @@ def build_skeleton(measures: Measures) -> Skeleton:
     return Skeleton(joints, tuple(dofs), links)
 
 
-def _bones(arm_tilt: float) -> Iterator[Bone]:
+def _bones() -> Iterator[Bone]:
     """Link, parent link, joint, axes by degree of freedom, and kind; parents before children."""
     axes = (LEFT, DOWN, BACK)
     yield "root", None, "pelvis", dict(zip(ROOT_DOFS[:3], axes, strict=True)), TRANSLATION
@@ -120,8 +122,8 @@ def _bones(arm_tilt: float) -> Iterator[Bone]:
         below = bone
     for side in "lr":
         yield from _limb(side, "vt1", _GIRDLE, 0.0)
-        yield from _limb(side, f"{side}_scapula", _ARM, arm_tilt)
-        yield from _fingers(side, arm_tilt)
+        yield from _limb(side, f"{side}_scapula", _ARM, ARM_TILT)
+        yield from _fingers(side, ARM_TILT)
         yield from _limb(side, "pelvis", _LEG, 0.0)
 
 
@@ -160,7 +162,7 @@ def _sided(side: str, axis: Vector) -> Vector:
 def place_joints(measures: Measures) -> dict[str, Array]:
     """Joint centres (3,) in metres, rest frame."""
     spine = _spine(measures)
-    head = spine["skullbase"] + np.array([0.0, -0.024, -0.004]) * measures.stature
+    head = spine["skullbase"] + np.array([0.0, -0.034, 0.0]) * measures.stature
     joints = {"pelvis": np.zeros(3), **spine, "head": head}
     left = {**_leg(measures), **_arm(measures)}
     for name, point in left.items():
@@ -200,7 +202,7 @@ def _leg(measures: Measures) -> dict[str, Array]:
 def _arm(measures: Measures) -> dict[str, Array]:
     x = 0.5 * measures.shoulder_width
     shoulder = np.array([x, -measures.trunk, 0.012 * measures.stature])
-    down = np.array(tilted(DOWN, measures.arm_tilt))
+    down = np.array(tilted(DOWN, ARM_TILT))
     wrist = shoulder + (measures.upper_arm + measures.forearm) * down
     joints = {
         "sternoclavicular": np.array([0.1 * x, -1.04 * measures.trunk, -0.025 * measures.stature]),
@@ -216,7 +218,7 @@ def _hand(measures: Measures, wrist: Array) -> dict[str, Array]:
     """Finger joints, on lines down the hanging hand; the index finger is in front."""
 
     def at(down: float, front: float) -> Array:
-        return wrist + measures.hand * np.array(tilted((0.0, down, -front), measures.arm_tilt))
+        return wrist + measures.hand * np.array(tilted((0.0, down, -front), ARM_TILT))
 
     joints = {}
     for i, finger in enumerate(FINGERS):

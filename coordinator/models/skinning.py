@@ -19,6 +19,9 @@ KEPT = 4
 SPINE_ANCHORS = ("pelvis", "vl5", "vl3", "vl1", "vt11", "vt8", "vt5", "vt2", "vc7", "vc4", "skull")
 """Bones of the spine that carry skin: far enough apart for one active vertebra to bend it smoothly."""
 
+_NECK_SHIFT = (0.009, 0.0, -0.018)
+"""How much higher than their joints vc7, vc4 and skull hold the skin, as fractions of stature."""
+
 
 def skin_shares(points: Array, joints: Joints, measures: Measures) -> dict[str, Array]:
     """Share (V,) of each link that carries skin; the shares of a point add up to 1.
@@ -69,7 +72,7 @@ def _leg_shares(points: Array, at: Joints, measures: Measures) -> dict[str, Arra
     thigh = blend(points[:, 1], groin, 0.055 * k)
     shank = blend(along, measures.thigh, 0.03 * k)
     foot = blend(along, measures.thigh + measures.shank, 0.016 * k)
-    toes = blend(-points[:, 2], -at["metatarsal"][2], 0.012 * k) * foot
+    toes = blend(-points[:, 2], -at["metatarsal"][2], 0.018 * k) * foot
     return {"thigh": thigh - shank, "shank": shank - foot, "foot": foot - toes, "toes": toes}
 
 
@@ -81,21 +84,26 @@ def _cylindrical(points: Array, start: Array, end: Array) -> tuple[Array, Array]
 
 
 def _spine_shares(points: Array, joints: Joints, measures: Measures) -> dict[str, Array]:
-    """Quadratic B-splines over the anchors, by height; the chin belongs to the skull."""
-    k = measures.stature
-    centres = np.array([_anchor_height(name, joints, k) for name in SPINE_ANCHORS])
-    height = -points[:, 1]
-    neck = blend(height, -joints["vc7"][1] + 0.005 * k, 0.02 * k)
-    height = height - 0.6 * neck * (points[:, 2] - joints["vc4"][2])
-    position = np.interp(height, centres, np.arange(len(centres)))
+    """Quadratic B-splines over the anchors, by level; pelvis and skull are rigid."""
+    levels = _level(np.stack([_anchor(name, joints) for name in SPINE_ANCHORS]), joints, measures)
+    levels[-3:] += np.array(_NECK_SHIFT) * measures.stature
+    ends = 1.5 * levels[[0, -1]] - 0.5 * levels[[1, -2]]
+    knots = np.concatenate([ends[:1], levels, ends[1:]])
+    places = np.concatenate([[-0.5], np.arange(len(levels)), [len(levels) - 0.5]])
+    position = np.interp(_level(points, joints, measures), knots, places)
     shares = np.stack([_spline(position - i) for i in range(len(SPINE_ANCHORS))])
     return dict(zip(SPINE_ANCHORS, shares / shares.sum(axis=0), strict=True))
 
 
-def _anchor_height(name: str, joints: Joints, stature: float) -> float:
-    if name == "skull":
-        return float(-joints["skullbase"][1]) + 0.012 * stature
-    return float(-joints[name][1]) + (0.01 * stature if name.startswith("v") else 0.0)
+def _anchor(name: str, joints: Joints) -> Array:
+    return joints["skullbase" if name == "skull" else name]
+
+
+def _level(points: Array, joints: Joints, measures: Measures) -> Array:
+    """Height (n,) above the hips, of slanting levels at the neck: the chin is as high as the nape."""
+    height = -points[:, 1]
+    slant = 0.5 * blend(height, -joints["vc7"][1] - 0.015 * measures.stature, 0.05 * measures.stature)
+    return np.asarray(height - slant * points[:, 2])
 
 
 def _spline(x: Array) -> Array:
