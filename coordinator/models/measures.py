@@ -1,10 +1,10 @@
 """Measures of a person: stature, girth and segment lengths.
 
-What is not given follows from stature. Segment lengths between joint centres are the means of male and
-female adults of de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", J. Biomech.
-29 (1996); heights of landmarks are those of Drillis & Contini (1966) as in Winter, "Biomechanics and
-Motor Control of Human Movement", 4th ed. (2009), fig. 4.1. The joint centre of the shoulder lies about
-2 % of stature below the landmark there (the acromion).
+What is not given follows from stature. The fractions lie between the segments of Drillis & Contini (1966;
+in Winter, "Biomechanics and Motor Control of Human Movement", 4th ed. 2009, fig. 4.1), which end at
+landmarks on the skin, and the distances between joint centres of de Leva, "Adjustments to
+Zatsiorsky-Seluyanov's segment inertia parameters", J. Biomech. 29 (1996). The joint centre of the shoulder
+is taken 1-2 % of stature below the landmark there, the acromion, so the upper arm is shorter than theirs.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """The outline of a clothed adult as tables of elliptic sections.
 
 Rows: position along the part, then the section's centre and half-widths in the two other coordinates (in
-the order x, y, z), in percent of stature. Breadths, depths and circumferences follow Gordon et al.,
-"2012 Anthropometric Survey of U.S. Army Personnel" (NATICK/TR-15/007), means of both sexes, plus 1-2 cm
-of clothes. Caps are the lengths of the rounded ends before the first and after the last row.
+the order x, y, z), in percent of stature. At chest, waist and hips, breadths and depths are the means of
+both sexes (as fractions of stature) in Gordon et al., "2012 Anthropometric Survey of U.S. Army Personnel"
+(NATICK/TR-15/007), plus 1-2 cm of clothes; the rest was drawn by eye to go with them. Caps are the lengths
+of the rounded ends before the first and after the last row.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ TRUNK = Part(
         (-0.13, 0.0, 1.5, 4.2, 3.9),
         (-0.07, 0.0, 1.5, 6.2, 4.8),
         (0.02, 0.0, 1.2, 8.5, 5.7),
-        (0.13, 0.0, 0.7, 8.9, 6.6),
-        (0.27, 0.0, 0.3, 8.9, 7.0),
-        (0.45, 0.0, 0.2, 9.0, 6.6),
-        (0.61, 0.0, -0.1, 9.0, 6.4),
-        (0.78, 0.0, 0.0, 9.3, 6.4),
-        (0.92, 0.0, 0.5, 9.6, 6.3),
-        (1.04, 0.0, 0.8, 9.5, 6.1),
+        (0.13, 0.0, 0.7, 8.9, 6.9),
+        (0.27, 0.0, 0.3, 8.9, 7.4),
+        (0.45, 0.0, 0.1, 9.1, 7.0),
+        (0.61, 0.0, -0.2, 9.3, 6.8),
+        (0.78, 0.0, -0.1, 9.6, 6.9),
+        (0.92, 0.0, 0.4, 9.8, 6.8),
+        (1.04, 0.0, 0.7, 9.6, 6.4),
         (1.12, 0.0, 0.9, 8.8, 5.6),
     ),
     caps=(2.0, 5.0),
@@ -54,7 +55,7 @@ NECK = Part(
 )
 BUTTOCK = Part(
     axis=1,
-    rows=((0.90, 4.2, 2.8, 4.2, 3.6), (1.04, 4.3, 3.4, 4.5, 4.1), (1.16, 4.4, 3.1, 4.0, 3.6)),
+    rows=((0.90, 4.2, 2.8, 4.2, 3.6), (1.04, 4.3, 3.7, 4.5, 4.2), (1.16, 4.4, 3.1, 4.0, 3.6)),
     caps=(6.0, 3.5),
 )
 # Sideways from the middle, in units of half the shoulder width; y and z from the shoulder joint.
@@ -117,14 +118,14 @@ THUMB = Part(
 LEG = Part(
     axis=1,
     rows=(
-        (0.05, -0.1, 0.7, 4.8, 5.2),
-        (0.22, -0.1, 0.6, 4.75, 5.2),
-        (0.45, 0.0, 0.3, 4.25, 4.65),
-        (0.75, 0.0, 0.2, 3.65, 3.95),
-        (0.97, 0.0, 0.1, 3.25, 3.55),
-        (1.08, 0.0, 0.5, 3.1, 3.45),
-        (1.32, 0.1, 1.2, 3.3, 3.6),
-        (1.58, 0.0, 1.4, 2.8, 3.1),
+        (0.05, -0.1, 0.6, 5.05, 5.5),
+        (0.22, -0.1, 0.5, 5.05, 5.5),
+        (0.45, 0.0, 0.3, 4.5, 4.9),
+        (0.75, 0.0, 0.2, 3.8, 4.1),
+        (0.97, 0.0, 0.1, 3.35, 3.65),
+        (1.08, 0.0, 0.5, 3.2, 3.55),
+        (1.32, 0.1, 1.1, 3.45, 3.8),
+        (1.58, 0.0, 1.3, 2.9, 3.2),
         (1.84, 0.0, 1.4, 2.3, 2.6),
         (1.98, 0.0, 1.4, 2.25, 2.6),
     ),
@@ -134,12 +135,12 @@ LEG = Part(
 FOOT = Part(
     axis=2,
     rows=(
-        (-0.52, 0.0, -1.6, 2.75, 1.6),
-        (-0.36, 0.0, -1.8, 2.7, 1.8),
+        (-0.52, 0.0, -1.6, 2.9, 1.6),
+        (-0.36, 0.0, -1.8, 2.85, 1.8),
         (-0.15, 0.0, -2.1, 2.3, 2.1),
         (0.05, 0.0, -2.2, 2.1, 2.2),
-        (0.12, 0.0, -2.1, 2.0, 2.1),
+        (0.14, 0.0, -2.1, 2.0, 2.1),
     ),
-    caps=(4.0, 2.2),
+    caps=(5.2, 2.8),
     clothed=False,
 )

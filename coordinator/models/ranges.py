@@ -1,9 +1,10 @@
 """Ranges of joint motion, in degrees.
 
-Limbs: American Academy of Orthopaedic Surgeons, "Joint Motion" (1965); Boone & Azen, "Normal range of
-motion of joints in male subjects", J. Bone Joint Surg. 61-A (1979); where these measure passive standard
-positions only, the wider 95th percentile of NASA-STD-3000 (fig. 3.3.2.3.1-1). Spine: sums over the
-regions of White & Panjabi, "Clinical Biomechanics of the Spine", 2nd ed. (1990).
+Limbs: the means of American Academy of Orthopaedic Surgeons, "Joint Motion" (1965) and Boone & Azen, "Normal
+range of motion of joints in male subjects", J. Bone Joint Surg. 61-A (1979), rounded outward by some
+degrees, because a limit that is too tight cannot be tracked through; joints that these leave out have
+small ranges by judgement. Spine: about the sums over the regions of White & Panjabi, "Clinical
+Biomechanics of the Spine", 2nd ed. (1990).
 
 A single vertebra moves by a few degrees, but a tracker moves only one or two vertebrae, each as the
 stand-in for its region. So each vertebra's range is that of all lumbar and thoracic joints together (with
@@ -38,7 +39,7 @@ _LIMBS = {
     "acromioclavicular_rotate": (-20, 20),
     "shoulder_flexion": (-60, 180),
     "shoulder_abduct": (-50, 180),
-    "shoulder_twisting": (-95, 95),
+    "shoulder_twisting": (-105, 95),
     "elbow_flexion": (-5, 155),
     "elbow_twisting": (-90, 90),
     "wrist_flexion": (-75, 80),

@@ -15,7 +15,8 @@ Signs, the same on both sides of the body:
 - pivot moves the hand or finger to the side of the thumb; the thumb's away from the palm;
 - tilt bends forward, torsion turns to the person's left, roll leans to the person's right.
 
-The legs hang off the root, the spine stands on the sacroiliac joint, so bending the waist leaves the legs.
+The legs hang off the root and the spine stands on the sacroiliac joint, so bending the waist leaves the
+legs; in the standard the spine stands on the root and the legs hang off the sacroiliac joint.
 """
 
 from __future__ import annotations
