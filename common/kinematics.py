@@ -221,13 +221,19 @@ def rotation_vector(rotation):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
+def handedness(axes):  # type: ignore[no-untyped-def]
+    """1 for right-handed orthonormal axes (3, 3), -1 for left-handed ones, about which angles turn the other way."""
+    return 1.0 if np.dot(np.cross(axes[0], axes[1]), axes[2]) > 0.0 else -1.0
+
+
+@numba.njit(cache=True, nogil=True)
 def apply_step(axes, balls, step, pose):  # type: ignore[no-untyped-def]
     """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
     old = pose.copy()
     pose += step
     for start in balls:
         a = axes[start : start + 3]
-        handed = 1.0 if np.dot(np.cross(a[0], a[1]), a[2]) > 0 else -1.0
+        handed = handedness(a)
         turn = step[start : start + 3]
         angle = np.sqrt(np.sum(turn**2))
         if angle > 1e-15:

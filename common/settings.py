@@ -11,6 +11,8 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     icp_iterations: int = 3
     gauss_newton_iterations: int = 5
     damping: float = 0.1  # lambda of Eq. 4
+    damping_share: float = 0.0  # is added to it for each observed point
+    rest_weight: float = 0.0  # of a squared joint angle, for each observed point
     keep_limits: bool = False
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
     noise_lateral: float = 0.01  # and across it

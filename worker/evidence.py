@@ -33,6 +33,8 @@ class Rules(NamedTuple):
     icp_iterations: int
     gauss_newton_iterations: int
     damping: float
+    damping_share: float
+    rest_weight: float
     keep_limits: bool
     stretch: float  # lateral over depth noise
     outlier_squared: float  # m^2
@@ -54,7 +56,8 @@ def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evid
 def lay_out_rules(settings: RefineSettings) -> Rules:
     """Settings in the kernel's own units."""
     return Rules(
-        settings.icp_iterations, settings.gauss_newton_iterations, settings.damping, settings.keep_limits,
+        settings.icp_iterations, settings.gauss_newton_iterations, settings.damping, settings.damping_share,
+        settings.rest_weight, settings.keep_limits,
         settings.noise_lateral / settings.noise_depth, settings.outlier_distance**2,
         settings.free_space_weight, 1.0 / (settings.likelihood_scale**2),
     )

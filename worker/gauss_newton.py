@@ -19,11 +19,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.kinematics import apply_step, carry_axes, chain
+from common.kinematics import apply_step, carry_axes, chain, euler_matrix, handedness, rotation_vector
 from worker.surface import Skeleton
 
 Array = NDArray[np.float64]
 
+LIMIT_SHARE = 0.002  # weight of a squared radian outside a ball's limits, for each point
 CONVERGED = 1e-4  # radians and metres: a step below it ends the loop
 
 
@@ -48,12 +49,13 @@ def add_correspondence(
 @numba.njit(cache=True, nogil=True)
 def minimise(
     skeleton: Skeleton, pose: Array, moments: Array, crosses: Array, metric: Array, damping: float,
-    iterations: int, keep_limits: bool,
+    stiffness: float, iterations: int, keep_limits: bool,
 ) -> None:
     """Move pose (D,) in place to the minimum of Eq. 3 by damped Gauss-Newton steps (Eq. 4).
 
     moments (L, 4, 4) and crosses (L, 4, 3) are in the camera frame at the pose given; metric (3,) weights
-    the camera's axes.
+    the camera's axes. `stiffness` is the weight of a joint angle's square, which draws limbs that the
+    points leave free back to the rest pose.
     """
     count = len(pose)
     reference, moved = np.empty((count, 3, 4)), np.empty((count, 3, 4))
@@ -67,12 +69,15 @@ def minimise(
         normal_equations(skeleton, w, q, subtree_m, subtree_c, metric, gram, gradient)
         for j in range(count):
             gram[j, j] += damping
+        if stiffness > 0.0:
+            draw_to_rest(skeleton, pose, stiffness, gram, gradient)
         if keep_limits:
+            draw_into_limits(skeleton, pose, LIMIT_SHARE * moments[:, 3, 3].sum(), gram, gradient)
             hold_at_limits(skeleton, pose, gram, gradient)
         step = np.linalg.solve(gram, -gradient)  # Eq. 4
         apply_step(skeleton.axes, skeleton.balls, step, pose)
         if keep_limits:
-            clamp(skeleton.limits, pose)
+            clamp(skeleton, pose)
         if np.max(np.abs(step)) < CONVERGED:
             break
 
@@ -175,11 +180,32 @@ def jacobian_matrix(kind: int, w: Array, q: Array, out: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def hold_at_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array) -> None:
-    """Take out of the equations the single axes that stand at a limit and are pushed further out."""
-    single = np.ones(len(pose), dtype=np.bool_)
+def draw_to_rest(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
+    """Add the squared angles of all joints but the root to the equations; of a ball, its turn's angle."""
+    deviation = pose.copy()
+    for start in skeleton.balls:
+        axes = skeleton.axes[start : start + 3]
+        handed = handedness(axes)
+        deviation[start : start + 3] = handed * rotation_vector(euler_matrix(handed * pose[start : start + 3]))
+    for j in range(len(pose)):
+        if not skeleton.root[j]:
+            gram[j, j] += stiffness
+            gradient[j] += stiffness * deviation[j]
+
+
+@numba.njit(cache=True, nogil=True)
+def single_axes(skeleton: Skeleton) -> NDArray[np.bool_]:
+    """Which degrees of freedom (D,) are not part of a ball."""
+    single = np.ones(len(skeleton.parents), dtype=np.bool_)
     for start in skeleton.balls:
         single[start : start + 3] = False
+    return single
+
+
+@numba.njit(cache=True, nogil=True)
+def hold_at_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array) -> None:
+    """Take out of the equations the single axes that stand at a limit and are pushed further out."""
+    single = single_axes(skeleton)
     for j in range(len(pose)):
         low = pose[j] <= skeleton.limits[j, 0] and gradient[j] > 0.0
         high = pose[j] >= skeleton.limits[j, 1] and gradient[j] < 0.0
@@ -191,7 +217,44 @@ def hold_at_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array
 
 
 @numba.njit(cache=True, nogil=True)
-def clamp(limits: Array, pose: Array) -> None:
-    """Bring pose (D,) into the limits (D, 2), in place."""
+def clamp(skeleton: Skeleton, pose: Array) -> None:
+    """Bring the single axes of pose (D,) into their limits, in place."""
+    single = single_axes(skeleton)
     for j in range(len(pose)):
-        pose[j] = min(max(pose[j], limits[j, 0]), limits[j, 1])
+        if single[j]:
+            pose[j] = min(max(pose[j], skeleton.limits[j, 0]), skeleton.limits[j, 1])
+
+
+@numba.njit(cache=True, nogil=True)
+def draw_into_limits(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
+    """Add the squared excess of each ball's angles over their limits to the equations.
+
+    With R = R_1 R_2 R_3 a small turn d of the ball changes its angles by E^-1 d, E = [a_1, R_1 a_2,
+    R_1 R_2 a_3] along the ball's axes. Where E is nearly singular the angles mean nothing and are let be.
+    """
+    for start in skeleton.balls:
+        excess, outside = np.zeros(3), False
+        for a in range(3):
+            angle, low, high = pose[start + a], skeleton.limits[start + a, 0], skeleton.limits[start + a, 1]
+            excess[a] = angle - min(max(angle, low), high)
+            outside = outside or excess[a] != 0.0
+        if outside and abs(np.cos(pose[start + 1])) > 0.3:
+            rates = np.linalg.inv(euler_rates(pose[start : start + 3], handedness(skeleton.axes[start : start + 3])))
+            for a in range(3):
+                if excess[a] != 0.0:
+                    for b in range(3):
+                        gradient[start + b] += stiffness * rates[a, b] * excess[a]
+                        for c in range(3):
+                            gram[start + b, start + c] += stiffness * rates[a, b] * rates[a, c]
+
+
+@numba.njit(cache=True, nogil=True)
+def euler_rates(angles: Array, handed: float) -> Array:
+    """E (3, 3): turn of Rx(a) Ry(b) Rz(c), along the ball's axes, per change of its angles."""
+    first = euler_matrix(np.array([handed * angles[0], 0.0, 0.0]))
+    second = euler_matrix(np.array([handed * angles[0], handed * angles[1], 0.0]))
+    rates = np.zeros((3, 3))
+    rates[0, 0] = 1.0
+    rates[:, 1] = first[:, 1]
+    rates[:, 2] = second[:, 2]
+    return rates

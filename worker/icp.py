@@ -56,7 +56,7 @@ def refine_particle(
     """Refine pose (D,) in place; gives its log likelihood and mean residual in metres."""
     metric = np.array([1.0, 1.0, rules.stretch * rules.stretch])
     if rules.keep_limits:
-        clamp(skeleton.limits, pose)
+        clamp(skeleton, pose)
     for _ in range(rules.icp_iterations):
         posed, visible = look(pose, skeleton, surface)  # 4a, 4b
         if len(visible) == 0:
@@ -64,8 +64,8 @@ def refine_particle(
         index, squared = correspond(posed, visible, evidence, rules)  # 4c
         moments, crosses = collect(skeleton, surface, posed, visible, index, squared, evidence, rules)
         minimise(
-            skeleton, pose, moments, crosses, metric, rules.damping, rules.gauss_newton_iterations,
-            rules.keep_limits,
+            skeleton, pose, moments, crosses, metric, rules.damping + rules.damping_share * evidence.count,
+            rules.rest_weight * evidence.count, rules.gauss_newton_iterations, rules.keep_limits,
         )  # 4d
     return assess(pose, skeleton, surface, evidence, rules)  # 5
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
+from common.body import ROOT_DOFS, BodyModel
 from worker.observation import morton_codes
 
 
@@ -21,6 +21,7 @@ class Skeleton(NamedTuple):
     limits: NDArray[np.float64]  # (D, 2)
     balls: NDArray[np.int64]  # (B,)
     link_dofs: NDArray[np.int64]  # (L,)
+    root: NDArray[np.bool_]  # (D,) which of them place the body in the world
 
 
 class Surface(NamedTuple):
@@ -37,7 +38,8 @@ def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
     order = np.argsort(morton_codes(model.vertices), kind="stable")
     rank = np.argsort(order, kind="stable")
     skeleton = Skeleton(
-        model.kinds, model.parents, model.axes, model.points, model.limits, model.balls, model.link_dofs
+        model.kinds, model.parents, model.axes, model.points, model.limits, model.balls, model.link_dofs,
+        np.array([name in ROOT_DOFS for name in model.dof_names]),
     )
     surface = Surface(
         np.ascontiguousarray(model.vertices[order]),
