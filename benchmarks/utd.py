@@ -31,7 +31,8 @@ def read_skeleton(path: Path) -> NDArray[np.float64]:
     """
     skeleton = scipy.io.loadmat(path)["d_skel"]  # (20, 3, T)
     rows = [_ROWS.index(_mirrored(name)) for name in JOINTS]
-    return np.moveaxis(skeleton[rows], 2, 0) * np.array([1.0, -1.0, 1.0])
+    joints: NDArray[np.float64] = np.moveaxis(skeleton[rows], 2, 0) * np.array([1.0, -1.0, 1.0])
+    return joints
 
 
 def _mirrored(name: str) -> str:

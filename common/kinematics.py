@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from common.body import TRANSLATION, BodyModel
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 def dof_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, D, 3, 4) after each degree of freedom, for poses (N, D). Eq. 1."""
     out = np.empty((len(poses), len(model.kinds), 3, 4))
-    for n in range(len(poses)):
-        chain(model.kinds, model.parents, model.axes, model.points, poses[n], out[n])
+    chain_each(model.kinds, model.parents, model.axes, model.points, copied(poses), out)
     return out
 
 
@@ -36,13 +36,15 @@ def pose_vertices(model: BodyModel, poses: Array) -> Array:
     """Surface vertices (N, V, 3) in the camera frame, for poses (N, D)."""
     t_links = link_transforms(model, poses)
     blended = np.einsum("nvkij,vk->nvij", t_links[:, model.skin_links], model.skin_weights)
-    return np.einsum("nvij,vj->nvi", blended[..., :3], model.vertices) + blended[..., 3]
+    posed: Array = np.einsum("nvij,vj->nvi", blended[..., :3], model.vertices) + blended[..., 3]
+    return posed
 
 
 def joint_positions(model: BodyModel, poses: Array) -> Array:
     """Named joints (N, J, 3) in the camera frame, for poses (N, D)."""
     t_links = link_transforms(model, poses)[:, model.joint_links]
-    return np.einsum("njab,jb->nja", t_links[..., :3], model.joint_points) + t_links[..., 3]
+    positions: Array = np.einsum("njab,jb->nja", t_links[..., :3], model.joint_points) + t_links[..., 3]
+    return positions
 
 
 def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
@@ -52,35 +54,31 @@ def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
     """
     w = np.empty((len(poses), len(model.kinds), 3))
     q = np.empty_like(w)
-    transforms = dof_transforms(model, poses)
-    for n in range(len(poses)):
-        carry_axes(model.parents, model.axes, model.points, model.balls, transforms[n], w[n], q[n])
+    carry_axes_each(model.parents, model.axes, model.points, model.balls, dof_transforms(model, poses), w, q)
     return w, q
 
 
 def retract(model: BodyModel, poses: Array, steps: Array) -> Array:
     """Poses (N, D) after relative motion by steps (N, D). Inverse of `difference`."""
-    out = np.array(poses, dtype=np.float64)
-    for n in range(len(out)):
-        apply_step(model.axes, model.balls, steps[n], out[n])
-    return out
+    moved = copied(poses)
+    apply_step_each(model.axes, model.balls, copied(steps), moved)
+    return moved
 
 
 def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
     """Steps (N, D) that lead from `origins` to `poses`, both (N, D); rotations by the shorter way."""
-    steps = poses - origins
-    for start in model.balls:
-        triple = slice(start, start + 3)
-        basis = model.axes[triple].T
-        sign = np.linalg.det(basis)
-        for n in range(len(steps)):
-            turn = euler_matrix(sign * poses[n, triple]) @ euler_matrix(sign * origins[n, triple]).T
-            steps[n, triple] = sign * rotation_vector(turn)
+    steps = copied(poses - origins)
+    turn_each(model.axes, model.balls, copied(origins), copied(poses), steps)
     return steps
 
 
+def copied(values: Array) -> Array:
+    """Values of their own, row by row: kernels are compiled for one layout."""
+    return np.array(values, dtype=np.float64, order="C")
+
+
 @numba.njit(cache=True, nogil=True)
-def rotation_matrix(axis, angle):  # type: ignore[no-untyped-def]
+def rotation_matrix(axis: Array, angle: float) -> Array:
     """Rodrigues' formula (3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]
@@ -95,7 +93,7 @@ def rotation_matrix(axis, angle):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def chain(kinds, parents, axes, points, pose, out):  # type: ignore[no-untyped-def]
+def chain(kinds: Indices, parents: Indices, axes: Array, points: Array, pose: Array, out: Array) -> None:
     """Fill out (D, 3, 4) with T_camera_rest after each degree of freedom."""
     for j in range(len(kinds)):
         local = np.zeros((3, 4))
@@ -117,7 +115,16 @@ def chain(kinds, parents, axes, points, pose, out):  # type: ignore[no-untyped-d
 
 
 @numba.njit(cache=True, nogil=True)
-def compose(first, second, out):  # type: ignore[no-untyped-def]
+def chain_each(
+    kinds: Indices, parents: Indices, axes: Array, points: Array, poses: Array, out: Array
+) -> None:
+    """`chain` for poses (N, D) into out (N, D, 3, 4)."""
+    for n in range(len(poses)):
+        chain(kinds, parents, axes, points, poses[n], out[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def compose(first: Array, second: Array, out: Array) -> None:
     """out = first o second for (3, 4) transforms."""
     for a in range(3):
         for b in range(4):
@@ -128,7 +135,9 @@ def compose(first, second, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def carry_axes(parents, axes, points, balls, transforms, w, q):  # type: ignore[no-untyped-def]
+def carry_axes(
+    parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
+) -> None:
     """Fill w, q (D, 3) with the camera-frame axes of relative motion; a ball's are its parent's."""
     carrier = parents.copy()
     for start in balls:
@@ -142,13 +151,20 @@ def carry_axes(parents, axes, points, balls, transforms, w, q):  # type: ignore[
             else:
                 t = transforms[carrier[j]]
                 w[j, a] = t[a, 0] * axes[j, 0] + t[a, 1] * axes[j, 1] + t[a, 2] * axes[j, 2]
-                q[j, a] = (
-                    t[a, 0] * points[j, 0] + t[a, 1] * points[j, 1] + t[a, 2] * points[j, 2] + t[a, 3]
-                )
+                q[j, a] = t[a, 0] * points[j, 0] + t[a, 1] * points[j, 1] + t[a, 2] * points[j, 2] + t[a, 3]
 
 
 @numba.njit(cache=True, nogil=True)
-def euler_matrix(angles):  # type: ignore[no-untyped-def]
+def carry_axes_each(
+    parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
+) -> None:
+    """`carry_axes` for transforms (N, D, 3, 4) into w, q (N, D, 3)."""
+    for n in range(len(transforms)):
+        carry_axes(parents, axes, points, balls, transforms[n], w[n], q[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def euler_matrix(angles: Array) -> Array:
     """Rx(a) Ry(b) Rz(c) as (3, 3)."""
     ca, sa = np.cos(angles[0]), np.sin(angles[0])
     cb, sb = np.cos(angles[1]), np.sin(angles[1])
@@ -163,13 +179,14 @@ def euler_matrix(angles):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_turn(angle, reference):  # type: ignore[no-untyped-def]
+def nearest_turn(angle: float, reference: float) -> float:
     """`angle` plus the multiple of a full turn that brings it nearest to `reference`."""
-    return angle + 2.0 * np.pi * np.round((reference - angle) / (2.0 * np.pi))
+    turns: float = np.round((reference - angle) / (2.0 * np.pi))
+    return angle + 2.0 * np.pi * turns
 
 
 @numba.njit(cache=True, nogil=True)
-def euler_angles(rotation, reference):  # type: ignore[no-untyped-def]
+def euler_angles(rotation: Array, reference: Array) -> Array:
     """Angles (3,) of Rx Ry Rz nearest to `reference` (3,) among the two branches and full turns."""
     sb = min(1.0, max(-1.0, rotation[0, 2]))
     best = np.empty(3)
@@ -195,7 +212,7 @@ def euler_angles(rotation, reference):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def rotation_vector(rotation):  # type: ignore[no-untyped-def]
+def rotation_vector(rotation: Array) -> Array:
     """Rotation vector (3,) of a rotation matrix, by way of the unit quaternion."""
     trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
     k = np.argmax(np.array([rotation[0, 0], rotation[1, 1], rotation[2, 2], trace]))
@@ -217,17 +234,18 @@ def rotation_vector(rotation):  # type: ignore[no-untyped-def]
     sine = np.sqrt(np.sum(quaternion[:3] ** 2))
     if sine < 1e-12:
         return 2.0 * quaternion[:3]
-    return quaternion[:3] * (2.0 * np.arctan2(sine, quaternion[3]) / sine)
+    scale: float = 2.0 * np.arctan2(sine, quaternion[3]) / sine
+    return scale * quaternion[:3]
 
 
 @numba.njit(cache=True, nogil=True)
-def handedness(axes):  # type: ignore[no-untyped-def]
-    """1 for right-handed orthonormal axes (3, 3), -1 for left-handed ones, about which angles turn the other way."""
+def handedness(axes: Array) -> float:
+    """1 for right-handed orthonormal axes (3, 3); -1 for left-handed ones, where angles turn back."""
     return 1.0 if np.dot(np.cross(axes[0], axes[1]), axes[2]) > 0.0 else -1.0
 
 
 @numba.njit(cache=True, nogil=True)
-def apply_step(axes, balls, step, pose):  # type: ignore[no-untyped-def]
+def apply_step(axes: Array, balls: Indices, step: Array, pose: Array) -> None:
     """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
     old = pose.copy()
     pose += step
@@ -242,3 +260,21 @@ def apply_step(axes, balls, step, pose):  # type: ignore[no-untyped-def]
             pose[start : start + 3] = handed * euler_angles(rotation, handed * old[start : start + 3])
         else:
             pose[start : start + 3] = old[start : start + 3]
+
+
+@numba.njit(cache=True, nogil=True)
+def apply_step_each(axes: Array, balls: Indices, steps: Array, poses: Array) -> None:
+    """`apply_step` for steps (N, D), poses (N, D) in place."""
+    for n in range(len(poses)):
+        apply_step(axes, balls, steps[n], poses[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: Array) -> None:
+    """Fill in the rotation vectors of all balls in steps (N, D) from origins (N, D) to poses (N, D)."""
+    for start in balls:
+        handed = handedness(axes[start : start + 3])
+        for n in range(len(steps)):
+            before = euler_matrix(handed * origins[n, start : start + 3])
+            after = euler_matrix(handed * poses[n, start : start + 3])
+            steps[n, start : start + 3] = handed * rotation_vector(after @ before.T)

@@ -17,7 +17,7 @@ class Evidence(NamedTuple):
 
     points: NDArray[np.float32]  # (blocks * BLOCK, 3) metres, z times `stretch`
     boxes: NDArray[np.float32]  # (blocks, 2, 3)
-    count: int
+    count: int  # type: ignore[assignment]  # tuples have a method of that name
     depth: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw

@@ -34,4 +34,5 @@ def pull_into_silhouette(point: Array, evidence: Evidence, target: Array) -> flo
     target[0] = point[0] + du * z / evidence.fx
     target[1] = point[1] + dv * z / evidence.fy
     target[2] = z
-    return (target[0] - point[0]) ** 2 + (target[1] - point[1]) ** 2
+    squared: float = (target[0] - point[0]) ** 2 + (target[1] - point[1]) ** 2
+    return squared

@@ -19,7 +19,9 @@ LARGEST_SIDE = 512  # pixels
 
 
 @numba.njit(cache=True, nogil=True)
-def pose_surface(vertices: Array, skin_links: Array, skin_weights: Array, t_links: Array, out: Array) -> None:
+def pose_surface(
+    vertices: Array, skin_links: NDArray[np.int64], skin_weights: Array, t_links: Array, out: Array
+) -> None:
     """Fill out (V, 3) with the vertices (V, 3) in the camera frame, blended over T_camera_rest (L, 3, 4)."""
     for v in range(len(vertices)):
         x, y, z = vertices[v]
@@ -70,9 +72,10 @@ def project_front(posed: Array, triangles: NDArray[np.int64]) -> tuple[Array, ND
 @numba.njit(cache=True, nogil=True, inline="always")
 def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
     """Whether a triangle, counter-clockwise from outside, shows its outside (y points down)."""
-    return (image[b, 0] - image[a, 0]) * (image[c, 1] - image[a, 1]) < (image[b, 1] - image[a, 1]) * (
-        image[c, 0] - image[a, 0]
-    )
+    shown: bool = (image[b, 0] - image[a, 0]) * (image[c, 1] - image[a, 1]) < (
+        image[b, 1] - image[a, 1]
+    ) * (image[c, 0] - image[a, 0])
+    return shown
 
 
 @numba.njit(cache=True, nogil=True)
