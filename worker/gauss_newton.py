@@ -74,7 +74,7 @@ def minimise(
         if keep_limits:
             draw_into_limits(skeleton, pose, LIMIT_SHARE * moments[:, 3, 3].sum(), gram, gradient)
             hold_at_limits(skeleton, pose, gram, gradient)
-        step: Array = np.linalg.solve(gram, -gradient)  # Eq. 4
+        step: Array = np.linalg.solve(gram, -gradient)  # type: ignore[assignment]  # Eq. 4
         apply_step(skeleton.axes, skeleton.balls, step, pose)
         if keep_limits:
             clamp(skeleton, pose)
