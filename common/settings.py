@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from common.errors import InputError
+
 
 class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a worker needs to know to refine a particle. Lengths in metres, angles in radians."""
@@ -44,5 +46,26 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     filter: FilterSettings = FilterSettings()
 
 
+PRESETS = {
+    "paper": Settings(preset="paper"),
+    "default": Settings(
+        preset="default",
+        refine=RefineSettings(
+            icp_iterations=6,
+            damping_share=0.0015,
+            rest_weight=0.00002,
+            keep_limits=True,
+            outlier_distance=0.1,
+            free_space_weight=1.0,
+            likelihood_scale=0.004,
+        ),
+        filter=FilterSettings(particles=10, velocity_share=0.5, explore=True),
+    ),
+}
+
+
 def preset(name: str) -> Settings:
-    return {"default": Settings()}[name]
+    """Settings of a preset; InputError names the valid ones."""
+    if name not in PRESETS:
+        raise InputError(f"unknown preset '{name}'; choose from {', '.join(PRESETS)}")
+    return PRESETS[name]

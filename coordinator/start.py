@@ -30,9 +30,10 @@ POSTURES = (
     (0.77, 0.62, _ARMS | _LEGS),
 )
 STATURES = (1.4, 2.05)  # metres; where less or more is seen, the person is not seen whole
-SCALES = (0.95, 1.0, 1.05)
-GIRTHS = (0.9, 1.05, 1.25)
-USUAL_MEASURES = (1.75, 1.05)
+SCALES = (0.94, 0.97, 1.0, 1.03, 1.06)
+GIRTHS = (0.9, 1.05, 1.2)
+USUAL_MEASURES = (1.75, 1.0)  # of a body that is not told
+SEARCHED_GIRTH = 1.05
 ROUNDS = 12  # of ICP for each candidate
 BODY_RADIUS = 0.1  # metres from the skin that is seen to the pelvis
 
@@ -56,7 +57,7 @@ def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
 
 
 def find_start(subject: SubjectFrame, bodies: Bodies, refiner: Refiner, settings: RefineSettings) -> Start:
-    """The likeliest of postures, then of statures, then of girths."""
+    """The likeliest of postures, then of statures and girths."""
     thorough = msgspec.structs.replace(settings, icp_iterations=ROUNDS)
 
     def best(candidates: list[Start]) -> Start:
@@ -64,8 +65,7 @@ def find_start(subject: SubjectFrame, bodies: Bodies, refiner: Refiner, settings
 
     found = best(postures(observed_points(subject), bodies))
     if bodies.measures is None:
-        found = best([resize(found, bodies, found.stature * scale, found.girth) for scale in SCALES])
-        found = best([resize(found, bodies, found.stature, girth) for girth in GIRTHS])
+        found = best([resize(found, bodies, found.stature * s, girth) for girth in GIRTHS for s in SCALES])
     model, pose = bodies.tracked(found.stature, found.girth, pose_by_name(found.model, found.pose))
     return replace(found, model=model, pose=pose)
 
@@ -84,7 +84,7 @@ def postures(points: Array, bodies: Bodies) -> list[Start]:
     candidates = []
     for share, above, angles in POSTURES:
         stature = float(np.clip((bottom - top) / share, *STATURES))
-        girth = USUAL_MEASURES[1]
+        girth = SEARCHED_GIRTH
         if bodies.measures is not None:
             stature, girth = bodies.measures
         pelvis = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,8 +34,9 @@ class Surface(NamedTuple):
     skin_weights: NDArray[np.float64]  # (V, K)
 
 
+@lru_cache(maxsize=16)
 def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
-    """Skeleton and surface of a model."""
+    """Skeleton and surface of a model; kept, as a model never changes."""
     order = np.argsort(morton_codes(model.vertices), kind="stable")
     rank = np.argsort(order, kind="stable")
     skeleton = Skeleton(
