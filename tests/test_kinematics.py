@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -191,7 +193,7 @@ def test_a_batch_is_its_poses_one_by_one(seed: int, count: int) -> None:
     model = random_body(rng)
     shape = (len(model.dof_names), count)
     poses, steps = rng.normal(size=shape).T, rng.normal(size=shape).T  # column by column in memory
-    functions = {
+    functions: dict[str, Callable[[Array, Array], tuple[Array, ...]]] = {
         "transforms": lambda p, _: (dof_transforms(model, p),),
         "axes": lambda p, _: step_axes(model, p),
         "retract": lambda p, s: (retract(model, p, s),),
