@@ -14,12 +14,22 @@ JOINTS = (
 )  # fmt: skip
 """The joints that count."""
 
+ACTIONS = (
+    "swipe left", "swipe right", "wave", "clap", "throw", "cross arms", "basketball shoot", "draw X",
+    "draw circle (cw)", "draw circle (ccw)", "draw triangle", "bowling", "boxing", "baseball swing",
+    "tennis swing", "arm curl", "tennis serve", "push", "knock", "catch", "pick up and throw", "jog in place",
+    "walk in place", "sit to stand", "stand to sit", "lunge", "squat",
+)  # fmt: skip
+"""What people do in the actions, which are numbered from 1."""
+
 SKELETON_LEAD = 2  # frames: depth frame t shows what skeleton frame t - 2 shows
 
 _ROWS = (
-    "head", "shoulder_center", "spine", "hip_center", "left_shoulder", "left_elbow", "left_wrist", "left_hand",
-    "right_shoulder", "right_elbow", "right_wrist", "right_hand", "left_hip", "left_knee", "left_ankle",
-    "left_foot", "right_hip", "right_knee", "right_ankle", "right_foot",
+    "head", "shoulder_center", "spine", "hip_center",
+    "left_shoulder", "left_elbow", "left_wrist", "left_hand",
+    "right_shoulder", "right_elbow", "right_wrist", "right_hand",
+    "left_hip", "left_knee", "left_ankle", "left_foot",
+    "right_hip", "right_knee", "right_ankle", "right_foot",
 )  # fmt: skip
 _OTHER_SIDE = {"right": "left", "left": "right"}
 
@@ -31,7 +41,7 @@ def read_skeleton(path: Path) -> NDArray[np.float64]:
     """
     skeleton = scipy.io.loadmat(path)["d_skel"]  # (20, 3, T)
     rows = [_ROWS.index(_mirrored(name)) for name in JOINTS]
-    joints: NDArray[np.float64] = np.moveaxis(skeleton[rows], 2, 0) * np.array([1.0, -1.0, 1.0])
+    joints: NDArray[np.float64] = np.moveaxis(skeleton[rows], 2, 0) * np.array([1.0, -1.0, 1.0])  # y down
     return joints
 
 
@@ -41,16 +51,16 @@ def _mirrored(name: str) -> str:
 
 
 def paired(joints: NDArray[np.float64], skeleton: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Joints (F, 13, 3) of depth frames and the skeleton's (F', 13, 3) at the same moment."""
+    """Joints (F, 13, 3) of depth frames from SKELETON_LEAD on, and of the skeleton at the same moments."""
     count = min(len(joints), len(skeleton) + SKELETON_LEAD) - SKELETON_LEAD
     return joints[SKELETON_LEAD : SKELETON_LEAD + count], skeleton[:count]
 
 
 def distances(
-    joints: NDArray[np.float64], skeleton: NDArray[np.float64], remove_offset: bool
+    joints: NDArray[np.float64], reference: NDArray[np.float64], remove_offset: bool
 ) -> NDArray[np.float64]:
-    """Distances (F, 13) in metres, if asked after removing each joint's constant median offset."""
-    apart = joints - skeleton
+    """Distances (F, J) in metres, if asked after removing each joint's constant median offset."""
+    apart = joints - reference
     if remove_offset:
         apart = apart - np.median(apart, axis=0)
     found: NDArray[np.float64] = np.linalg.norm(apart, axis=-1)

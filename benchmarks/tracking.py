@@ -1,0 +1,82 @@
+"""One recording tracked in this process, as `gepf track` does it by itself, and held against its joints."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.comparison import Comparison, compare_people, compare_skinned
+from benchmarks.direct import DirectRefiner
+from benchmarks.sequences import Recording
+from common.settings import Settings
+from coordinator.bodies import REFERENCE_STATURE, Bodies
+from coordinator.chosen_body import choose_bodies
+from coordinator.estimate import Estimate
+from coordinator.run import choose_start
+from coordinator.sources import Source, open_source
+from coordinator.sources.source import check_frames
+from coordinator.start import GIRTHS
+from coordinator.summary import count_status
+from coordinator.tracker import Tracker
+from worker.cli import load_kernel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """What came of a recording."""
+
+    comparison: Comparison
+    seconds: NDArray[np.float64]  # (F,) that each frame took
+    status: dict[str, int]
+    hypotheses: float  # mean number
+    residual: float  # mean, metres
+    stature: float  # metres
+    girth: float
+
+
+def prepare() -> Bodies:
+    """Kernels and bodies, ready for all processes that are forked from now on."""
+    load_kernel()
+    bodies = choose_bodies(None)
+    for girth in GIRTHS:
+        bodies.full(REFERENCE_STATURE, girth)
+    return bodies
+
+
+def track(recording: Recording, settings: Settings, bodies: Bodies) -> Tracked:
+    """Track all frames and compare; raises whatever goes wrong."""
+    source = open_source(recording.depth)
+    check_frames(source, source.numbers)
+    tracker = Tracker(DirectRefiner(), settings, bodies, choose_start(None, source))
+    estimates, seconds = follow(tracker, source)
+    return Tracked(
+        comparison=compare(recording, tracker.model.joint_names, estimates),
+        seconds=seconds,
+        status=count_status(estimates),
+        hypotheses=float(np.mean([len(e.hypothesis_weight) for e in estimates])),
+        residual=float(np.nanmean([e.residual for e in estimates])),
+        stature=tracker.start.stature,
+        girth=tracker.start.girth,
+    )
+
+
+def follow(tracker: Tracker, source: Source) -> tuple[list[Estimate], NDArray[np.float64]]:
+    """Estimates of all frames, and the seconds that each took; reading it from the disk does not count."""
+    estimates, seconds = [], []
+    for frame in source:
+        began = time.perf_counter()
+        estimates.append(tracker.track(frame))
+        seconds.append(time.perf_counter() - began)
+    return estimates, np.array(seconds)
+
+
+def compare(recording: Recording, names: tuple[str, ...], estimates: Sequence[Estimate]) -> Comparison:
+    """Hold the estimated joints against those of the recording."""
+    joints = np.array([e.joint_positions for e in estimates])
+    frame = np.array([e.frame for e in estimates])
+    against = compare_skinned if recording.action is None else compare_people
+    return against(recording.joints, names, joints, frame)
