@@ -42,7 +42,7 @@ def refine(
     """
     skeleton, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observation, settings), lay_out_rules(settings)
-    refined = np.array(poses, dtype=np.float64)
+    refined = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
     log_likelihood, residual = np.empty(len(poses)), np.empty(len(poses))
     for n in range(len(poses)):
         log_likelihood[n], residual[n] = refine_particle(refined[n], skeleton, surface, evidence, rules)
