@@ -36,7 +36,7 @@ DOFS: tuple[tuple[str, int, str, tuple[float, ...], tuple[float, ...], tuple[flo
 )  # fmt: skip
 LINKS = (
     # name, last degree of freedom, centre and radii of its ellipsoid, the link it is blended with, around
-    ("stand", "", (0.0, 0.55, 0.0), (0.1, 0.05, 0.1), "", (0.0, 0.0, 0.0)),
+    ("stand", "", (0.1, 0.5, 2.0), (0.2, 0.08, 0.1), "", (0.0, 0.0, 0.0)),
     ("trunk", "root_rz", (0.0, -0.05, 0.0), (0.16, 0.32, 0.1), "", (0.0, 0.0, 0.0)),
     ("l_upper", "l_arm_3", (0.21, -0.15, 0.0), (0.05, 0.17, 0.05), "trunk", (0.2, -0.3, 0.0)),
     ("l_fore", "l_elbow", (0.22, 0.15, 0.0), (0.04, 0.17, 0.04), "l_upper", (0.22, 0.0, 0.01)),
@@ -47,18 +47,18 @@ LINKS = (
 BLEND_RADIUS = 0.12  # metres around a joint within which the skin is shared by two links
 
 
-def puppet(blended: bool = True, stand: bool = True) -> BodyModel:
-    """A trunk, a head that lifts and nods, two arms whose shoulders are mirrored balls, on a fixed stand.
+def puppet(blended: bool = True) -> BodyModel:
+    """A trunk, a head that lifts and nods, two arms with mirrored balls for shoulders; a stand that stays.
 
-    Without `blended` every vertex follows one link; without `stand` all links can move.
+    The stand is where the rest belongs when it is moved 2 m away. Without `blended` every vertex follows
+    one link.
     """
     names = tuple(row[0] for row in DOFS)
-    links = LINKS if stand else LINKS[1:]
-    link_names = tuple(row[0] for row in links)
-    parts = [ellipsoid(np.array(row[2]), np.array(row[3])) for row in links]
+    link_names = tuple(row[0] for row in LINKS)
+    parts = [ellipsoid(np.array(row[2]), np.array(row[3])) for row in LINKS]
     offsets = np.cumsum([0, *(len(vertices) for vertices, _ in parts[:-1])])
     skins = [
-        share(row, vertices, link_names, blended) for row, (vertices, _) in zip(links, parts, strict=True)
+        share(row, vertices, link_names, blended) for row, (vertices, _) in zip(LINKS, parts, strict=True)
     ]
     kinds = np.array([row[1] for row in DOFS], dtype=np.int64)
     parents = np.array([names.index(row[2]) if row[2] else -1 for row in DOFS], dtype=np.int64)
@@ -73,14 +73,14 @@ def puppet(blended: bool = True, stand: bool = True) -> BodyModel:
         limits=np.array([row[5] for row in DOFS]),
         balls=find_balls(kinds, parents, axes, points),
         link_names=link_names,
-        link_dofs=np.array([names.index(row[1]) if row[1] else -1 for row in links], dtype=np.int64),
+        link_dofs=np.array([names.index(row[1]) if row[1] else -1 for row in LINKS], dtype=np.int64),
         vertices=np.concatenate([vertices for vertices, _ in parts]),
         triangles=np.concatenate([faces + start for (_, faces), start in zip(parts, offsets, strict=True)]),
         skin_links=np.concatenate([which for which, _ in skins]),
         skin_weights=np.concatenate([weights for _, weights in skins]),
         joint_names=link_names,
-        joint_links=np.arange(len(links), dtype=np.int64),
-        joint_points=np.array([row[2] for row in links]),
+        joint_links=np.arange(len(LINKS), dtype=np.int64),
+        joint_points=np.array([row[2] for row in LINKS]),
     )
 
 
