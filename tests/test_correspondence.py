@@ -36,7 +36,7 @@ def coplanar(rng: np.random.Generator, count: int) -> Array:
 
 def in_line(rng: np.random.Generator, count: int) -> Array:
     """On a straight line."""
-    return rng.uniform(-1.0, 1.0, size=(count, 1)) * np.array([0.6, 0.0, 0.8])
+    return np.asarray(rng.uniform(-1.0, 1.0, size=(count, 1)) * np.array([0.6, 0.0, 0.8]))
 
 
 def at_one_point(_: np.random.Generator, count: int) -> Array:
