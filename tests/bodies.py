@@ -170,3 +170,26 @@ def person() -> BodyModel:
     """The human template with the 24 degrees of freedom of the paper's section 5."""
     template = human()
     return activate(template, DEFAULT_ACTIVE, np.zeros(len(template.dof_names)))
+
+
+def hinges() -> BodyModel:
+    """Two hinges in a row, an arm of a metre each: two degrees of freedom that simply add."""
+    return BodyModel(
+        name="hinges",
+        dof_names=("upper", "lower"),
+        kinds=np.array([ROTATION, ROTATION], dtype=np.int64),
+        parents=np.array([-1, 0], dtype=np.int64),
+        axes=np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]),
+        points=np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+        limits=np.tile([-np.inf, np.inf], (2, 1)),
+        balls=np.zeros(0, dtype=np.int64),
+        link_names=("upper", "lower"),
+        link_dofs=np.array([0, 1], dtype=np.int64),
+        vertices=np.array([[0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [0.1, 2.0, 0.0]]),
+        triangles=np.array([[0, 1, 2]], dtype=np.int64),
+        skin_links=np.array([[0], [1], [1]], dtype=np.int64),
+        skin_weights=np.ones((3, 1)),
+        joint_names=("elbow", "hand"),
+        joint_links=np.array([0, 1], dtype=np.int64),
+        joint_points=np.array([[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]]),
+    )
