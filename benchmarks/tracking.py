@@ -41,7 +41,7 @@ class Tracked:
 def prepare() -> Bodies:
     """Kernels and bodies, ready for all processes that are forked from now on."""
     load_kernel()
-    bodies = choose_bodies(None)
+    bodies = choose_bodies(None, "default")
     for girth in GIRTHS:
         bodies.full(REFERENCE_STATURE, girth)
     return bodies

@@ -14,7 +14,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gauss_newton_iterations: int = 5
     damping: float = 0.1  # lambda of Eq. 4
     damping_share: float = 0.0  # is added to it for each observed point
-    rest_weight: float = 0.0  # of a squared joint angle, for each observed point
+    rest_weight: float = 0.0  # of a squared joint angle, for each point that the pose leaves unexplained
     keep_limits: bool = False
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
     noise_lateral: float = 0.01  # and across it
@@ -41,7 +41,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     preset: str = "default"
     method: str = "gepf"
     seed: int = 0
-    points: int = 10_000
+    points: int = 10_000  # observed points at the most
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
 
@@ -50,16 +50,17 @@ PRESETS = {
     "paper": Settings(preset="paper"),
     "default": Settings(
         preset="default",
+        points=3_000,
         refine=RefineSettings(
             icp_iterations=6,
-            damping_share=0.0015,
-            rest_weight=0.00002,
+            damping_share=0.0003,
+            rest_weight=0.0005,
             keep_limits=True,
             outlier_distance=0.1,
             free_space_weight=1.0,
             likelihood_scale=0.004,
         ),
-        filter=FilterSettings(particles=10, velocity_share=0.5, explore=True),
+        filter=FilterSettings(particles=20, velocity_share=0.75, explore=True),
     ),
 }
 

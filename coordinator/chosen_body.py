@@ -13,11 +13,19 @@ from coordinator.models.mpeg4 import JOINT_ANGLES
 HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
 
 
-def choose_bodies(active: tuple[str, ...] | None) -> Bodies:
-    """People of any stature; only the degrees of freedom `active` move, or the usual ones if None."""
+TRUNK = ("vl3_tilt", "vl3_roll", "vl3_torsion")
+"""One joint in the small of the back stands in for the spine: people who bend at the waist need it."""
+
+USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + TRUNK}
+"""Preset -> what is active unless the user says otherwise."""
+
+
+def choose_bodies(active: tuple[str, ...] | None, preset: str) -> Bodies:
+    """People of any stature; only the degrees of freedom `active` move, or the preset's usual ones if None."""
     for name in active or ():
         require_dof(name)
-    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE if active is None else active)
+    usual = USUAL[preset]
+    return Bodies(human, usual, usual if active is None else active)
 
 
 def require_dof(name: str) -> None:
@@ -26,6 +34,6 @@ def require_dof(name: str) -> None:
         near = get_close_matches(name, HUMAN_DOFS, n=3)
         meant = f"did you mean {' or '.join(near)}? " if near else ""
         raise InputError(
-            f"unknown degree of freedom '{name}'; {meant}choose from {', '.join(DEFAULT_ACTIVE)}, "
+            f"unknown degree of freedom '{name}'; {meant}choose from {', '.join(DEFAULT_ACTIVE + TRUNK)}, "
             "or any other joint angle of MPEG-4"
         )

@@ -54,7 +54,7 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     """
     source = open_source(job.sequence)
     numbers = select_frames(source.numbers, job.frames)
-    bodies = choose_bodies(job.active)
+    bodies = choose_bodies(job.active, job.settings.preset)
     start = choose_start(job.init, source)
     truth = read_truth(source.truth) if source.truth else None
     with show.steps("reading frames") as advance:

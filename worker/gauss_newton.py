@@ -54,8 +54,7 @@ def minimise(
     """Move pose (D,) in place to the minimum of Eq. 3 by damped Gauss-Newton steps (Eq. 4).
 
     moments (L, 4, 4) and crosses (L, 4, 3) are in the camera frame at the pose given; metric (3,) weights
-    the camera's axes. `stiffness` is the weight of a joint angle's square, which draws limbs that the
-    points leave free back to the rest pose.
+    the camera's axes. `stiffness` is the weight of a squared joint angle.
     """
     count = len(pose)
     reference, moved = np.empty((count, 3, 4)), np.empty((count, 3, 4))
@@ -181,7 +180,7 @@ def jacobian_matrix(kind: int, w: Array, q: Array, out: Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def draw_to_rest(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
-    """Add the squared angles of all joints but the root to the equations; of a ball, its turn's angle."""
+    """Add the squared angles of all joints but the root to the equations; of a ball, the angle of its turn."""
     deviation = pose.copy()
     for start in skeleton.balls:
         axes = skeleton.axes[start : start + 3]

@@ -65,7 +65,7 @@ def refine_particle(
         moments, crosses = collect(skeleton, surface, posed, visible, index, squared, evidence, rules)
         minimise(
             skeleton, pose, moments, crosses, metric, rules.damping + rules.damping_share * evidence.count,
-            rules.rest_weight * evidence.count, rules.gauss_newton_iterations, rules.keep_limits,
+            rules.rest_weight * unexplained(squared, evidence, rules), rules.gauss_newton_iterations, rules.keep_limits,
         )  # 4d
     return assess(pose, skeleton, surface, evidence, rules)  # 5
 
@@ -126,6 +126,16 @@ def collect(
                 moments, crosses, posed[v], surface.skin_links[v], surface.skin_weights[v], mass[m], targets[m]
             )
     return moments, crosses
+
+
+@numba.njit(cache=True, nogil=True)
+def unexplained(squared: NDArray[np.float32], evidence: Evidence, rules: Rules) -> int:
+    """Number of observed points that are so far off that the robust kernel more than halves their weight."""
+    count = 0
+    for i in range(evidence.count):
+        if robust_weight(squared[i], rules.outlier_squared) < 0.5:
+            count += 1
+    return count
 
 
 @numba.njit(cache=True, nogil=True)
