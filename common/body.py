@@ -74,9 +74,7 @@ class BodyModel:
     def dof(self, name: str) -> int:
         """Index of a degree of freedom; InputError names the valid choices."""
         if name not in self.dof_names:
-            raise InputError(
-                f"unknown degree of freedom '{name}'; choose from {', '.join(self.dof_names)}"
-            )
+            raise InputError(f"unknown degree of freedom '{name}'; choose from {', '.join(self.dof_names)}")
         return self.dof_names.index(name)
 
 

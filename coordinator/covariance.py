@@ -37,6 +37,8 @@ def estimate_covariances(
     for m in range(len(merged)):
         members = np.flatnonzero(group == m)
         if len(members) > 1:
-            spread = difference(model, np.broadcast_to(merged[m], (len(members), merged.shape[1])), before[members])
+            spread = difference(
+                model, np.broadcast_to(merged[m], (len(members), merged.shape[1])), before[members]
+            )
             covariances[m] = spread.T @ spread / len(members)
     return covariances * (1.0 - reduction)

@@ -40,7 +40,12 @@ def merge(
 
 
 def _first_within(
-    model: BodyModel, poses: Array, representatives: list[int], n: int, angles: NDArray[np.int64], angle: float
+    model: BodyModel,
+    poses: Array,
+    representatives: list[int],
+    n: int,
+    angles: NDArray[np.int64],
+    angle: float,
 ) -> int:
     """Place of the first representative near particle n; their number where there is none."""
     if not representatives:

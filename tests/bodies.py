@@ -23,21 +23,25 @@ DOFS: tuple[tuple[str, int, str, tuple[float, ...], tuple[float, ...], tuple[flo
       for j, name in enumerate(ROOT_DOFS[:3])),
     *((name, ROTATION, ROOT_DOFS[j + 2], tuple(np.eye(3)[j]), (0.0, 0.0, 0.0), FREE)
       for j, name in enumerate(ROOT_DOFS[3:])),
-    ("l_arm_1", ROTATION, "root_rz", tuple(RIGHT_HANDED[0]), (0.2, -0.3, 0.0), (-1.0, 2.0)),
+    ("waist_1", ROTATION, "root_rz", tuple(LEFT_HANDED[1]), (0.0, 0.1, 0.0), (-0.3, 0.6)),
+    ("waist_2", ROTATION, "waist_1", tuple(LEFT_HANDED[2]), (0.0, 0.1, 0.0), (-0.4, 0.4)),
+    ("waist_3", ROTATION, "waist_2", tuple(LEFT_HANDED[0]), (0.0, 0.1, 0.0), (-0.5, 0.5)),
+    ("l_arm_1", ROTATION, "waist_3", tuple(RIGHT_HANDED[0]), (0.2, -0.3, 0.0), (-1.0, 2.0)),
     ("l_arm_2", ROTATION, "l_arm_1", tuple(RIGHT_HANDED[1]), (0.2, -0.3, 0.0), (-0.8, 1.2)),
     ("l_arm_3", ROTATION, "l_arm_2", tuple(RIGHT_HANDED[2]), (0.2, -0.3, 0.0), (-1.5, 0.5)),
     ("l_elbow", ROTATION, "l_arm_3", (1.0, 0.0, 0.0), (0.22, 0.0, 0.01), (-2.0, 0.1)),
-    ("r_arm_1", ROTATION, "root_rz", tuple(LEFT_HANDED[0]), (-0.2, -0.3, 0.0), (-1.0, 2.0)),
+    ("r_arm_1", ROTATION, "waist_3", tuple(LEFT_HANDED[0]), (-0.2, -0.3, 0.0), (-1.0, 2.0)),
     ("r_arm_2", ROTATION, "r_arm_1", tuple(LEFT_HANDED[1]), (-0.2, -0.3, 0.0), (-0.8, 1.2)),
     ("r_arm_3", ROTATION, "r_arm_2", tuple(LEFT_HANDED[2]), (-0.2, -0.3, 0.0), (-1.5, 0.5)),
     ("r_elbow", ROTATION, "r_arm_3", (0.8, 0.6, 0.0), (-0.22, 0.0, 0.01), (-2.0, 0.1)),
-    ("head_lift", TRANSLATION, "root_rz", (0.0, -0.8, -0.6), (0.0, -0.35, 0.0), (-0.05, 0.1)),
+    ("head_lift", TRANSLATION, "waist_3", (0.0, -0.8, -0.6), (0.0, -0.35, 0.0), (-0.05, 0.1)),
     ("head_nod", ROTATION, "head_lift", (1.0, 0.0, 0.0), (0.0, -0.4, 0.0), (-0.5, 0.6)),
 )  # fmt: skip
 LINKS = (
     # name, last degree of freedom, centre and radii of its ellipsoid, the link it is blended with, around
     ("stand", "", (0.1, 0.5, 2.0), (0.2, 0.08, 0.1), "", (0.0, 0.0, 0.0)),
-    ("trunk", "root_rz", (0.0, -0.05, 0.0), (0.16, 0.32, 0.1), "", (0.0, 0.0, 0.0)),
+    ("pelvis", "root_rz", (0.0, 0.18, 0.0), (0.14, 0.1, 0.09), "", (0.0, 0.0, 0.0)),
+    ("trunk", "waist_3", (0.0, -0.13, 0.0), (0.16, 0.25, 0.1), "pelvis", (0.0, 0.1, 0.0)),
     ("l_upper", "l_arm_3", (0.21, -0.15, 0.0), (0.05, 0.17, 0.05), "trunk", (0.2, -0.3, 0.0)),
     ("l_fore", "l_elbow", (0.22, 0.15, 0.0), (0.04, 0.17, 0.04), "l_upper", (0.22, 0.0, 0.01)),
     ("r_upper", "r_arm_3", (-0.21, -0.15, 0.0), (0.05, 0.17, 0.05), "trunk", (-0.2, -0.3, 0.0)),
@@ -47,8 +51,9 @@ LINKS = (
 BLEND_RADIUS = 0.12  # metres around a joint within which the skin is shared by two links
 
 
+@cache
 def puppet(blended: bool = True) -> BodyModel:
-    """A trunk, a head that lifts and nods, two arms with mirrored balls for shoulders; a stand that stays.
+    """A trunk on a pelvis, a head that lifts and nods, arms with mirrored balls; a stand that stays.
 
     The stand is where the rest belongs when it is moved 2 m away. Without `blended` every vertex follows
     one link.
@@ -172,6 +177,7 @@ def person() -> BodyModel:
     return activate(template, DEFAULT_ACTIVE, np.zeros(len(template.dof_names)))
 
 
+@cache
 def hinges() -> BodyModel:
     """Two hinges in a row, an arm of a metre each: two degrees of freedom that simply add."""
     return BodyModel(

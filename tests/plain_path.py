@@ -6,7 +6,7 @@ vertex whose skin is shared by two links is drawn as a part of each, by its shar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class Factors:
     links: Indices
     targets: Array
     weights: Array
+    unexplained: int = 0  # observed points that count less than half
 
 
 def picture(model: BodyModel, pose: Array, camera: Intrinsics, number: int = 0) -> DepthFrame:
@@ -149,13 +150,14 @@ def collect(
     points = observed_points(subject)
     index, squared = correspond(points, posed[visible], settings)
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
+    unexplained = int(np.count_nonzero(weights < 0.5))
     if settings.free_space_weight > 0.0:
         outline, away = pulled(posed[visible], subject)
         pull = settings.free_space_weight * len(points) / len(visible) * robust_weight(away, settings)
         vertices = np.concatenate([vertices, visible[away > 0.0]])
         targets = np.concatenate([targets, outline[away > 0.0]])
         weights = np.concatenate([weights, pull[away > 0.0]])
-    return split(model, pose, posed, vertices, targets, weights)
+    return replace(split(model, pose, posed, vertices, targets, weights), unexplained=unexplained)
 
 
 def split(
@@ -210,7 +212,7 @@ def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSet
     for _ in range(settings.gauss_newton_iterations):
         gram, gradient = equations(model, factors, pose, settings)
         gram += np.eye(len(pose)) * (settings.damping + settings.damping_share * count)
-        gram, gradient = draw_to_rest(model, pose, settings.rest_weight * count, gram, gradient)
+        gram, gradient = draw_to_rest(model, pose, settings.rest_weight * factors.unexplained, gram, gradient)
         free = np.ones(len(pose), dtype=bool)
         if settings.keep_limits:
             stiffness = LIMIT_SHARE * factors.weights.sum()
@@ -230,8 +232,8 @@ def draw_to_rest(
 ) -> tuple[Array, Array]:
     """Half the squared way from the rest pose, the root's aside, added to the equations."""
     way = difference(model, np.zeros((1, len(pose))), pose[None])[0]
-    joints = np.array([name not in ROOT_DOFS for name in model.dof_names])
-    return gram + stiffness * np.diag(joints.astype(float)), gradient + stiffness * np.where(joints, way, 0.0)
+    drawn = stiffness * np.array([name not in ROOT_DOFS for name in model.dof_names], dtype=np.float64)
+    return gram + np.diag(drawn), gradient + drawn * way
 
 
 def draw_into_limits(

@@ -67,7 +67,7 @@ def as_bytes(found: list[Hypotheses]) -> list[bytes]:
 
 
 def some(rng: np.random.Generator, count: int) -> Array:
-    """Poses (count, 16) of the puppet, in bunches."""
+    """Poses (count, 19) of the puppet, in bunches."""
     model = puppet()
     spread = np.where(model.kinds == ROTATION, 0.6 * D, 1.0)
     bunches = rng.normal(size=(3, len(spread)))
@@ -144,9 +144,9 @@ def test_motion_goes_on_as_it_was(seed: int) -> None:
     """Velocity is what led from one pose to the next; without noise it leads as far again."""
     rng = np.random.default_rng(seed)
     model = puppet()
-    earlier, step = rng.normal(size=(3, 16)), 0.1 * rng.normal(size=(3, 16))
+    earlier, step = rng.normal(size=(3, 19)), 0.1 * rng.normal(size=(3, 19))
     later = retract(model, earlier, step)
-    ahead = propagate(model, later, velocity(model, earlier, later), np.zeros((3, 16)))
+    ahead = propagate(model, later, velocity(model, earlier, later), np.zeros((3, 19)))
     np.testing.assert_allclose(ahead, retract(model, later, step), atol=1e-6)
 
 
@@ -165,11 +165,11 @@ def test_noise_has_the_ancestors_covariance() -> None:
 
 
 def test_limbs_are_the_branches_and_the_trunk() -> None:
-    """The puppet has a trunk with the root, two arms, and a head."""
+    """The puppet has a trunk with the root, two arms and a head."""
     model = puppet()
     limbs = [[model.dof_names[j] for j in limb] for limb in find_limbs(model)]
     assert limbs == [
-        ["root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz"],
+        ["root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz", "waist_1", "waist_2", "waist_3"],
         ["l_arm_1", "l_arm_2", "l_arm_3", "l_elbow"],
         ["r_arm_1", "r_arm_2", "r_arm_3", "r_elbow"],
         ["head_lift", "head_nod"],
@@ -180,7 +180,7 @@ def test_children_of_a_hypothesis_take_turns() -> None:
     """The first follows the motion, the second stays, the others move one limb or keep the noise they had."""
     model, rng = puppet(), np.random.default_rng(0)
     ancestors = np.repeat([0, 1], 9)
-    noise, velocities = rng.normal(size=(2, 18, 16))
+    noise, velocities = rng.normal(size=(2, 18, 19))
     spread, speeds = explore(model, noise, velocities, ancestors, FilterSettings(explore=True), rng)
     limbs = find_limbs(model)
     for first in (0, 9):
@@ -267,9 +267,9 @@ def test_covariance_by_hand() -> None:
 def test_covariances_are_symmetric_and_never_negative(seed: int, count: int) -> None:
     """All are positive semidefinite, on balls at any pose and with fewer particles than angles."""
     rng = np.random.default_rng(seed)
-    model, before = puppet(), 2.0 * rng.normal(size=(count, 16))
+    model, before = puppet(), 2.0 * rng.normal(size=(count, 19))
     group = np.concatenate([[0], rng.integers(2, size=count - 1)])
-    found = estimate_covariances(model, before, before[:2], group, np.tile(np.eye(16), (2, 1, 1)), 0.1)
+    found = estimate_covariances(model, before, before[:2], group, np.tile(np.eye(19), (2, 1, 1)), 0.1)
     for covariance in found:
         np.testing.assert_array_equal(covariance, covariance.T)
         assert np.linalg.eigvalsh(covariance).min() > -1e-9
@@ -281,10 +281,10 @@ def test_covariances_are_symmetric_and_never_negative(seed: int, count: int) -> 
 
 def test_it_begins_as_wide_as_the_merging_distance() -> None:
     """Step 1: one hypothesis at the given pose, 4 degrees and 2 cm wide, at rest."""
-    model, pose = puppet(), np.arange(16.0)
+    model, pose = puppet(), np.arange(19.0)
     first = begin(model, pose, PAPER)
     np.testing.assert_array_equal(first.poses, pose[None])
-    np.testing.assert_array_equal(first.velocities, np.zeros((1, 16)))
+    np.testing.assert_array_equal(first.velocities, np.zeros((1, 19)))
     np.testing.assert_allclose(
         np.sqrt(np.diagonal(first.covariances[0])), np.where(model.kinds == ROTATION, D, 0.02)
     )

@@ -74,11 +74,11 @@ def short(model: BodyModel, steps: Array) -> Array:
 
 
 def test_the_puppet_has_balls_of_both_hands() -> None:
-    """What the other tests lean on: three balls, one of them left-handed, single axes and a translation."""
+    """What the other tests lean on: four balls, two of them left-handed, single axes and a translation."""
     model = puppet()
     handed = [np.linalg.det(model.axes[start : start + 3]) for start in model.balls]
-    np.testing.assert_allclose(handed, [1.0, 1.0, -1.0], atol=1e-12)
-    assert {model.dof_names[j] for j in model.balls} == {"root_rx", "l_arm_1", "r_arm_1"}
+    np.testing.assert_allclose(handed, [1.0, -1.0, 1.0, -1.0], atol=1e-12)
+    assert [model.dof_names[j] for j in model.balls] == ["root_rx", "waist_1", "l_arm_1", "r_arm_1"]
     assert np.any(model.link_dofs == -1)
     assert np.any(model.skin_weights[:, 1] > 0.2)
 

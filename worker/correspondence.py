@@ -35,7 +35,7 @@ def bounding_boxes(points: Points, block: int) -> Points:
 
 @numba.njit(cache=True, nogil=True)
 def rank_blocks(box: Points, boxes: Points, bound: Points) -> int:
-    """Fill bound (K,) with squared distances of boxes (K, 2, 3) from a box (2, 3); gives the one centred nearest."""
+    """Fill bound (K,) with squared distances of boxes (K, 2, 3) from one; gives the one centred nearest."""
     nearest, first = np.float32(np.inf), 0
     for k in range(len(boxes)):
         bound[k] = 0.0
@@ -53,7 +53,7 @@ def rank_blocks(box: Points, boxes: Points, bound: Points) -> int:
 def search_block(
     x: Points, y: Points, z: Points, model: Points, start: int, stop: int, nearest: Points, index: Indices
 ) -> np.float32:
-    """Lower the squared distances (BLOCK,) by the model points start..stop; gives the largest that is left."""
+    """Lower the squared distances (BLOCK,) by the model points start..stop; gives the largest left."""
     for m in range(start, stop):
         mx, my, mz = model[m, 0], model[m, 1], model[m, 2]
         for i in range(BLOCK):

@@ -48,16 +48,30 @@ def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evid
     points = observation.points * np.array([1.0, 1.0, stretch], dtype=np.float32)
     camera = observation.camera
     return Evidence(
-        points, bounding_boxes(points, BLOCK), observation.count, observation.depth, observation.nearest,
-        observation.view, camera.fx, camera.fy, camera.cx, camera.cy,
+        points,
+        bounding_boxes(points, BLOCK),
+        observation.count,
+        observation.depth,
+        observation.nearest,
+        observation.view,
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
     )
 
 
 def lay_out_rules(settings: RefineSettings) -> Rules:
     """Settings in the kernel's own units."""
     return Rules(
-        settings.icp_iterations, settings.gauss_newton_iterations, settings.damping, settings.damping_share,
-        settings.rest_weight, settings.keep_limits,
-        settings.noise_lateral / settings.noise_depth, settings.outlier_distance**2,
-        settings.free_space_weight, 1.0 / (settings.likelihood_scale**2),
+        settings.icp_iterations,
+        settings.gauss_newton_iterations,
+        settings.damping,
+        settings.damping_share,
+        settings.rest_weight,
+        settings.keep_limits,
+        settings.noise_lateral / settings.noise_depth,
+        settings.outlier_distance**2,
+        settings.free_space_weight,
+        1.0 / (settings.likelihood_scale**2),
     )

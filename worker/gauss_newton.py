@@ -30,10 +30,15 @@ CONVERGED = 1e-4  # radians and metres: a step below it ends the loop
 
 @numba.njit(cache=True, nogil=True)
 def add_correspondence(
-    moments: Array, crosses: Array, point: Array, links: NDArray[np.int64], weights: Array, mass: float,
+    moments: Array,
+    crosses: Array,
+    point: Array,
+    links: NDArray[np.int64],
+    weights: Array,
+    mass: float,
     target: Array,
 ) -> None:
-    """Add a model point (3,) drawn to observed points of total weight `mass` and weighted sum `target` (3,)."""
+    """Add a model point (3,) drawn to observed points of weight `mass` and weighted sum `target` (3,)."""
     for k in range(len(links)):
         share = weights[k]
         if share > 0.0:
@@ -47,9 +52,16 @@ def add_correspondence(
 
 
 @numba.njit(cache=True, nogil=True)
-def minimise(
-    skeleton: Skeleton, pose: Array, moments: Array, crosses: Array, metric: Array, damping: float,
-    stiffness: float, iterations: int, keep_limits: bool,
+def minimise(  # noqa: PLR0913  arrays in place of objects: numba inlines them
+    skeleton: Skeleton,
+    pose: Array,
+    moments: Array,
+    crosses: Array,
+    metric: Array,
+    damping: float,
+    stiffness: float,
+    iterations: int,
+    keep_limits: bool,
 ) -> None:
     """Move pose (D,) in place to the minimum of Eq. 3 by damped Gauss-Newton steps (Eq. 4).
 
@@ -128,13 +140,22 @@ def multiply(one: Array, other: Array, out: Array) -> None:
     for a in range(4):
         for b in range(4):
             out[a, b] = (
-                one[a, 0] * other[0, b] + one[a, 1] * other[1, b] + one[a, 2] * other[2, b] + one[a, 3] * other[3, b]
+                one[a, 0] * other[0, b]
+                + one[a, 1] * other[1, b]
+                + one[a, 2] * other[2, b]
+                + one[a, 3] * other[3, b]
             )
 
 
 @numba.njit(cache=True, nogil=True)
 def normal_equations(
-    skeleton: Skeleton, w: Array, q: Array, subtree_m: Array, subtree_c: Array, metric: Array, gram: Array,
+    skeleton: Skeleton,
+    w: Array,
+    q: Array,
+    subtree_m: Array,
+    subtree_c: Array,
+    metric: Array,
+    gram: Array,
     gradient: Array,
 ) -> None:
     """Fill gram (D, D) with J^T J and gradient (D,) with J^T r."""
@@ -180,12 +201,14 @@ def jacobian_matrix(kind: int, w: Array, q: Array, out: Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def draw_to_rest(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
-    """Add the squared angles of all joints but the root to the equations; of a ball, the angle of its turn."""
+    """Add the squared angles of all joints but the root to the equations; of a ball, its turn's angle."""
     deviation = pose.copy()
     for start in skeleton.balls:
         axes = skeleton.axes[start : start + 3]
         handed = handedness(axes)
-        deviation[start : start + 3] = handed * rotation_vector(euler_matrix(handed * pose[start : start + 3]))
+        deviation[start : start + 3] = handed * rotation_vector(
+            euler_matrix(handed * pose[start : start + 3])
+        )
     for j in range(len(pose)):
         if not skeleton.root[j]:
             gram[j, j] += stiffness
@@ -238,7 +261,9 @@ def draw_into_limits(skeleton: Skeleton, pose: Array, stiffness: float, gram: Ar
             excess[a] = angle - min(max(angle, low), high)
             outside = outside or excess[a] != 0.0
         if outside and abs(np.cos(pose[start + 1])) > 0.3:
-            rates = np.linalg.inv(euler_rates(pose[start : start + 3], handedness(skeleton.axes[start : start + 3])))
+            rates = np.linalg.inv(
+                euler_rates(pose[start : start + 3], handedness(skeleton.axes[start : start + 3]))
+            )
             for a in range(3):
                 if excess[a] != 0.0:
                     for b in range(3):

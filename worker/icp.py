@@ -64,8 +64,15 @@ def refine_particle(
         index, squared = correspond(posed, visible, evidence, rules)  # 4c
         moments, crosses = collect(skeleton, surface, posed, visible, index, squared, evidence, rules)
         minimise(
-            skeleton, pose, moments, crosses, metric, rules.damping + rules.damping_share * evidence.count,
-            rules.rest_weight * unexplained(squared, evidence, rules), rules.gauss_newton_iterations, rules.keep_limits,
+            skeleton,
+            pose,
+            moments,
+            crosses,
+            metric,
+            rules.damping + rules.damping_share * evidence.count,
+            rules.rest_weight * unexplained(squared, evidence, rules),
+            rules.gauss_newton_iterations,
+            rules.keep_limits,
         )  # 4d
     return assess(pose, skeleton, surface, evidence, rules)  # 5
 
@@ -86,7 +93,7 @@ def look(pose: Array, skeleton: Skeleton, surface: Surface) -> tuple[Array, NDAr
 def correspond(
     posed: Array, visible: NDArray[np.int64], evidence: Evidence, rules: Rules
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """For each observed point its closest visible vertex, as a place in `visible`, and the distance squared."""
+    """For each observed point its closest visible vertex, as a place in `visible`, and how far squared."""
     model = np.empty((len(visible), 3), dtype=np.float32)
     for m in range(len(visible)):
         model[m, 0], model[m, 1] = posed[visible[m], 0], posed[visible[m], 1]
@@ -96,8 +103,14 @@ def correspond(
 
 @numba.njit(cache=True, nogil=True)
 def collect(
-    skeleton: Skeleton, surface: Surface, posed: Array, visible: NDArray[np.int64], index: NDArray[np.int32],
-    squared: NDArray[np.float32], evidence: Evidence, rules: Rules,
+    skeleton: Skeleton,
+    surface: Surface,
+    posed: Array,
+    visible: NDArray[np.int64],
+    index: NDArray[np.int32],
+    squared: NDArray[np.float32],
+    evidence: Evidence,
+    rules: Rules,
 ) -> tuple[Array, Array]:
     """Moments (L, 4, 4) and crosses (L, 4, 3) of all correspondences, in the camera frame."""
     links = len(skeleton.link_dofs)
@@ -123,7 +136,13 @@ def collect(
                     targets[m, a] += weight * target[a]
         if mass[m] > 0.0:
             add_correspondence(
-                moments, crosses, posed[v], surface.skin_links[v], surface.skin_weights[v], mass[m], targets[m]
+                moments,
+                crosses,
+                posed[v],
+                surface.skin_links[v],
+                surface.skin_weights[v],
+                mass[m],
+                targets[m],
             )
     return moments, crosses
 

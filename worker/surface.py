@@ -40,7 +40,13 @@ def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
     order = np.argsort(morton_codes(model.vertices), kind="stable")
     rank = np.argsort(order, kind="stable")
     skeleton = Skeleton(
-        model.kinds, model.parents, model.axes, model.points, model.limits, model.balls, model.link_dofs,
+        model.kinds,
+        model.parents,
+        model.axes,
+        model.points,
+        model.limits,
+        model.balls,
+        model.link_dofs,
         np.array([name in ROOT_DOFS for name in model.dof_names]),
     )
     surface = Surface(

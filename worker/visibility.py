@@ -72,14 +72,16 @@ def project_front(posed: Array, triangles: NDArray[np.int64]) -> tuple[Array, ND
 @numba.njit(cache=True, nogil=True, inline="always")
 def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
     """Whether a triangle, counter-clockwise from outside, shows its outside (y points down)."""
-    shown: bool = (image[b, 0] - image[a, 0]) * (image[c, 1] - image[a, 1]) < (
-        image[b, 1] - image[a, 1]
-    ) * (image[c, 0] - image[a, 0])
+    shown: bool = (image[b, 0] - image[a, 0]) * (image[c, 1] - image[a, 1]) < (image[b, 1] - image[a, 1]) * (
+        image[c, 0] - image[a, 0]
+    )
     return shown
 
 
 @numba.njit(cache=True, nogil=True)
-def depth_buffer(image: Array, z: Array, triangles: NDArray[np.int64]) -> tuple[NDArray[np.float32], int, int]:
+def depth_buffer(
+    image: Array, z: Array, triangles: NDArray[np.int64]
+) -> tuple[NDArray[np.float32], int, int]:
     """Nearest depth of the front faces per pixel, infinite where nothing is; and its left and top edge."""
     left, top = int(np.floor(image[:, 0].min())), int(np.floor(image[:, 1].min()))
     width = min(LARGEST_SIDE, int(np.ceil(image[:, 0].max())) - left + 1)
