@@ -21,7 +21,7 @@ USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + TRUNK}
 
 
 def choose_bodies(active: tuple[str, ...] | None, preset: str) -> Bodies:
-    """People of any stature; only the degrees of freedom `active` move, by default the preset's usual ones."""
+    """People of any stature; only the degrees of freedom `active` move, by default the preset's."""
     for name in active or ():
         require_dof(name)
     usual = USUAL[preset]

@@ -80,7 +80,7 @@ class Tracker:
 
         self._hypotheses = advance(self.model, self._hypotheses, refine, self._settings.filter, self._rng)
         clock.lap("merge")
-        return report(frame, self.model, self._hypotheses, clock.laps)
+        return self._report(frame, self._hypotheses, clock.laps)
 
     def _whereabouts(self) -> Array | None:
         """Surface (V, 3) of the likeliest hypothesis, near which the subject must be."""
@@ -106,7 +106,22 @@ class Tracker:
         still = np.zeros_like(self._hypotheses.velocities)
         unseen = np.full(len(still), np.nan)
         self._hypotheses = replace(self._hypotheses, velocities=still, residual=unseen)
-        return report(frame, self.model, self._hypotheses, clock.laps)
+        return self._report(frame, self._hypotheses, clock.laps)
+
+    def _report(self, frame: DepthFrame, found: Hypotheses, laps: dict[str, float]) -> Estimate:
+        """What is said about a frame: the likeliest hypothesis is the pose."""
+        joints, residual = joint_positions(self.model, found.poses), float(found.residual[0])
+        return Estimate(
+            frame=frame.number,
+            time_s=frame.time_s,
+            status=judge(residual, self._settings.refine.noise_depth, found.weights, joints),
+            pose=found.poses[0],
+            joint_positions=joints[0],
+            hypothesis_pose=found.poses,
+            hypothesis_weight=found.weights,
+            residual=residual,
+            stage_seconds=laps,
+        )
 
 
 class Stopwatch:
@@ -121,19 +136,3 @@ class Stopwatch:
         now = time.perf_counter()
         self.laps[stage] = self.laps.get(stage, 0.0) + now - self._last
         self._last = now
-
-
-def report(frame: DepthFrame, model: BodyModel, found: Hypotheses, laps: dict[str, float]) -> Estimate:
-    """What is said about a frame: the likeliest hypothesis is the pose."""
-    joints = joint_positions(model, found.poses)
-    return Estimate(
-        frame=frame.number,
-        time_s=frame.time_s,
-        status=judge(float(found.residual[0]), found.weights, joints),
-        pose=found.poses[0],
-        joint_positions=joints[0],
-        hypothesis_pose=found.poses,
-        hypothesis_weight=found.weights,
-        residual=float(found.residual[0]),
-        stage_seconds=laps,
-    )

@@ -212,7 +212,7 @@ def test_one_word_says_how_sure_it_is(
     """Lost: nothing explains what is seen. Ambiguous: a rival has some joint elsewhere. Tracked otherwise."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
-    assert judge(residual, np.array(weights), joints) == word
+    assert judge(residual, 0.0, np.array(weights), joints) == word
 
 
 def test_the_subject_is_cut_out_where_it_is() -> None:
