@@ -17,8 +17,8 @@ RIVAL = 0.5  # weight of a hypothesis, relative to the likeliest, from which on 
 def judge(residual: float, noise: float, weights: Array, joints: Array) -> Status:
     """Status from the reported residual (m), the weights (M,) and joints (M, J, 3), likeliest first.
 
-    `lost`: the reported pose does not explain what is seen, the depth's `noise` (m) aside. `ambiguous`: a hypothesis about as likely
-    has some joint elsewhere.
+    `lost`: the reported pose does not explain what is seen, the depth's `noise` (m) aside.
+    `ambiguous`: a hypothesis about as likely has some joint elsewhere.
     """
     if not residual <= LOST_RESIDUAL + noise:
         return "lost"
