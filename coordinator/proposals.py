@@ -24,7 +24,7 @@ def explore(
     settings: FilterSettings,
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
-    """Noise and velocities (N, D). An ancestor's children in turns: predicted, resting, one limb far, spread."""
+    """Noise and velocities (N, D). Children take turns: predicted, resting, one limb far, spread."""
     limbs = find_limbs(model)
     far = np.where(model.kinds == ROTATION, np.deg2rad(settings.limb_deviation_deg), 0.02)
     standard = rng.standard_normal(noise.shape)

@@ -141,13 +141,15 @@ def test_zero_weight_is_not_drawn_where_sums_are_rounded(value: float) -> None:
 
 @given(seeds)
 def test_motion_goes_on_as_it_was(seed: int) -> None:
-    """Velocity is what led from one pose to the next; without noise it leads as far again."""
+    """Velocity is what led from one pose to the next; without noise it leads as far again; noise comes after."""
     rng = np.random.default_rng(seed)
     model = puppet()
     earlier, step = rng.normal(size=(3, 19)), 0.1 * rng.normal(size=(3, 19))
     later = retract(model, earlier, step)
-    ahead = propagate(model, later, velocity(model, earlier, later), np.zeros((3, 19)))
-    np.testing.assert_allclose(ahead, retract(model, later, step), atol=1e-6)
+    noise = 0.1 * rng.normal(size=(3, 19))
+    for added in (np.zeros((3, 19)), noise):
+        ahead = propagate(model, later, velocity(model, earlier, later), added)
+        np.testing.assert_allclose(ahead, retract(model, retract(model, later, step), added), atol=1e-6)
 
 
 def test_noise_has_the_ancestors_covariance() -> None:
@@ -329,6 +331,28 @@ def test_a_lone_particle_keeps_its_ancestors_covariance() -> None:
     found = advance(hinges(), first, apart, settings, np.random.default_rng(0))
     np.testing.assert_allclose(found.covariances, np.tile(0.9 * first.covariances, (3, 1, 1)))
     np.testing.assert_allclose(found.velocities, np.arange(3.0)[:, None] + np.zeros((1, 2)))
+
+
+def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
+    """Velocity and inherited covariance are those of its ancestor, whichever is the likeliest."""
+    past = Hypotheses(
+        poses=np.array([[0.0, 0.0], [1.0, 2.0]]),
+        log_likelihood=np.zeros(2),
+        residual=np.zeros(2),
+        velocities=np.zeros((2, 2)),
+        covariances=np.array([1e-8 * np.eye(2), 4e-8 * np.eye(2)]),
+    )
+
+    def onward(poses: Array) -> Refined:
+        return Refined(
+            np.round(poses) + np.array([[0.1, 0.0], [0.0, 0.3]]), np.array([-1.0, 0.0]), np.zeros(2)
+        )
+
+    settings = msgspec.structs.replace(PAPER, particles=2)
+    found = advance(hinges(), past, onward, settings, np.random.default_rng(0))
+    np.testing.assert_allclose(found.poses, [[1.0, 2.3], [0.1, 0.0]])
+    np.testing.assert_allclose(found.velocities, [[0.0, 0.3], [0.1, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(found.covariances, 0.9 * past.covariances[::-1])
 
 
 @pytest.mark.parametrize("explores", [False, True])
