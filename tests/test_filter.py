@@ -141,14 +141,14 @@ def test_zero_weight_is_not_drawn_where_sums_are_rounded(value: float) -> None:
 
 @given(seeds)
 def test_motion_goes_on_as_it_was(seed: int) -> None:
-    """Velocity is what led from one pose to the next; without noise it leads as far again; noise comes after."""
+    """Velocity is what led from one pose to the next; without noise it leads as far again."""
     rng = np.random.default_rng(seed)
     model = puppet()
     earlier, step = rng.normal(size=(3, 19)), 0.1 * rng.normal(size=(3, 19))
     later = retract(model, earlier, step)
     noise = 0.1 * rng.normal(size=(3, 19))
     for added in (np.zeros((3, 19)), noise):
-        ahead = propagate(model, later, velocity(model, earlier, later), added)
+        ahead = propagate(model, later, velocity(model, earlier, later), added)  # noise comes after
         np.testing.assert_allclose(ahead, retract(model, retract(model, later, step), added), atol=1e-6)
 
 
