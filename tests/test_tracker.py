@@ -256,3 +256,10 @@ def test_what_is_farther_than_80_cm_is_not_the_subject() -> None:
         subject = isolate(frame_of(0, depth), surface, 10**6)
         assert subject is not None
         assert (len(subject.picked) == len(surface) + 1) is kept
+
+
+def test_the_depths_own_noise_is_no_loss() -> None:
+    """A residual that the assumed noise explains does not make a frame lost; without that noise it does."""
+    joints = np.zeros((1, 2, 3))
+    assert judge(0.2, 0.15, np.ones(1), joints) == "tracked"
+    assert judge(0.2, 0.01, np.ones(1), joints) == "lost"
