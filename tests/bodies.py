@@ -122,7 +122,7 @@ def random_body(rng: np.random.Generator) -> BodyModel:
     ends = [-1]
     for _ in range(int(rng.integers(1, 6))):
         parent, point = int(rng.choice(ends)), rng.normal(size=3)
-        basis = np.linalg.qr(rng.normal(size=(3, 3)))[0]  # of either hand
+        basis = np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.choice([1.0, -1.0])  # of either hand
         ball = rng.random() < 0.5
         for a in range(3 if ball else 1):
             parents.append(parent if a == 0 else len(kinds) - 1)
