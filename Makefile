@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 PACKAGES := common worker coordinator benchmarks tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow check format bench lock clean clean-kernels
+.PHONY: help setup demo test test-slow check format bench real-people lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -37,6 +37,9 @@ format: setup ## rewrite the code in the house's format
 
 bench: setup ## one particle's cost beside small_gicp's and Open3D's ICP
 	$(BIN)/python -m benchmarks.kernel
+
+real-people: setup ## real and skinned people, scored (needs ../shared/data)
+	$(BIN)/python -m benchmarks.real_people
 
 lock: ## new pinned versions in constraints.txt: the newest that pyproject.toml allows
 	@.ci/lock
