@@ -15,7 +15,8 @@ def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64])
     """The same body with only the `active` degrees of freedom; the others stay at `held` (D,).
 
     The held pose, with active degrees of freedom at zero, becomes the rest pose of the result, so a pose
-    of the result moves the body as the same values in the full model would. Active degrees of freedom
+    of the result moves the body as the same values in the full model would (skin that a held bend shares
+    between links aside). Active degrees of freedom
     keep the model's order, links that now move as one are merged. Raises InputError for unknown names.
     """
     wanted = sorted({model.dof(name) for name in active})

@@ -10,7 +10,8 @@ over the links s that both (that) degrees of freedom move. A link's relative mot
 G M_s G^T and C_s to G C_s, so a step costs the same for a thousand points as for a million.
 
 A vertex that is blended over several links adds to each of them in proportion to its weights. That leaves
-J^T r exact and makes J^T J an upper bound, so steps stay safe.
+J^T r exact at the pose in which correspondences were searched, and makes J^T J an upper bound, so steps stay
+safe.
 """
 
 from __future__ import annotations
