@@ -50,7 +50,7 @@ PRESETS = {
     "paper": Settings(preset="paper"),
     "default": Settings(
         preset="default",
-        points=3_000,
+        points=4_000,
         refine=RefineSettings(
             icp_iterations=6,
             damping_share=0.0003,
