@@ -10,7 +10,7 @@ from common.errors import InputError
 class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a worker needs to know to refine a particle. Lengths in metres, angles in radians."""
 
-    icp_iterations: int = 3
+    icp_iterations: int = 3  # 0 only assesses the likelihood
     gauss_newton_iterations: int = 5
     damping: float = 0.1  # lambda of Eq. 4
     damping_share: float = 0.0  # is added to it for each observed point
@@ -24,15 +24,19 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Steps 1-3, 6 and 7 of the filter."""
+    """Steps 1-3, 6 and 7 of the filter, and what the baselines have in their place."""
 
-    particles: int = 20
+    particles: int = 20  # of `annealed`: in each layer
     merge_angle_deg: float = 4.0  # d
     covariance_reduction: float = 0.1  # each frame
     initial_position_deviation: float = 0.02  # metres
     velocity_share: float = 1.0  # of a hypothesis' velocity that its particles start with
     explore: bool = False  # one limb at a time, see coordinator/proposals.py
     limb_deviation_deg: float = 30.0
+    diffusion_deg: float = 2.0  # of the baselines' motion model, each frame
+    diffusion_position: float = 0.01  # metres
+    layers: int = 10  # of `annealed`
+    survival_rate: float = 0.5  # of its particles, from layer to layer
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

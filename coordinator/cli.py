@@ -101,9 +101,13 @@ def track(  # noqa: PLR0913 one parameter an option
     sequence: Sequence_,
     out: Results,
     *,
-    method: Annotated[str, typer.Option(help="gepf (many hypotheses) or gradient (one).")] = "gepf",
+    method: Annotated[
+        str, typer.Option(help="gepf (many hypotheses), gradient (one), condensation or annealed.")
+    ] = "gepf",
     preset: Annotated[str, typer.Option(help="default, or paper (its constants to the letter).")] = "default",
-    particles: Annotated[int | None, typer.Option(metavar="N", help="Particles a frame.")] = None,
+    particles: Annotated[
+        int | None, typer.Option(metavar="N", help="Particles a frame; of annealed in each of its 10 layers.")
+    ] = None,
     points: Annotated[int | None, typer.Option(metavar="N", help="Observed points a frame, at most.")] = None,
     dof: Annotated[
         str | None, typer.Option(metavar="NAME,...", help="Move only these; hold the rest.")

@@ -15,7 +15,7 @@ Status = Literal["tracked", "ambiguous", "lost"]
 class Estimate:
     """The reported pose of a frame, all hypotheses (M) behind it, and how sure the tracker is.
 
-    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the reported pose's
+    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the likeliest's
     mean distance between observed points and the model, metres; NaN where nothing was observed.
     """
 

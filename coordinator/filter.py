@@ -14,31 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.kinematics import difference
 from common.refinement import Refined
 from common.settings import FilterSettings
+from coordinator.belief import Belief
 from coordinator.covariance import estimate_covariances
 from coordinator.merging import merge
-from coordinator.motion import draw_noise, propagate, velocity
+from coordinator.motion import draw_noise, propagate
 from coordinator.proposals import explore
-from coordinator.resampling import normalise, systematic
+from coordinator.resampling import systematic
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hypotheses:
-    """What the filter knows after a frame, likeliest first."""
+class Hypotheses(Belief):
+    """What the filter knows after a frame: merged particles, likeliest first, each with its valley."""
 
-    poses: Array  # (M, D)
-    log_likelihood: Array  # (M,)
-    residual: Array  # (M,) metres
-    velocities: Array  # (M, D) relative motion per frame
     covariances: Array  # (M, D, D) of relative motion
-
-    @property
-    def weights(self) -> Array:
-        """Normalised weights (M,)."""
-        return normalise(self.log_likelihood)
 
 
 def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses:
@@ -48,9 +41,10 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses
     )
     return Hypotheses(
         poses=pose[None].copy(),
-        log_likelihood=np.zeros(1),
+        log_weights=np.zeros(1),
         residual=np.full(1, np.nan),
         velocities=np.zeros((1, len(pose))),
+        reported=pose.copy(),
         covariances=np.diag(deviation**2)[None],
     )
 
@@ -73,9 +67,10 @@ def advance(
     )
     return Hypotheses(
         poses=after.poses[chosen],
-        log_likelihood=after.log_likelihood[chosen],
+        log_weights=after.log_likelihood[chosen],
         residual=after.residual[chosen],
-        velocities=velocity(model, past.poses[parents], after.poses[chosen]),
+        velocities=difference(model, past.poses[parents], after.poses[chosen]),
+        reported=after.poses[chosen[0]],
         covariances=covariances,
     )
 

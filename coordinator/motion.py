@@ -6,14 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.kinematics import difference, retract
+from common.kinematics import retract
 
 Array = NDArray[np.float64]
-
-
-def velocity(model: BodyModel, earlier: Array, later: Array) -> Array:
-    """Relative motion (M, D) per frame between poses (M, D) of successive frames."""
-    return difference(model, earlier, later)
 
 
 def propagate(model: BodyModel, poses: Array, velocities: Array, noise: Array) -> Array:

@@ -11,7 +11,8 @@ import msgspec
 from common.errors import InputError
 from common.settings import Settings, preset
 
-METHODS = ("gepf", "gradient")
+BASELINES = {"condensation": 1_000, "annealed": 100}  # particles, unless told; of `annealed` in each layer
+METHODS = ("gepf", "gradient", *BASELINES)
 PRESETS = ("default", "paper")
 MODELS = ("human",)
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
@@ -57,6 +58,10 @@ def choose_settings(
         if particles not in (None, 1):
             raise InputError("method gradient follows a single particle; leave --particles out")
         particles = 1
+    if method in BASELINES:
+        particles = BASELINES[method] if particles is None else particles
+        assess = msgspec.structs.replace(settings.refine, icp_iterations=0)
+        settings = msgspec.structs.replace(settings, refine=assess)
     if particles is not None:
         chosen = msgspec.structs.replace(settings.filter, particles=particles)
         settings = msgspec.structs.replace(settings, filter=chosen)

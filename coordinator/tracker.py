@@ -15,15 +15,18 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.refinement import Refined
 from common.settings import Settings
+from coordinator.belief import Belief
 from coordinator.bodies import Bodies
 from coordinator.estimate import Estimate
-from coordinator.filter import Hypotheses, advance, begin
+from coordinator.methods import METHODS
 from coordinator.refiner import Refiner
 from coordinator.start import Start, find_start, given_start
 from coordinator.status import judge
 from coordinator.subject import isolate
 
 Array = NDArray[np.float64]
+
+RECORDED = 100  # hypotheses of a frame at the most, the likeliest
 
 
 class Tracker:
@@ -41,11 +44,12 @@ class Tracker:
     ) -> None:
         self._refiner = refiner
         self._settings = settings
+        self._method = METHODS[settings.method]
         self._bodies = bodies
         self._given = start
         self._rng = np.random.default_rng(settings.seed)
         self._start: Start | None = None
-        self._hypotheses: Hypotheses | None = None
+        self._belief: Belief | None = None
 
     @property
     def start(self) -> Start:
@@ -68,8 +72,8 @@ class Tracker:
             return self._carry_on(frame, clock)
         self._refiner.publish(subject)
         clock.lap("publish")
-        if self._hypotheses is None:
-            self._hypotheses = self._begin(subject)
+        if self._belief is None:
+            self._belief = self._begin(subject)
             clock.lap("start")
 
         def refine(poses: Array) -> Refined:
@@ -78,47 +82,51 @@ class Tracker:
             clock.lap("refine")
             return refined
 
-        self._hypotheses = advance(self.model, self._hypotheses, refine, self._settings.filter, self._rng)
+        self._belief = self._method.advance(
+            self.model, self._belief, refine, self._settings.filter, self._rng
+        )
         clock.lap("merge")
-        return self._report(frame, self._hypotheses, clock.laps)
+        return self._report(frame, self._belief, clock.laps)
 
     def _whereabouts(self) -> Array | None:
-        """Surface (V, 3) of the likeliest hypothesis, near which the subject must be."""
-        if self._hypotheses is None:
+        """Surface (V, 3) in the reported pose, near which the subject must be."""
+        if self._belief is None:
             return None
-        surface: Array = pose_vertices(self.model, self._hypotheses.poses[:1])[0]
+        surface: Array = pose_vertices(self.model, self._belief.reported[None])[0]
         return surface
 
-    def _begin(self, subject: SubjectFrame) -> Hypotheses:
+    def _begin(self, subject: SubjectFrame) -> Belief:
         if self._given is not None:
             self._start = given_start(self._given, self._bodies)
         else:
             self._start = find_start(subject, self._bodies, self._refiner, self._settings.refine)
-        return begin(self.model, self._start.pose, self._settings.filter)
+        return self._method.begin(self.model, self._start.pose, self._settings.filter)
 
     def _carry_on(self, frame: DepthFrame, clock: Stopwatch) -> Estimate:
         """Nothing was seen: hypotheses stay where they are, the frame is lost."""
-        if self._hypotheses is None:
+        if self._belief is None:
             raise InputError(
                 f"frame {frame.number} shows no depth, so there is nothing to start from; "
                 "begin with a frame that shows the person, e.g. with --frames"
             )
-        still = np.zeros_like(self._hypotheses.velocities)
+        still = np.zeros_like(self._belief.velocities)
         unseen = np.full(len(still), np.nan)
-        self._hypotheses = replace(self._hypotheses, velocities=still, residual=unseen)
-        return self._report(frame, self._hypotheses, clock.laps)
+        self._belief = replace(self._belief, velocities=still, residual=unseen)
+        return self._report(frame, self._belief, clock.laps)
 
-    def _report(self, frame: DepthFrame, found: Hypotheses, laps: dict[str, float]) -> Estimate:
-        """What is said about a frame: the likeliest hypothesis is the pose."""
-        joints, residual = joint_positions(self.model, found.poses), float(found.residual[0])
+    def _report(self, frame: DepthFrame, found: Belief, laps: dict[str, float]) -> Estimate:
+        """What is said about a frame."""
+        shown, weights = found.poses[:RECORDED], found.weights
+        joints = joint_positions(self.model, np.concatenate([found.reported[None], shown]))
+        residual = float(found.residual[0])
         return Estimate(
             frame=frame.number,
             time_s=frame.time_s,
-            status=judge(residual, self._settings.refine.noise_depth, found.weights, joints),
-            pose=found.poses[0],
+            status=judge(residual, self._settings.refine.noise_depth, weights[:RECORDED], joints[1:]),
+            pose=found.reported,
             joint_positions=joints[0],
-            hypothesis_pose=found.poses,
-            hypothesis_weight=found.weights,
+            hypothesis_pose=shown,
+            hypothesis_weight=weights[:RECORDED] / weights[:RECORDED].sum(),
             residual=residual,
             stage_seconds=laps,
         )

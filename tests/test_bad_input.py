@@ -146,7 +146,7 @@ def test_a_damaged_folder_is_refused(
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--method", "magic"], "unknown method 'magic'; choose from gepf, gradient"),
+        (["--method", "magic"], "unknown method 'magic'; choose from gepf, gradient, condensation, annealed"),
         (["--preset", "best"], "unknown preset 'best'; choose from default, paper"),
         (["--model", "horse"], "unknown model 'horse'; choose from human"),
         (["--dof", "r_elbow"], "unknown degree of freedom 'r_elbow'; did you mean r_elbow_flexion"),

@@ -58,7 +58,6 @@ class StillWorkers:
     def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
         """The same poses, all equally likely."""
         assert poses.shape[1] == len(model.dof_names)
-        assert settings.icp_iterations > 0
         return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01))
 
     @contextmanager
@@ -218,6 +217,19 @@ def test_gradient_is_one_particle_without_noise(tracked: Tracked) -> None:
     assert summary["particles"] == 1
     assert track.hypothesis_pose.shape[1] == 1
     assert track.pose[:, track.dof_names.index("r_elbow_flexion")].tolist() == [0.5] * 5
+
+
+@pytest.mark.parametrize(("method", "particles"), [("condensation", 1000), ("annealed", 100)])
+def test_baselines_only_assess_and_bound_what_they_record(
+    tracked: Tracked, method: str, particles: int
+) -> None:
+    """Workers are asked for no descent; of many particles at most a hundred are recorded."""
+    track, summary = tracked("--method", method, "--dof", ",".join(ARM))
+    assert (summary["method"], summary["particles"]) == (method, particles)
+    assert isinstance(summary["settings"], dict)
+    assert summary["settings"]["refine"]["icp_iterations"] == 0
+    assert track.hypothesis_pose.shape[1] == 100
+    np.testing.assert_allclose(track.hypothesis_weight, 0.01)
 
 
 def test_a_start_from_a_file_overrides_that_of_the_sequence(tracked: Tracked, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from common.settings import FilterSettings, preset
 from coordinator.covariance import estimate_covariances
 from coordinator.filter import Hypotheses, advance, begin
 from coordinator.merging import merge
-from coordinator.motion import draw_noise, propagate, velocity
+from coordinator.motion import draw_noise, propagate
 from coordinator.proposals import explore, find_limbs
 from coordinator.resampling import effective_sample_size, normalise, systematic
 from tests.bodies import hinges, puppet
@@ -148,7 +148,7 @@ def test_motion_goes_on_as_it_was(seed: int) -> None:
     later = retract(model, earlier, step)
     noise = 0.1 * rng.normal(size=(3, 19))
     for added in (np.zeros((3, 19)), noise):
-        ahead = propagate(model, later, velocity(model, earlier, later), added)  # noise comes after
+        ahead = propagate(model, later, difference(model, earlier, later), added)  # noise comes after
         np.testing.assert_allclose(ahead, retract(model, retract(model, later, step), added), atol=1e-6)
 
 
@@ -300,7 +300,7 @@ def test_two_valleys_stay_two_hypotheses(explores: bool) -> None:
     for found in follow(toy, settings, seed=1, frames=20):
         np.testing.assert_allclose(found.poses, VALLEYS, atol=1e-3)
         assert found.weights[0] > found.weights[1] > 0.4
-        assert np.all(np.diff(found.log_likelihood) < 0.0)
+        assert np.all(np.diff(found.log_weights) < 0.0)
 
 
 def test_covariances_come_from_before_the_descent() -> None:
@@ -337,9 +337,10 @@ def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
     """Velocity and inherited covariance are those of its ancestor, whichever is the likeliest."""
     past = Hypotheses(
         poses=np.array([[0.0, 0.0], [1.0, 2.0]]),
-        log_likelihood=np.zeros(2),
+        log_weights=np.zeros(2),
         residual=np.zeros(2),
         velocities=np.zeros((2, 2)),
+        reported=np.zeros(2),
         covariances=np.array([1e-8 * np.eye(2), 4e-8 * np.eye(2)]),
     )
 

@@ -319,6 +319,17 @@ def test_a_batch_is_its_particles_one_by_one() -> None:
     assert len(np.unique(together.log_likelihood)) == len(poses)
 
 
+def test_without_iterations_poses_are_only_assessed() -> None:
+    """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them."""
+    model, observation = puppet(), observe(subject())
+    refined = icp.refine(model, observation, starts(3), DEFAULT)
+    assess = msgspec.structs.replace(DEFAULT, icp_iterations=0)
+    assessed = icp.refine(model, observation, refined.poses, assess)
+    np.testing.assert_array_equal(assessed.poses, refined.poses)
+    np.testing.assert_array_equal(assessed.log_likelihood, refined.log_likelihood)
+    np.testing.assert_array_equal(assessed.residual, refined.residual)
+
+
 def test_what_is_asked_for_is_not_changed() -> None:
     """The poses of a request stay as they were, and need not be writable."""
     poses = starts(2)
