@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel, find_balls
+from common.body import BodyModel, find_balls, surface_carriers
 from common.kinematics import dof_transforms, joint_positions, pose_vertices
 
 
@@ -40,7 +40,9 @@ def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64])
         axes=axes,
         points=points,
         limits=model.limits[wanted],
-        balls=find_balls(kinds, parents, axes, points),
+        balls=find_balls(
+            kinds, parents, axes, points, surface_carriers(moved, skin_links, skin_weights)
+        ),
         link_names=tuple(model.link_names[int(np.argmax(merged == k))] for k in range(len(moved))),
         link_dofs=moved,
         vertices=pose_vertices(model, rest[None])[0],

@@ -1,4 +1,4 @@
-"""An articulated body: rotations about known axes through known points, and a surface that they move.
+"""An articulated body: rotations and translations along known axes, and a surface that they move.
 
 All coordinates are those of the rest pose, in metres, in a frame whose axes agree with the camera's: x
 right, y down, z forward, with the origin at the root (the pelvis). A person at rest stands upright, arms
@@ -26,8 +26,9 @@ class BodyModel:
     """Degrees of freedom (D), links (L), surface vertices (V), triangles (T) and named joints (J).
 
     A degree of freedom's parent comes before it. Three consecutive rotations about orthonormal axes
-    through one point make a *ball*; `balls` holds the index of the first of each. `skin_weights` blend
-    the links' transforms for each vertex (rows sum to 1, the dominant link first).
+    through one point, with nothing else on the first two, make a *ball*; `balls` holds the index of the
+    first of each. `skin_weights` blend the links' transforms for each vertex (rows sum to 1, the dominant
+    link first).
     """
 
     name: str
@@ -95,20 +96,34 @@ def check(model: BodyModel) -> None:
         raise ValueError("skin weights of a vertex must sum to 1")
 
 
+def surface_carriers(
+    link_dofs: NDArray[np.int64], skin_links: NDArray[np.int64], skin_weights: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Degrees of freedom whose own links carry surface."""
+    return np.unique(link_dofs[skin_links[skin_weights > 0.0]])
+
+
 def find_balls(
     kinds: NDArray[np.int64],
     parents: NDArray[np.int64],
     axes: NDArray[np.float64],
     points: NDArray[np.float64],
+    carriers: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """First index of every three consecutive rotations about orthonormal axes through one point."""
+    """First index of every three consecutive rotations about orthonormal axes through one point.
+
+    They are one joint only where nothing hangs on the first two but the next: no surface (that of
+    `carriers`, see `surface_carriers`) and no other degree of freedom.
+    """
+    children = np.bincount(parents[parents >= 0], minlength=len(kinds))
     balls, j = [], 0
     while j + 2 < len(kinds):
         triple = slice(j, j + 3)
         chained = parents[j + 1] == j and parents[j + 2] == j + 1
+        bare = np.all(children[j : j + 2] == 1) and not np.isin([j, j + 1], carriers).any()
         orthonormal = np.allclose(axes[triple] @ axes[triple].T, np.eye(3), atol=1e-9)
         together = np.allclose(points[triple], points[j], atol=1e-9)
-        if np.all(kinds[triple] == ROTATION) and chained and orthonormal and together:
+        if np.all(kinds[triple] == ROTATION) and chained and bare and orthonormal and together:
             balls.append(j)
             j += 3
         else:

@@ -68,6 +68,7 @@ def puppet(blended: bool = True) -> BodyModel:
     kinds = np.array([row[1] for row in DOFS], dtype=np.int64)
     parents = np.array([names.index(row[2]) if row[2] else -1 for row in DOFS], dtype=np.int64)
     axes, points = np.array([row[3] for row in DOFS]), np.array([row[4] for row in DOFS])
+    link_dofs = np.array([names.index(row[1]) if row[1] else -1 for row in LINKS], dtype=np.int64)
     return BodyModel(
         name="puppet",
         dof_names=names,
@@ -76,9 +77,9 @@ def puppet(blended: bool = True) -> BodyModel:
         axes=axes,
         points=points,
         limits=np.array([row[5] for row in DOFS]),
-        balls=find_balls(kinds, parents, axes, points),
+        balls=find_balls(kinds, parents, axes, points, link_dofs),
         link_names=link_names,
-        link_dofs=np.array([names.index(row[1]) if row[1] else -1 for row in LINKS], dtype=np.int64),
+        link_dofs=link_dofs,
         vertices=np.concatenate([vertices for vertices, _ in parts]),
         triangles=np.concatenate([faces + start for (_, faces), start in zip(parts, offsets, strict=True)]),
         skin_links=np.concatenate([which for which, _ in skins]),
@@ -113,7 +114,7 @@ def share(
 def random_body(rng: np.random.Generator) -> BodyModel:
     """A random tree of single axes, translations and balls of either hand, with skin on every link.
 
-    Nothing hangs in the middle of a ball: the three rotations of one are one joint.
+    Now and then a link hangs in the middle of three rotations through one point, which are no ball then.
     """
     kinds: list[int] = []
     parents: list[int] = []
@@ -129,7 +130,10 @@ def random_body(rng: np.random.Generator) -> BodyModel:
             kinds.append(ROTATION if ball or rng.random() < 0.7 else TRANSLATION)
             axes.append(basis[a])
             points.append(point)
-        ends.append(len(kinds) - 1)
+            if a < 2 and rng.random() < 0.15:
+                ends.append(len(kinds) - 1)
+        if ends[-1] != len(kinds) - 1:
+            ends.append(len(kinds) - 1)
     count = len(kinds)
     arrays = (
         np.array(kinds, dtype=np.int64),
@@ -146,7 +150,7 @@ def random_body(rng: np.random.Generator) -> BodyModel:
         axes=arrays[2],
         points=arrays[3],
         limits=np.tile([-np.inf, np.inf], (count, 1)),
-        balls=find_balls(*arrays),
+        balls=find_balls(*arrays, np.array(ends, dtype=np.int64)),
         link_names=tuple(f"link_{end}" for end in ends),
         link_dofs=np.array(ends, dtype=np.int64),
         vertices=rng.normal(size=(12, 3)),

@@ -82,6 +82,7 @@ def _without_skin(skeleton: Skeleton) -> BodyModel:
     axes = np.array([dof.axis for dof in skeleton.dofs])
     points = np.array([skeleton.joints[dof.joint] for dof in skeleton.dofs])
     links = tuple(skeleton.links)
+    link_dofs = np.array([names.index(last) for last in skeleton.links.values()], dtype=np.int64)
     return BodyModel(
         name="human",
         dof_names=names,
@@ -90,9 +91,9 @@ def _without_skin(skeleton: Skeleton) -> BodyModel:
         axes=axes,
         points=points,
         limits=np.stack([joint_range(name) for name in names]),
-        balls=find_balls(kinds, parents, axes, points),
+        balls=find_balls(kinds, parents, axes, points, link_dofs),
         link_names=links,
-        link_dofs=np.array([names.index(last) for last in skeleton.links.values()], dtype=np.int64),
+        link_dofs=link_dofs,
         vertices=np.empty((0, 3)),
         triangles=np.empty((0, 3), dtype=np.int64),
         skin_links=np.empty((0, KEPT), dtype=np.int64),
