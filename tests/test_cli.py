@@ -58,6 +58,7 @@ class StillWorkers:
     def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
         """The same poses, all equally likely."""
         assert poses.shape[1] == len(model.dof_names)
+        assert settings.gauss_newton_iterations > 0
         return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01))
 
     @contextmanager
