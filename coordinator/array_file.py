@@ -22,6 +22,10 @@ class ArrayFile:
     def __contains__(self, key: str) -> bool:
         return key in self._content
 
+    def any(self, key: str) -> NDArray[np.generic]:
+        """An array of whatever kind and shape."""
+        return self._take(key)
+
     def names(self, key: str) -> tuple[str, ...]:
         """A one-dimensional array of distinct texts."""
         array = self._take(key)

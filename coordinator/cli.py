@@ -164,14 +164,15 @@ def evaluate(
 @app.command()
 def export(
     run: Run,
-    form: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv or json.")],
+    form: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="bap, bvh, csv, glb, gltf, json or trc.")
+    ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write.")],
 ) -> None:
     """Write a run's poses for other programs."""
-    from coordinator.exports import export_track
-    from coordinator.track import read_track
+    from coordinator.exports import export_run
 
-    export_track(read_track(run), form, out)
+    export_run(run, form, out)
 
 
 @app.command()

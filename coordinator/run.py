@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from coordinator.atomic_file import write_atomically
 from coordinator.chosen_body import HUMAN_DOFS, choose_bodies
+from coordinator.model_file import MODEL_FILE, TrackedBody, write_model
 from coordinator.options import AUTOMATIC, Job, Pool
 from coordinator.progress import FrameMeter, Show
 from coordinator.recorder import Recorder
@@ -95,6 +97,8 @@ def finish(run: Run, meter: FrameMeter, show: Show) -> None:
     estimates = run.recorder.estimates()
     summary = summarise(run.job, run.tracker.start, estimates, run.refiner.traffic)
     timing = {"complete": complete, "seconds": meter.seconds, "frame_rate": meter.rate}
+    body = TrackedBody(run.tracker.model, run.tracker.start.held)
+    write_atomically(run.job.out / MODEL_FILE, lambda file: write_model(body, file))
     run.recorder.finish(timing | summary, complete=complete)
     if not complete:
         show.say(f"ended early; the first {len(estimates)} frames are in {run.job.out}")

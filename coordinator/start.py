@@ -7,7 +7,7 @@ likeliest is taken.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
@@ -40,20 +40,26 @@ BODY_RADIUS = 0.1  # metres from the skin that is seen to the pelvis
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """A body and its pose (D,) in the first frame."""
+    """A body and its pose (D,) in the first frame; `values` by name, of what does not move too."""
 
     model: BodyModel
     pose: Array
     stature: float
     girth: float
     log_likelihood: float = -np.inf
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Values other than zero of degrees of freedom that do not move."""
+        return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
 
 
 def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
     """The start at a pose given by name, of the measures that are known."""
     stature, girth = bodies.measures or USUAL_MEASURES
     model, pose = bodies.tracked(stature, girth, values)
-    return Start(model, pose, stature, girth)
+    return Start(model, pose, stature, girth, values=dict(values))
 
 
 def find_start(subject: SubjectFrame, bodies: Bodies, refiner: Refiner, settings: RefineSettings) -> Start:
@@ -66,8 +72,9 @@ def find_start(subject: SubjectFrame, bodies: Bodies, refiner: Refiner, settings
     found = best(postures(observed_points(subject), bodies))
     if bodies.measures is None:
         found = best([resize(found, bodies, found.stature * s, girth) for girth in GIRTHS for s in SCALES])
-    model, pose = bodies.tracked(found.stature, found.girth, pose_by_name(found.model, found.pose))
-    return replace(found, model=model, pose=pose)
+    values = pose_by_name(found.model, found.pose)
+    model, pose = bodies.tracked(found.stature, found.girth, values)
+    return replace(found, model=model, pose=pose, values=values)
 
 
 def observed_points(subject: SubjectFrame) -> Array:

@@ -147,6 +147,7 @@ def test_a_run_leaves_files_and_says_nothing_on_stdout(
     assert track.frame.tolist() == [0, 1, 2, 3, 4]
     assert track.time_s.tolist() == [n / 30 for n in range(5)]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "model.npz",
         "poses.csv",
         "summary.json",
         "track.npz",

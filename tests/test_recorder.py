@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from coordinator.atomic_file import write_atomically
 from coordinator.estimate import Estimate, Status
-from coordinator.exports import export_track
+from coordinator.exports import export_run
 from coordinator.frame_log import read_records
 from coordinator.recorder import Recorder, read_log
 from coordinator.track import Track, read_track
@@ -254,8 +254,8 @@ def test_the_csv_gives_back_the_same_numbers(run: Path) -> None:
 def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:
     """CSV is that of the run; JSON has all fields, with null where hypotheses are missing."""
     track = read_track(run)
-    export_track(track, "csv", tmp_path / "poses")
-    export_track(track, "json", tmp_path / "poses.json")
+    export_run(run, "csv", tmp_path / "poses")
+    export_run(run, "json", tmp_path / "poses.json")
     assert (tmp_path / "poses").read_bytes() == (run / "poses.csv").read_bytes()
     content = json.loads((tmp_path / "poses.json").read_text())
     assert set(content) == set(Track.__slots__)
@@ -265,8 +265,10 @@ def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:
 
 def test_exports_refuse_what_they_cannot_do(tmp_path: Path, run: Path) -> None:
     """An unknown format names the known ones; a place that cannot be written is named."""
-    with pytest.raises(InputError, match="unknown format 'fbx'; choose from csv, json"):
-        export_track(read_track(run), "fbx", tmp_path / "poses.fbx")
+    with pytest.raises(
+        InputError, match="unknown format 'fbx'; choose from bap, bvh, csv, glb, gltf, json, trc"
+    ):
+        export_run(run, "fbx", tmp_path / "poses.fbx")
     with pytest.raises(InputError, match="cannot write"):
-        export_track(read_track(run), "csv", tmp_path / "nowhere" / "poses.csv")
+        export_run(run, "csv", tmp_path / "nowhere" / "poses.csv")
     assert names(tmp_path) == ["run"]

@@ -1,14 +1,12 @@
 """The body animation parameters of MPEG-4 (ISO/IEC 14496-2, Annex C) by number and name.
 
-The standard numbers 180 joint angles, left before right, and adds six for the body's root, which this
-project calls `root_tx` ... `root_rz`. The standard says which motion a parameter means ("up and down
-rotation of the toe in the sagittal plane") but leaves the sign to the body's own rotation axes; the signs
-used here are those of `coordinator.models.skeleton`.
+The standard numbers 180 joint angles, left before right, and adds six for the body's root. This project
+follows the motion that a parameter means ("up and down rotation of the toe in the sagittal plane"), with the
+signs of `coordinator.models.skeleton`, and moves the root by `root_tx` ... `root_rz`;
+`coordinator.exports.bap` writes the standard's own signs and root.
 """
 
 from __future__ import annotations
-
-from common.body import ROOT_DOFS
 
 FINGERS = ("pinky", "ring", "middle", "index")
 VERTEBRAE_UPWARD = tuple(
@@ -47,5 +45,12 @@ JOINT_ANGLES: tuple[str, ...] = (
     *_both_sides(_LEG), *_both_sides(_ARM), *_spine(), *_both_sides(_hand()),
 )  # fmt: skip
 
-BODY_ANIMATION_PARAMETERS: dict[int, str] = dict(enumerate((*JOINT_ANGLES, *ROOT_DOFS), start=1))
-"""Parameter number -> degree of freedom. 1-180 are the joint angles, 181-186 the root."""
+BODY_ANIMATION_PARAMETERS: dict[int, str] = dict(enumerate(JOINT_ANGLES, start=1))
+"""Parameter number -> degree of freedom, for the joint angles, 1-180."""
+
+ROOT_PARAMETERS: dict[int, str] = dict(
+    enumerate(
+        ("tr_vertical", "tr_lateral", "tr_frontal", "rt_body_turn", "rt_body_roll", "rt_body_tilt"), start=181
+    )
+)
+"""Parameter number -> the standard's name, for the root, 181-186."""

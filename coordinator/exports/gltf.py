@@ -1,0 +1,195 @@
+"""glTF 2.0: the body's surface with its skin, and the motion of its bones, for viewers and game engines.
+
+Metres and radians (quaternions), y up, a person who faces the camera looks along +z; the origin is the
+camera's. The skin is blended linearly with the body's own weights, so the animated surface is the one that
+was tracked. Time starts at 0 with the first frame. Lost frames hold what the tracker reported; every frame's
+number and status stand in the animation's `extras`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from common.activation import merge_weights
+from common.body import BodyModel
+from coordinator.exports.bones import Bone, bones_of, motion_of, offset
+from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
+
+if TYPE_CHECKING:
+    from pygltflib import GLTF2, Animation
+
+Array = NDArray[np.float64]
+
+WEIGHTS = 4  # links a vertex, at most
+BYTE, SHORT, UNSIGNED, FLOAT = 5121, 5123, 5125, 5126
+VERTICES, INDICES = 34962, 34963
+COLOUR = [0.8, 0.45, 0.2, 1.0]
+
+
+def write_glb(run: RecordedRun, file: BinaryIO) -> None:
+    """One binary file."""
+    file.write(b"".join(scene_of(run).save_to_bytes()))
+
+
+def write_gltf(run: RecordedRun, file: BinaryIO) -> None:
+    """One JSON file, with the arrays inside as text."""
+    from pygltflib import BufferFormat
+
+    scene = scene_of(run)
+    scene.convert_buffers(BufferFormat.DATAURI)
+    file.write(scene.to_json().encode())
+
+
+def scene_of(run: RecordedRun) -> GLTF2:
+    """The whole scene."""
+    from pygltflib import GLTF2, Asset, Buffer, Material, Node, PbrMetallicRoughness, Scene
+
+    model = run.body().model
+    bones = bones_of(model)
+    gltf = GLTF2(asset=Asset(generator="gepf", version="2.0"), scene=0, scenes=[Scene(nodes=[0])])
+    arrays = Arrays(gltf)
+    gltf.nodes = [
+        Node(name=bone.name, translation=offset(bones, bone).tolist(), children=children(bones, b) or None)
+        for b, bone in enumerate(bones)
+    ]
+    if len(model.triangles):
+        gltf.materials = [
+            Material(
+                pbrMetallicRoughness=PbrMetallicRoughness(
+                    baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8
+                )
+            )
+        ]
+        add_surface(gltf, arrays, model, bones)
+        gltf.nodes.append(Node(name=model.name, mesh=0, skin=0))
+        gltf.scenes[0].nodes.append(len(bones))
+    gltf.animations = [animation_of(arrays, run, model, bones)]
+    gltf.buffers = [Buffer(byteLength=len(arrays.blob))]
+    gltf.set_binary_blob(bytes(arrays.blob))
+    return gltf
+
+
+def children(bones: tuple[Bone, ...], b: int) -> list[int]:
+    """The bones that hang from one."""
+    return [c for c, bone in enumerate(bones) if bone.parent == b]
+
+
+class Arrays:
+    """The file's one buffer, filled array by array."""
+
+    def __init__(self, gltf: GLTF2) -> None:
+        self.blob = bytearray()
+        self._gltf = gltf
+
+    def add(
+        self, array: NDArray[np.generic], form: str, target: int | None = None, limits: bool = False
+    ) -> int:
+        """The number of the accessor to an array whose rows are of a form such as VEC3."""
+        from pygltflib import Accessor, BufferView
+
+        kind = {"u1": BYTE, "u2": SHORT, "u4": UNSIGNED, "f4": FLOAT}[array.dtype.str[1:]]
+        data = np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes()
+        self._gltf.bufferViews.append(
+            BufferView(buffer=0, byteOffset=len(self.blob), byteLength=len(data), target=target)
+        )
+        self.blob += data + bytes(-len(data) % 4)
+        rows = array.reshape(len(array), -1)
+        accessor = Accessor(
+            bufferView=len(self._gltf.bufferViews) - 1, componentType=kind, count=len(array), type=form
+        )
+        if limits:
+            accessor.min, accessor.max = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
+        self._gltf.accessors.append(accessor)
+        return len(self._gltf.accessors) - 1
+
+
+def add_surface(gltf: GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone, ...]) -> None:
+    """The mesh in the rest pose, and its skin."""
+    from pygltflib import Attributes, Mesh, Primitive, Skin
+
+    moving = skinned_bones(model, bones)
+    joints, weights = skin_of(model, bones, moving)
+    vertices = model.vertices @ CAMERA_TO_Y_UP
+    attributes = Attributes(
+        POSITION=arrays.add(vertices.astype(np.float32), "VEC3", VERTICES, limits=True),
+        NORMAL=arrays.add(normals(vertices, model.triangles), "VEC3", VERTICES),
+        JOINTS_0=arrays.add(joints, "VEC4", VERTICES),
+        WEIGHTS_0=arrays.add(weights, "VEC4", VERTICES),
+    )
+    indices = arrays.add(model.triangles.ravel().astype(np.uint32), "SCALAR", INDICES)
+    gltf.meshes = [
+        Mesh(name=model.name, primitives=[Primitive(attributes=attributes, indices=indices, material=0)])
+    ]
+    back = np.tile(np.eye(4, dtype=np.float32), (len(moving), 1, 1))
+    back[:, 3, :3] = [-bones[b].origin for b in moving]  # column by column
+    gltf.skins = [Skin(joints=moving, skeleton=0, inverseBindMatrices=arrays.add(back, "MAT4"))]
+
+
+def skinned_bones(model: BodyModel, bones: tuple[Bone, ...]) -> list[int]:
+    """Bones that carry skin, one for each link's last degree of freedom."""
+    carrying = {int(dof) for dof in model.link_dofs[model.skin_links[model.skin_weights > 0]]}
+    first = {bone.dof: b for b, bone in reversed(list(enumerate(bones)))}
+    return sorted(first[dof] for dof in carrying)
+
+
+def skin_of(
+    model: BodyModel, bones: tuple[Bone, ...], moving: list[int]
+) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
+    """Positions (V, 4) in the skin's list of bones, and weights (V, 4) that sum to 1, the largest first."""
+    place = {bones[b].dof: i for i, b in enumerate(moving)}
+    of_link = np.array([place.get(int(dof), 0) for dof in model.link_dofs])
+    links, weights = merge_weights(of_link[model.skin_links], model.skin_weights)
+    spare = max(0, WEIGHTS - links.shape[1])
+    links = np.pad(links, ((0, 0), (0, spare)))[:, :WEIGHTS]
+    weights = np.pad(weights, ((0, 0), (0, spare)))[:, :WEIGHTS]
+    shares = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return np.where(shares > 0, links, 0).astype(np.uint16), shares
+
+
+def normals(vertices: Array, triangles: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Unit normals (V, 3), the mean of the neighbouring triangles' by area."""
+    corners = vertices[triangles]
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(total, triangles[:, k], faces)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    total = np.where(length > 0, total, (0.0, 1.0, 0.0))
+    unit: Array = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return unit.astype(np.float32)
+
+
+def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> Animation:
+    """Turns of every bone that turns, places of every bone that slides, at the frames' times."""
+    from pygltflib import Animation, AnimationChannel, AnimationChannelTarget, AnimationSampler
+
+    track = run.track
+    turns, places = motion_of(model, bones, track.pose)
+    seconds = (track.time_s - track.time_s[:1]).astype(np.float32)
+    times = arrays.add(seconds, "SCALAR", limits=True)
+    animation = Animation(name=run.name, samplers=[], channels=[])
+    animation.extras = {"frame": track.frame.tolist(), "status": track.status.tolist()}
+
+    def add(node: int, path: str, values: NDArray[np.float32], form: str) -> None:
+        animation.samplers.append(AnimationSampler(input=times, output=arrays.add(values, form)))
+        target = AnimationChannelTarget(node=node, path=path)
+        animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+
+    for b, bone in enumerate(bones):
+        if bone.dofs:
+            add(b, "rotation", quaternions(turns[:, b]), "VEC4")
+        if bone.dofs and bone.slides:
+            add(b, "translation", places[:, b].astype(np.float32), "VEC3")
+    return animation
+
+
+def quaternions(turns: Array) -> NDArray[np.float32]:
+    """Unit quaternions (F, 4), x y z w, each on the side of the one before."""
+    values: Array = Rotation.from_matrix(turns).as_quat()
+    flips = np.sum(values[1:] * values[:-1], axis=1) < 0
+    values[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    return values.astype(np.float32)

@@ -1,0 +1,48 @@
+"""What an export has to work with: a run's poses, and the body that took them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.model_file import TrackedBody, read_model
+from coordinator.track import Track, read_track
+
+USUAL_RATE = 30.0
+
+CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
+"""Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedRun:
+    """A run: its name, its track, and its body, read when an export asks for it."""
+
+    name: str
+    track: Track
+    folder: Path
+
+    def body(self) -> TrackedBody:
+        """The body that was tracked; InputError if the run's folder does not hold it."""
+        return read_model(self.folder)
+
+    @property
+    def rate(self) -> float:
+        """Frames per second: the inverse of the median time between frames."""
+        steps = np.diff(self.track.time_s)
+        steps = steps[steps > 0]
+        return float(np.round(1.0 / np.median(steps), 6)) if len(steps) else USUAL_RATE
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Which frames (F,) the tracker gave up on."""
+        lost: NDArray[np.bool_] = self.track.status == "lost"
+        return lost
+
+
+def read_run(folder: Path) -> RecordedRun:
+    """The run in a folder; InputError if there is none or it is damaged."""
+    return RecordedRun(folder.resolve().name, read_track(folder), folder)
