@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
@@ -15,15 +16,15 @@ from typing import Any, Self
 import zenoh
 from zenoh import ext, handlers
 
-from common.errors import BusError
-from common.wire import MAX_BYTES
+from common.errors import BusError, InputError
+from common.knock import why_refused
+from common.session import Security, session_settings
 
-LEASE_MS = 1_000  # a peer that is silent for so long is gone
-RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
-WAIT_BEFORE_CLOSE_US = 1_500_000  # above the lease, or a lost worker's token stays
+ATTEMPT_MS = 2_000  # to connect, until we ask why we are not let in
 WAITING_REQUESTS = 64  # at one worker; the oldest is dropped, and so sent elsewhere
 FRAMES_KEPT = 2  # for late joiners
 HEARTBEAT_S = 0.5
+UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time
 
 Payload = Callable[[bytes], None]
 
@@ -136,6 +137,17 @@ class Bus:
         with mapped(f"watching {key}"):
             self._declared.append(self._session.liveliness().declare_subscriber(key, change, history=True))
 
+    def is_linked(self, within: float) -> bool:
+        """Whether anybody is connected, or comes to be within a time (seconds)."""
+        deadline = time.monotonic() + within
+        with mapped("looking at links"):
+            links = self._session.info.declare_link_events_listener(history=True)
+            while time.monotonic() < deadline:
+                if links.try_recv() is not None:
+                    return True
+                time.sleep(0.02)
+        return False
+
 
 class FramePublisher:
     """Publishes frames under their numbers."""
@@ -215,45 +227,61 @@ class Asker:
             self._querier.undeclare()  # type: ignore[no-untyped-call]
 
 
-def open_coordinator(listen: Sequence[str], connect: Sequence[str] = ()) -> Bus:
-    """A session that workers connect to, and that itself connects to routers."""
-    return open_bus("peer", listen, connect, shared_pool_bytes=4 * 2**20)
+def open_coordinator(
+    listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None
+) -> Bus:
+    """A session that workers connect to, and that itself connects to routers.
+
+    InputError if a router refuses us; one that is not there yet is tried in the background.
+    """
+    bus = open_session(session_settings("peer", listen, connect, security), shared_pool_bytes=4 * 2**20)
+    if connect and not bus.is_linked(within=ATTEMPT_MS / 1000):
+        try:
+            check_refusals(connect, security)
+        except InputError:
+            bus.close()
+            raise
+    return bus
 
 
-def open_worker(connect: Sequence[str]) -> Bus:
-    """A session of a worker. Tries for ever; meanwhile Python handles no signals."""
-    return open_bus("client", (), connect, shared_pool_bytes=2**20)
+def open_worker(connect: Sequence[str], security: Security | None = None) -> Bus:
+    """A session of a worker. Tries for ever, unless it is refused; that is an InputError.
+
+    While it tries, Python handles no signals.
+    """
+    settings = session_settings("client", (), connect, security)
+    settings["connect"] |= {"timeout_ms": ATTEMPT_MS, "exit_on_failure": True}
+    while True:
+        try:
+            return open_session(settings, shared_pool_bytes=2**20)
+        except BusError as error:
+            if UNREACHABLE not in str(error):
+                raise
+        check_refusals(connect, security)
 
 
-def open_bus(mode: str, listen: Sequence[str], connect: Sequence[str], shared_pool_bytes: int) -> Bus:
-    """A session with explicit endpoints only: no multicast, no gossip."""
-    first, longest = RETRY_MS
-    settings = {
-        "mode": mode,
-        "listen": {"endpoints": list(listen)},
-        "connect": {
-            "endpoints": list(connect),
-            "timeout_ms": -1,
-            "exit_on_failure": False,
-            "retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 2},
-        },
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "transport": {
-            "link": {
-                "tx": {
-                    "lease": LEASE_MS,
-                    "queue": {"congestion_control": {"block": {"wait_before_close": WAIT_BEFORE_CLOSE_US}}},
-                },
-                "rx": {"max_message_size": MAX_BYTES},
-            },
-            # Shared memory for frames only: replies by it are never given back.
-            "shared_memory": {
-                "transport_optimization": {"pool_size": shared_pool_bytes, "messages": ["put"]},
-            },
-        },
-    }
-    with mapped("opening " + ", ".join([*listen, *connect])):
-        return Bus(zenoh.open(zenoh.Config.from_json5(json.dumps(settings))))
+def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
+    """A session that coordinators and workers meet at."""
+    return open_session(session_settings("router", listen, connect, security), shared_pool_bytes=2**20)
+
+
+def check_refusals(connect: Sequence[str], security: Security | None) -> None:
+    """InputError if somebody listens at an endpoint and refuses us."""
+    for endpoint in connect:
+        reason = why_refused(endpoint, None if security is None else security.credentials)
+        if reason is not None:
+            raise InputError(reason)
+
+
+def open_session(settings: dict[str, Any], shared_pool_bytes: int) -> Bus:
+    """A session as the settings say, with shared memory towards programs of this host."""
+    # For frames only: replies by shared memory are never given back.
+    shared = {"transport_optimization": {"pool_size": shared_pool_bytes, "messages": ["put"]}}
+    transport = settings["transport"] | {"shared_memory": shared}
+    config = json.dumps(settings | {"transport": transport})
+    endpoints = [*settings["listen"]["endpoints"], *settings["connect"]["endpoints"]]
+    with mapped("opening " + ", ".join(endpoints)):
+        return Bus(zenoh.open(zenoh.Config.from_json5(config)))
 
 
 def number_of(attachment: zenoh.ZBytes | None) -> int | None:

@@ -11,6 +11,11 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 ANY_WORKER_ALIVE = "gepf/worker/*/alive"
 ANY_RUN_FRAMES = "gepf/run/*/frame"
 
+# For access rules: a wildcard does not stand for what begins with @, where late joiners find history.
+HISTORY = "gepf/run/*/frame/@adv/**"
+ALL = ("gepf/**", HISTORY)
+READABLE = ("gepf/run/*/frame", "gepf/run/*/frame/*", "gepf/run/*/model/*", HISTORY)
+
 
 def check_name(kind: str, name: str) -> str:
     """A worker's or run's name, if it can be part of a key; InputError otherwise."""
@@ -29,6 +34,16 @@ def worker_refine(worker: str) -> str:
 def worker_alive(worker: str) -> str:
     """Liveliness token of one worker, declared when it is ready for work."""
     return f"gepf/worker/{worker}/alive"
+
+
+def worker_admission(worker: str) -> str:
+    """Token by which a worker finds out whether it is let be who it says."""
+    return f"gepf/worker/{worker}/admission"
+
+
+def worker_all(worker: str) -> str:
+    """All keys of one worker."""
+    return f"gepf/worker/{worker}/**"
 
 
 def worker_of(key: str) -> str:

@@ -30,6 +30,15 @@ app = typer.Typer(help="Tracks a body through depth images, following many pose 
 
 Sequence_ = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded folder or UTD-MHAD .mat file.")]
 Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="New folder for the results.")]
+Listen = typer.Option(metavar="ENDPOINT", help="Let others' workers join, e.g. tls/0.0.0.0:7447.")
+TlsCa = Annotated[
+    Path | None, typer.Option("--tls-ca", metavar="FILE", help="Certificate of who signs all certificates.")
+]
+TlsCert = Annotated[Path | None, typer.Option("--tls-cert", metavar="FILE", help="Our own certificate.")]
+TlsKey = Annotated[Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's key.")]
+Insecure = Annotated[
+    bool, typer.Option("--insecure", help="Listen without encryption, to whoever connects, on any network.")
+]
 Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
 
 
@@ -123,19 +132,22 @@ def track(  # noqa: PLR0913 one parameter an option
         int | None,
         typer.Option(metavar="N", help="Local workers (default: one per core); 0 for those of others."),
     ] = None,
-    listen: Annotated[
-        str | None,
-        typer.Option(metavar="ENDPOINT", help="Let others' workers join, e.g. tcp/127.0.0.1:7447."),
-    ] = None,
+    listen: Annotated[str | None, Listen] = None,
     connect: Annotated[
         str | None, typer.Option(metavar="ENDPOINT", help="Join a router where others' workers are.")
     ] = None,
+    tls_ca: TlsCa = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    insecure: Insecure = False,
 ) -> None:
     """Track a recorded sequence."""
     from coordinator.options import Job, choose_dofs, choose_model, choose_pool, choose_settings
+    from coordinator.security import TlsFiles, choose_security
 
     settings = choose_settings(method, preset, particles, points, seed)
-    pool = choose_pool(workers, listen, connect)
+    security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
+    pool = choose_pool(workers, listen, connect, security)
     job = Job(sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames)
 
     from coordinator.pool import connect_workers
@@ -190,6 +202,53 @@ def synth(
 
     with on_stderr().steps("rendering") as advance:
         synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance)
+
+
+@app.command()
+def certificates(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; what is good in it stays.")],
+    *,
+    workers: Annotated[
+        str, typer.Option(metavar="N|NAME,...", help="How many (worker-0 and so on), or their names.")
+    ] = "1",
+    hosts: Annotated[
+        str, typer.Option(metavar="HOST,...", help="Where coordinator or router listen; this host is.")
+    ] = "",
+    days: Annotated[int, typer.Option(help="How long they last.")] = 30,
+    mount: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where a router in a container sees the folder.")
+    ] = None,
+) -> None:
+    """Make certificates for a trial: an authority, coordinator, router and workers."""
+    from coordinator.certificates import make_certificates
+    from coordinator.options import at_least
+    from coordinator.roster import choose_names
+
+    at_least(1, "--days", days)
+    listed = tuple(host.strip() for host in hosts.split(",") if host.strip())
+    new = make_certificates(out, choose_names(workers), listed, days, mount)
+    say(f"new in {out}: {', '.join(new) or 'nothing, all are there and good'}; keep ca.key to yourself")
+
+
+@app.command()
+def router(
+    listen: Annotated[str, Listen],
+    *,
+    connect: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Another router to connect to.")
+    ] = None,
+    tls_ca: TlsCa = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    insecure: Insecure = False,
+) -> None:
+    """Let coordinators and workers meet, until stopped."""
+    from common.access import ROUTER
+    from coordinator.router import route
+    from coordinator.security import TlsFiles, choose_security
+
+    files = TlsFiles(tls_ca, tls_cert, tls_key)
+    route(listen, connect, choose_security(listen, connect, files, holder=ROUTER, insecure=insecure), say)
 
 
 def end_as_interrupted() -> None:

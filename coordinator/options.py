@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
 from common.errors import InputError
+from common.session import Security
 from common.settings import Settings, preset
 
 BASELINES = {"condensation": 1_000, "annealed": 100}  # particles, unless told; of `annealed` in each layer
 METHODS = ("gepf", "gradient", *BASELINES)
 PRESETS = ("default", "paper")
 MODELS = ("human",)
-ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
 AUTOMATIC = "auto"
 
 
@@ -26,6 +25,7 @@ class Pool:
     workers: int | None = None  # None for one per core
     listen: str | None = None
     connect: str | None = None
+    security: Security | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,16 +68,15 @@ def choose_settings(
     return msgspec.structs.replace(settings, method=method, seed=seed)
 
 
-def choose_pool(workers: int | None, listen: str | None, connect: str | None) -> Pool:
+def choose_pool(
+    workers: int | None, listen: str | None, connect: str | None, security: Security | None = None
+) -> Pool:
     """Workers and endpoints; without workers of our own there must be a way for others to join."""
     if workers is not None:
         at_least(0, "--workers", workers)
-    for option, endpoint in (("--listen", listen), ("--connect", connect)):
-        if endpoint is not None and not ENDPOINT.fullmatch(endpoint):
-            raise InputError(f"{option} '{endpoint}' is no endpoint; give one such as tcp/127.0.0.1:7447")
     if workers == 0 and listen is None and connect is None:
         raise InputError("with --workers 0 nobody could join; add --listen or --connect with an endpoint")
-    return Pool(workers, listen, connect)
+    return Pool(workers, listen, connect, security)
 
 
 def choose_model(model: str) -> str:

@@ -15,6 +15,7 @@ def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
         local_workers=count_cores() if pool.workers is None else pool.workers,
         listen=(pool.listen,) if pool.listen else (),
         connect=(pool.connect,) if pool.connect else (),
+        security=pool.security,
     )
     return ZenohRefiner(options, show.say)
 

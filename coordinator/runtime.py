@@ -28,6 +28,7 @@ from common.messages import (
     encode_request,
 )
 from common.refinement import Refined, concatenate
+from common.session import Security
 from common.settings import RefineSettings
 from coordinator.absence import Absence
 from coordinator.dispatch import Dispatch
@@ -62,6 +63,7 @@ class PoolOptions:
     local_workers: int = 0
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
+    security: Security | None = None
     worker_timeout: float | None = None  # seconds without any worker until we give up; None to wait for ever
     run: str | None = None  # None to invent a name
     worker_command: tuple[str, ...] = COMMAND
@@ -74,7 +76,8 @@ class PoolOptions:
 
     def invitation(self) -> str:
         """The command that adds a worker."""
-        return f"gepf-worker --connect {next(iter([*self.listen, *self.connect]), 'ENDPOINT')}"
+        certificate = "" if self.security is None else " --tls-ca FILE --tls-cert FILE --tls-key FILE"
+        return f"gepf-worker --connect {next(iter([*self.listen, *self.connect]), 'ENDPOINT')}{certificate}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +126,7 @@ class ZenohRefiner:
             local = f"unixsock-stream/{folder / 'bus'}"
             own = [local] if self._options.local_workers else []
             self._bus = stack.enter_context(
-                open_coordinator([*own, *self._options.listen], self._options.connect)
+                open_coordinator([*own, *self._options.listen], self._options.connect, self._options.security)
             )
             self._publication = Publication(self._bus, self.run)
             self._bus.watch(keys.ANY_WORKER_ALIVE, self._notice)

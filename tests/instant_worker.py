@@ -10,10 +10,11 @@ import typer
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.credentials import read_credentials
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from worker.cli import Connect, Name, Tied, exit_with, serve
+from worker.cli import Connect, Name, Tied, TlsCa, TlsCert, TlsKey, choose_place, exit_with, serve
 from worker.service import Kernel
 
 
@@ -34,9 +35,22 @@ def refine(
 KERNEL = Kernel(observe, refine)
 
 
-def work(connect: Connect, name: Name = None, tied: Tied = False) -> None:
+def work(
+    connect: Connect,
+    *,
+    name: Name = None,
+    tls_ca: TlsCa = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    tied: Tied = False,
+) -> None:
     """As `gepf-worker` does."""
-    exit_with(lambda: serve(connect, name or "instant", lambda: KERNEL, tied=tied))
+
+    def job() -> None:
+        place = choose_place(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
+        serve(place, lambda: KERNEL, tied=tied)
+
+    exit_with(job)
 
 
 if __name__ == "__main__":

@@ -186,8 +186,8 @@ def test_the_summary_tells_what_was_decided_and_how_it_went(tracked: Tracked) ->
 
 def test_the_pool_is_asked_for_as_the_options_say(tracked: Tracked, workers: StillWorkers) -> None:
     """Workers and endpoints are passed on as they are."""
-    tracked("--workers", "0", "--listen", "tcp/127.0.0.1:7447", "--connect", "tls/router:7447")
-    assert workers.asked == Pool(0, "tcp/127.0.0.1:7447", "tls/router:7447")
+    tracked("--workers", "0", "--listen", "tcp/127.0.0.1:7447", "--connect", "tcp/router:7447")
+    assert workers.asked == Pool(0, "tcp/127.0.0.1:7447", "tcp/router:7447")
 
 
 def test_the_seed_decides_the_bytes(sequence: Path, tmp_path: Path, workers: StillWorkers) -> None:

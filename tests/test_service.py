@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from common import keys
-from common.bus import Bus, Request, open_bus, open_coordinator, open_worker
+from common.bus import Bus, Request, open_coordinator, open_router, open_worker
 from common.errors import BusError, InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.messages import RefineRequest, decode_refusal, encode_request
@@ -123,7 +123,7 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
 
 def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
     """Workers and runs that meet at a router: both runs get the bytes that they would get alone."""
-    with open_bus("router", [endpoint], [], 2**20), ExitStack() as stack:
+    with open_router([endpoint]), ExitStack() as stack:
         options = PoolOptions(connect=(endpoint,), worker_timeout=5.0)
         runs = [stack.enter_context(ZenohRefiner(options)) for _ in range(2)]
         runs[0].publish(frame(0))

@@ -11,21 +11,37 @@ import sys
 import threading
 import uuid
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 
 from common.bus import open_worker
+from common.credentials import Credentials, check_holder, holder_of, read_credentials
+from common.endpoints import check_endpoint
 from common.errors import GepfError, InputError
 from common.keys import check_name
+from common.session import Security
+from worker.admission import check_admission
 from worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
 
 Connect = Annotated[
-    list[str], typer.Option(metavar="ENDPOINT", help="Where a coordinator or router listens: tcp/HOST:PORT.")
+    list[str], typer.Option(metavar="ENDPOINT", help="Where a coordinator or router listens: tls/HOST:PORT.")
 ]
-Name = Annotated[str | None, typer.Option(metavar="NAME", help="What the worker is called; unique.")]
+Name = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="What the worker is called; unique (default: as its certificate)."),
+]
+TlsCa = Annotated[
+    Path | None, typer.Option("--tls-ca", metavar="FILE", help="Certificate of who signs all certificates.")
+]
+TlsCert = Annotated[
+    Path | None, typer.Option("--tls-cert", metavar="FILE", help="This worker's certificate.")
+]
+TlsKey = Annotated[Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's key.")]
 Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
 
 
@@ -34,9 +50,43 @@ def main() -> None:
     typer.run(work)
 
 
-def work(connect: Connect, name: Name = None, tied: Tied = False) -> None:
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a worker works, and as whom."""
+
+    connect: tuple[str, ...]
+    name: str
+    security: Security | None = None
+
+
+def work(
+    connect: Connect,
+    *,
+    name: Name = None,
+    tls_ca: TlsCa = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    tied: Tied = False,
+) -> None:
     """Refine particles for any coordinator that is connected, until stopped."""
-    exit_with(lambda: serve(connect, name or invent_name(), load_kernel, tied=tied))
+
+    def job() -> None:
+        serve(
+            choose_place(connect, name, read_credentials(tls_ca, tls_cert, tls_key)), load_kernel, tied=tied
+        )
+
+    exit_with(job)
+
+
+def choose_place(connect: list[str], name: str | None, credentials: Credentials | None) -> Place:
+    """A worker's place from its options, checked; a certificate also tells its name."""
+    for endpoint in connect:
+        check_endpoint("--connect", endpoint, credentials)
+    if credentials is None:
+        return Place(tuple(connect), check_name("worker name", name or invent_name()))
+    name = check_name("worker name", name or holder_of(credentials))
+    check_holder(credentials, name)
+    return Place(tuple(connect), name, Security(credentials))
 
 
 def exit_with(job: Callable[[], None]) -> NoReturn:
@@ -52,19 +102,20 @@ def exit_with(job: Callable[[], None]) -> NoReturn:
     raise SystemExit(0)
 
 
-def serve(connect: list[str], name: str, load: Callable[[], Kernel[Any]], *, tied: bool) -> None:
+def serve(place: Place, load: Callable[[], Kernel[Any]], *, tied: bool) -> None:
     """Get ready, then serve until SIGTERM or SIGINT, or, if tied, until standard input ends."""
-    check_name("worker name", name)
     if tied:
         threading.Thread(target=end_with_parent, daemon=True).start()
     kernel = load()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)  # while connecting, nothing else would be heard
-    with open_worker(connect) as bus:
-        service = Service(bus, name, kernel)
+    with open_worker(place.connect, place.security) as bus:
+        if place.security is not None:
+            check_admission(bus, place.name, place.connect, place.security)
+        service = Service(bus, place.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, end)
-        log.info("%s serves %s", name, ", ".join(connect))
+        log.info("%s serves %s", place.name, ", ".join(place.connect))
         service.run()
 
 
