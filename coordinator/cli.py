@@ -136,6 +136,13 @@ def track(  # noqa: PLR0913 one parameter an option
     connect: Annotated[
         str | None, typer.Option(metavar="ENDPOINT", help="Join a router where others' workers are.")
     ] = None,
+    worker_timeout: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Give up after so long without any worker (default: wait)."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run in --out, if there is one.")
+    ] = False,
     tls_ca: TlsCa = None,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
@@ -147,8 +154,8 @@ def track(  # noqa: PLR0913 one parameter an option
 
     settings = choose_settings(method, preset, particles, points, seed)
     security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
-    pool = choose_pool(workers, listen, connect, security)
-    job = Job(sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames)
+    pool = choose_pool(workers, listen, connect, security, worker_timeout)
+    job = Job(sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames, resume)
 
     from coordinator.pool import connect_workers
     from coordinator.run import track_sequence

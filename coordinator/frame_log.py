@@ -2,6 +2,7 @@
 
 A record is its length and checksum (two little-endian uint32) and then msgpack. Whatever moment the
 process dies at, the records before the last are whole, and a torn last one is recognised and passed over.
+A frame's record holds what is said about it and all that the next one goes on from.
 """
 
 from __future__ import annotations
@@ -9,110 +10,108 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any, BinaryIO, NamedTuple, get_origin
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from common.errors import InputError
-from coordinator.estimate import Estimate, Status
+from coordinator.estimate import Estimate
+from coordinator.start import Start
+from coordinator.tracker_state import Carried
+from coordinator.traffic import Traffic
 
 HEAD = struct.Struct("<II")
-FORM = 1
-
-
-class Floats(msgspec.Struct, frozen=True, array_like=True):
-    """A float64 array, little-endian."""
-
-    shape: tuple[int, ...]
-    data: bytes
-
-    @classmethod
-    def of(cls, array: NDArray[np.float64]) -> Floats:
-        """The array's values as bytes."""
-        return cls(array.shape, np.ascontiguousarray(array, dtype="<f8").tobytes())
-
-    def array(self) -> NDArray[np.float64]:
-        """The array again."""
-        return np.frombuffer(self.data, dtype="<f8").reshape(self.shape).astype(np.float64)
+FORM = 2
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
-    """What all frames of a run have in common."""
+    """What the run was asked for, as JSON would hold it."""
 
-    dof_names: tuple[str, ...]
-    joint_names: tuple[str, ...]
+    terms: dict[str, Any]
     form: int = FORM
 
 
+class Began(msgspec.Struct, frozen=True, tag="began"):
+    """The body, and where tracking began, of all frames from here on."""
+
+    start: Start
+
+
+class Resumed(msgspec.Struct, frozen=True, tag="resumed"):
+    """The run had ended early and goes on here."""
+
+
 class Entry(msgspec.Struct, frozen=True, tag="frame"):
-    """One frame's estimate."""
+    """One frame, and the run until then."""
 
-    frame: int
-    time_s: float
-    status: Status
-    pose: Floats
-    joint_positions: Floats
-    hypothesis_pose: Floats
-    hypothesis_weight: Floats
-    residual: float | None  # None where nothing was observed
-    stage_seconds: dict[str, float]
+    estimate: Estimate
+    carried: Carried
+    traffic: Traffic
+    seconds: float
 
 
-Record = Opening | Entry
+Record = Opening | Began | Resumed | Entry
 
 
-def entry_of(estimate: Estimate) -> Entry:
-    """An estimate in the form that is written."""
-    return Entry(
-        frame=estimate.frame,
-        time_s=estimate.time_s,
-        status=estimate.status,
-        pose=Floats.of(estimate.pose),
-        joint_positions=Floats.of(estimate.joint_positions),
-        hypothesis_pose=Floats.of(estimate.hypothesis_pose),
-        hypothesis_weight=Floats.of(estimate.hypothesis_weight),
-        residual=None if np.isnan(estimate.residual) else float(estimate.residual),
-        stage_seconds=estimate.stage_seconds,
-    )
+class Placed(NamedTuple):
+    """A record and the place in the file where it ends."""
+
+    record: Record
+    end: int
 
 
-def estimate_of(entry: Entry) -> Estimate:
-    """The estimate again, value for value."""
-    return Estimate(
-        frame=entry.frame,
-        time_s=entry.time_s,
-        status=entry.status,
-        pose=entry.pose.array(),
-        joint_positions=entry.joint_positions.array(),
-        hypothesis_pose=entry.hypothesis_pose.array(),
-        hypothesis_weight=entry.hypothesis_weight.array(),
-        residual=float("nan") if entry.residual is None else entry.residual,
-        stage_seconds=entry.stage_seconds,
-    )
-
-
-def append_record(descriptor: int, record: Record) -> None:
-    """Write one record at the file's end and return when it will survive the machine's loss of power."""
-    payload = msgspec.msgpack.encode(record)
-    rest = memoryview(HEAD.pack(len(payload), zlib.crc32(payload)) + payload)
+def append_records(descriptor: int, records: Sequence[Record]) -> None:
+    """Write records at the file's end and return when they will survive the machine's loss of power."""
+    rest = memoryview(b"".join(map(frame_record, records)))
     while rest:
         rest = rest[os.write(descriptor, rest) :]
     os.fdatasync(descriptor)
 
 
-def read_records(content: bytes) -> Iterator[Record]:
+def frame_record(record: Record) -> bytes:
+    """A record's bytes after their length and checksum."""
+    payload = msgspec.msgpack.encode(record, enc_hook=_pack_array)
+    return HEAD.pack(len(payload), zlib.crc32(payload)) + payload
+
+
+def read_records(file: BinaryIO) -> Iterator[Placed]:
     """The whole records of a log, up to a torn one. Raises InputError if it is of another form."""
-    decoder: msgspec.msgpack.Decoder[Record] = msgspec.msgpack.Decoder(Record)
-    start = 0
-    while start + HEAD.size <= len(content):
-        length, checksum = HEAD.unpack_from(content, start)
-        payload = content[start + HEAD.size : start + HEAD.size + length]
-        if len(payload) < length or zlib.crc32(payload) != checksum:
+    decoder = msgspec.msgpack.Decoder(Record, dec_hook=_unpack_array)
+    size, end = os.fstat(file.fileno()).st_size, 0
+    while end + HEAD.size <= size:
+        length, checksum = HEAD.unpack(file.read(HEAD.size))
+        end += HEAD.size + length
+        payload = file.read(length) if end <= size else b""
+        if end > size or zlib.crc32(payload) != checksum:
             return
+        record = decode(decoder, payload)
+        yield Placed(record, end)
+
+
+def decode(decoder: msgspec.msgpack.Decoder[Record], payload: bytes) -> Record:
+    """A record whose checksum was right."""
+    try:
         record = decoder.decode(payload)
-        if isinstance(record, Opening) and record.form != FORM:
-            raise InputError(f"the run was recorded in form {record.form}, not {FORM}; track it again")
-        yield record
-        start += HEAD.size + length
+    except msgspec.MsgspecError as error:
+        raise InputError(f"the run was recorded by another version of gepf ({error}); {AGAIN}") from error
+    if isinstance(record, Opening) and record.form != FORM:
+        raise InputError(f"the run was recorded in form {record.form}, not {FORM}; {AGAIN}")
+    return record
+
+
+AGAIN = "track the sequence again into another folder"
+
+
+def _pack_array(value: object) -> tuple[str, tuple[int, ...], bytes]:
+    if not isinstance(value, np.ndarray):
+        raise NotImplementedError(f"cannot record a {type(value).__name__}")
+    return value.dtype.str, value.shape, value.tobytes()
+
+
+def _unpack_array(kind: type, packed: Any) -> object:
+    if get_origin(kind) is not np.ndarray:
+        raise NotImplementedError(f"cannot read a {kind}")
+    dtype, shape, data = packed
+    return np.frombuffer(data, dtype).reshape(shape).copy()

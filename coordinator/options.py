@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,7 @@ class Pool:
     listen: str | None = None
     connect: str | None = None
     security: Security | None = None
+    worker_timeout: float | None = None  # seconds without any worker; None to wait for ever
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,7 @@ class Job:
     active: tuple[str, ...] | None = None  # None for the model's own choice
     init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file if it has one
     frames: str | None = None
+    resume: bool = False
 
 
 def choose_settings(
@@ -69,14 +72,20 @@ def choose_settings(
 
 
 def choose_pool(
-    workers: int | None, listen: str | None, connect: str | None, security: Security | None = None
+    workers: int | None,
+    listen: str | None,
+    connect: str | None,
+    security: Security | None = None,
+    worker_timeout: float | None = None,
 ) -> Pool:
     """Workers and endpoints; without workers of our own there must be a way for others to join."""
+    if worker_timeout is not None and not 0.0 < worker_timeout < math.inf:
+        raise InputError(f"--worker-timeout {worker_timeout:g} is no time to wait; give seconds above 0")
     if workers is not None:
         at_least(0, "--workers", workers)
     if workers == 0 and listen is None and connect is None:
         raise InputError("with --workers 0 nobody could join; add --listen or --connect with an endpoint")
-    return Pool(workers, listen, connect, security)
+    return Pool(workers, listen, connect, security, worker_timeout)
 
 
 def choose_model(model: str) -> str:

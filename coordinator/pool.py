@@ -16,6 +16,7 @@ def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
         listen=(pool.listen,) if pool.listen else (),
         connect=(pool.connect,) if pool.connect else (),
         security=pool.security,
+        worker_timeout=pool.worker_timeout,
     )
     return ZenohRefiner(options, show.say)
 

@@ -31,17 +31,17 @@ class Show(Protocol):
         """A count of something that takes a while."""
         ...
 
-    def frames(self, total: int) -> FrameMeter:
-        """A meter for the frames of a run; a context manager."""
+    def frames(self, total: int, done: int = 0) -> FrameMeter:
+        """A meter for the frames of a run, some of which may be done before; a context manager."""
         ...
 
 
 class FrameMeter:
     """Frame rate, hypotheses, residual and status, frame by frame; subclasses show them."""
 
-    def __init__(self, total: int, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, total: int, done: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
         self.total = total
-        self.done = 0
+        self.done = self._before = done
         self._clock = clock
         self._began = self._first = self._last = clock()
 
@@ -62,15 +62,16 @@ class FrameMeter:
     @property
     def rate(self) -> float:
         """Frames per second; the first, for which workers start, does not count if there are others."""
-        if self.done > 1:
-            return (self.done - 1) / max(self._last - self._first, 1e-9)
-        return self.done / max(self.seconds, 1e-9)
+        done = self.done - self._before
+        if done > 1:
+            return (done - 1) / max(self._last - self._first, 1e-9)
+        return done / max(self.seconds, 1e-9)
 
     def advance(self, estimate: Estimate) -> None:
         """One frame more."""
         self.done += 1
         self._last = self._clock()
-        if self.done == 1:
+        if self.done == self._before + 1:
             self._first = self._last
         self.show(describe(estimate, self.rate))
 
@@ -88,8 +89,8 @@ def describe(estimate: Estimate, rate: float) -> str:
     return f"{rate:.1f} frames/s, {count} hypotheses, residual {residual}, {estimate.status}"
 
 
-class TerminalShow:
-    """Bars that move."""
+class ConsoleShow:
+    """Lines on a console."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -98,6 +99,10 @@ class TerminalShow:
         """One line, above a bar if there is one."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
+
+class TerminalShow(ConsoleShow):
+    """Bars that move."""
+
     @contextmanager
     def steps(self, text: str) -> Iterator[Advance]:
         """A bar that goes away at the end."""
@@ -105,20 +110,13 @@ class TerminalShow:
             task = bar.add_task(text, total=None)
             yield lambda done, total: bar.update(task, completed=done, total=total)
 
-    def frames(self, total: int) -> FrameMeter:
+    def frames(self, total: int, done: int = 0) -> FrameMeter:
         """A bar with the run's state."""
-        return _TerminalMeter(total, self._console)
+        return _TerminalMeter(total, done, self._console)
 
 
-class PlainShow:
+class PlainShow(ConsoleShow):
     """A line now and then, for logs."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-
-    def say(self, text: str) -> None:
-        """One line."""
-        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     @contextmanager
     def steps(self, text: str) -> Iterator[Advance]:
@@ -133,16 +131,16 @@ class PlainShow:
 
         yield advance
 
-    def frames(self, total: int) -> FrameMeter:
+    def frames(self, total: int, done: int = 0) -> FrameMeter:
         """Lines with the run's state."""
-        return _PlainMeter(total, self)
+        return _PlainMeter(total, done, self)
 
 
 class _TerminalMeter(FrameMeter):
-    def __init__(self, total: int, console: Console) -> None:
-        super().__init__(total)
+    def __init__(self, total: int, done: int, console: Console) -> None:
+        super().__init__(total, done)
         self._bar = _bar(console, transient=False)
-        self._task = self._bar.add_task("starting", total=total)
+        self._task = self._bar.add_task("starting", total=total, completed=done)
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -158,8 +156,8 @@ class _TerminalMeter(FrameMeter):
 
 
 class _PlainMeter(FrameMeter):
-    def __init__(self, total: int, show: PlainShow) -> None:
-        super().__init__(total)
+    def __init__(self, total: int, done: int, show: PlainShow) -> None:
+        super().__init__(total, done)
         self._show = show
         self._text = ""
         self._said = time.monotonic()

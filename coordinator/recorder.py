@@ -7,17 +7,20 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import msgspec
-import numpy as np
 
 from common.errors import InputError
 from coordinator.atomic_file import sync_folder, write_atomically
 from coordinator.estimate import Estimate
 from coordinator.exports.csv import write_csv
-from coordinator.frame_log import Entry, Opening, append_record, entry_of, estimate_of, read_records
-from coordinator.track import TRACK_FILE, Track, write_track
+from coordinator.frame_log import Began, Entry, Opening, Record, Resumed, append_records
+from coordinator.recorded import Recorded, assemble, read_log
+from coordinator.terms import Terms, differences
+from coordinator.track import TRACK_FILE, write_track
+from coordinator.tracker_state import TrackerState
+from coordinator.traffic import Traffic
 
 LOG_FILE = "frames.log"
 SUMMARY_FILE = "summary.json"
@@ -29,14 +32,21 @@ ELSEWHERE = "choose another --out or delete what is there"
 class Recorder:
     """Owns a run's folder from the first frame to the last; a context manager.
 
-    While it is open, `frames.log` grows and is locked against a second run. A folder in which nothing came
-    to be recorded is left as it was found. Raises InputError if the folder is in use, holds an earlier
-    run, or cannot be written.
+    While it is open, `frames.log` grows and is locked against a second run. It goes away when a complete
+    run is closed without an error. A folder in which nothing came to be recorded is left as it was found.
+
+    Args:
+        folder: Where the run is, or will be.
+        terms: What the run is asked for.
+        resume: Go on with what is there; if that is nothing, begin.
+
+    Raises:
+        InputError: The folder is in use, cannot be written, or holds a run that cannot be gone on with.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, terms: Terms, *, resume: bool = False) -> None:
         self.folder = folder
-        self.frames = 0
+        self._terms = terms
         self._finished = False
         self._made: list[Path] = []
         try:
@@ -47,6 +57,16 @@ class Recorder:
         except OSError as error:
             _remove_empty(self._made)
             raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
+        try:
+            self.past = claim(folder, terms, resume=resume)
+        except BaseException:
+            os.close(self._log)
+            raise
+        self.frames = len(self.past.estimates) if self.past else 0
+        self._start = self.past.state.start if self.past else None
+        os.ftruncate(self._log, self.past.end if self.past else 0)
+        if self.past:
+            append_records(self._log, [Resumed()])
 
     def __enter__(self) -> Self:
         return self
@@ -54,100 +74,97 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        """Give the folder free; without a frame, leave no trace of the run."""
+        if not self.frames or (self._finished and error is None):
+            (self.folder / LOG_FILE).unlink(missing_ok=True)
+        os.close(self._log)
+        if not self.frames:
+            _remove_empty(self._made)
 
-    def open_with(self, dof_names: Sequence[str], joint_names: Sequence[str]) -> None:
-        """Say what every frame's pose and joints mean; once, before the first frame."""
-        append_record(self._log, Opening(tuple(dof_names), tuple(joint_names)))
+    def append(self, estimate: Estimate, state: TrackerState, traffic: Traffic, seconds: float) -> None:
+        """Make one frame's result durable, and what the tracker knew after it.
 
-    def append(self, estimate: Estimate) -> None:
-        """Make one frame's result durable."""
-        append_record(self._log, entry_of(estimate))
+        `traffic` and `seconds` are those since this recorder was opened.
+        """
+        records: list[Record] = [] if self.frames else [Opening(self._terms)]
+        if state.start is not self._start:
+            records.append(Began(state.start))
+        if self.past:
+            traffic, seconds = traffic.after(self.past.traffic), seconds + self.past.seconds
+        append_records(self._log, [*records, Entry(estimate, state.carried, traffic, seconds)])
+        self._start = state.start
         self.frames += 1
 
-    def estimates(self) -> list[Estimate]:
-        """Everything recorded so far, as it stands in the log."""
-        return read_log(self.folder / LOG_FILE)[1]
+    def read(self) -> Recorded | None:
+        """Everything recorded so far, as it stands in the log; None before the first frame."""
+        return read_log(self.folder / LOG_FILE)
 
-    def finish(self, summary: Mapping[str, object], *, complete: bool = True) -> None:
-        """Write `track.npz`, `poses.csv` and `summary.json` from what was recorded.
-
-        An incomplete run keeps its log beside them.
-        """
-        track = assemble(*read_log(self.folder / LOG_FILE))
+    def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> None:
+        """Write `track.npz`, `poses.csv` and `summary.json`. An incomplete run keeps its log beside them."""
+        track = assemble(recorded.state.start.model, recorded.estimates)
         write_atomically(self.folder / TRACK_FILE, lambda file: write_track(track, file))
         write_atomically(self.folder / CSV_FILE, lambda file: write_csv(track, file))
         text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
         write_atomically(self.folder / SUMMARY_FILE, lambda file: file.write(text + b"\n"))
         self._finished = complete
 
-    def close(self) -> None:
-        """Give the folder free; without a frame, leave no trace of the run."""
-        if self._finished or not self.frames:
-            (self.folder / LOG_FILE).unlink(missing_ok=True)
-        os.close(self._log)
-        if not self.frames:
-            _remove_empty(self._made)
+
+def is_complete(folder: Path, terms: Terms) -> bool:
+    """Whether a folder holds a whole run and nothing else is to be done. InputError if under other terms."""
+    if (folder / LOG_FILE).exists() or not all((folder / name).exists() for name in RESULTS):
+        return False
+    try:
+        summary = msgspec.json.decode((folder / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError):
+        return False
+    check_terms(folder, summary, terms)
+    return summary.get("complete") is True
+
+
+def check_terms(folder: Path, recorded: Mapping[str, Any], asked: Terms) -> None:
+    """InputError that names what differs."""
+    found = differences(recorded, asked)
+    if found:
+        raise InputError(
+            f"{folder} was recorded with other options: {found}; give the same or choose another --out"
+        )
 
 
 def open_log(path: Path) -> int:
-    """A descriptor of an empty, locked log; InputError if the folder belongs to another run."""
+    """A descriptor of the log, locked; InputError if a run is still going on."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
     try:
-        _claim(descriptor, path)
+        _lock(descriptor, path)
     except BaseException:
         os.close(descriptor)
         raise
     return descriptor
 
 
-def assemble(opening: Opening, estimates: Sequence[Estimate]) -> Track:
-    """The track of a run's estimates, in their order."""
-    most = max((len(e.hypothesis_weight) for e in estimates), default=0)
-    weight = np.full((len(estimates), most), np.nan)
-    pose = np.full((len(estimates), most, len(opening.dof_names)), np.nan)
-    for f, estimate in enumerate(estimates):
-        count = len(estimate.hypothesis_weight)
-        weight[f, :count], pose[f, :count] = estimate.hypothesis_weight, estimate.hypothesis_pose
-    return Track(
-        frame=np.array([e.frame for e in estimates], dtype=np.int64),
-        time_s=np.array([e.time_s for e in estimates], dtype=np.float64),
-        dof_names=opening.dof_names,
-        pose=np.array([e.pose for e in estimates]).reshape(-1, len(opening.dof_names)),
-        joint_names=opening.joint_names,
-        joint_positions=np.array([e.joint_positions for e in estimates]).reshape(
-            -1, len(opening.joint_names), 3
-        ),
-        hypothesis_pose=pose,
-        hypothesis_weight=weight,
-        status=np.array([e.status for e in estimates], dtype="<U9"),
-    )
+def claim(folder: Path, terms: Terms, *, resume: bool) -> Recorded | None:
+    """What there is to go on with; InputError if anything is there that is not to be gone on with."""
+    past = read_log(folder / LOG_FILE)
+    if past is not None:
+        if not resume:
+            raise InputError(f"{folder} holds an interrupted run; go on with --resume, {ELSEWHERE}")
+        check_terms(folder, past.terms, terms)
+        return past
+    present = [name for name in RESULTS if (folder / name).exists()]
+    if present:
+        (folder / LOG_FILE).unlink()
+        raise InputError(f"{folder} holds an earlier run ({', '.join(present)}); {ELSEWHERE}")
+    return None
 
 
-def read_log(path: Path) -> tuple[Opening, list[Estimate]]:
-    """What an interrupted run recorded. Raises InputError if that is nothing."""
-    records = list(read_records(path.read_bytes()))
-    if not records or not isinstance(records[0], Opening):
-        raise InputError(f"{path} holds no frame; track the sequence again")
-    return records[0], [estimate_of(r) for r in records if isinstance(r, Entry)]
-
-
-def _claim(descriptor: int, path: Path) -> None:
-    folder = path.parent
+def _lock(descriptor: int, path: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise InputError(
-            f"{folder} is in use by a run that is still going on; choose another --out"
+            f"{path.parent} is in use by a run that is still going on; choose another --out"
         ) from None
     if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # that run ended just now
-        raise InputError(f"{folder} was in use until now; {ELSEWHERE}")
-    present = [name for name in RESULTS if (folder / name).exists()]
-    if os.fstat(descriptor).st_size:
-        raise InputError(f"{folder} holds an interrupted run; {ELSEWHERE}")
-    if present:
-        path.unlink()
-        raise InputError(f"{folder} holds an earlier run ({', '.join(present)}); {ELSEWHERE}")
+        raise InputError(f"{path.parent} was in use until now; {ELSEWHERE}")
 
 
 def _missing_parents(folder: Path) -> list[Path]:

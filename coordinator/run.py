@@ -8,17 +8,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from common.body import BodyModel
 from coordinator.atomic_file import write_atomically
+from coordinator.bodies import Bodies
 from coordinator.chosen_body import HUMAN_DOFS, choose_bodies
 from coordinator.model_file import MODEL_FILE, TrackedBody, write_model
 from coordinator.options import AUTOMATIC, Job, Pool
 from coordinator.progress import FrameMeter, Show
-from coordinator.recorder import Recorder
+from coordinator.recorded import Recorded
+from coordinator.recorder import Recorder, is_complete
 from coordinator.refiner import Refiner
 from coordinator.sources import Source, open_source
 from coordinator.sources.source import check_frames, select_frames
 from coordinator.start_file import read_start
 from coordinator.summary import summarise
+from coordinator.terms import terms_of
 from coordinator.track import read_track
 from coordinator.tracker import Tracker
 from coordinator.traffic import Traffic
@@ -44,33 +48,50 @@ class Run:
     job: Job
     source: Source
     numbers: range
-    tracker: Tracker
-    refiner: PooledRefiner
+    bodies: Bodies
+    start: Mapping[str, float] | None
     recorder: Recorder
 
 
 def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     """Do a `gepf track`. All input is checked before the folder of results is made.
 
-    If it ends early, by the user or by a fault, the frames so far are in the folder all the same.
+    If it ends early, by the user or by a fault, the frames so far are in the folder all the same, and
+    another one with `resume` goes on from there.
     """
     source = open_source(job.sequence)
     numbers = select_frames(source.numbers, job.frames)
     bodies = choose_bodies(job.active, job.settings.preset)
     start = choose_start(job.init, source)
     truth = read_truth(source.truth) if source.truth else None
+    terms = terms_of(job, source.frame(numbers.start), numbers, start)
+    if job.resume and is_complete(job.out, terms):
+        show.say(f"all {len(numbers)} frames are in {job.out} already")
+        return
     with show.steps("reading frames") as advance:
         check_frames(source, numbers, advance)
-    with Recorder(job.out) as recorder, connect(job.pool, show) as refiner:
-        tracker = Tracker(refiner, job.settings, bodies, start)
-        run = Run(job, source, numbers, tracker, refiner, recorder)
-        meter = show.frames(len(numbers))
+    with Recorder(job.out, terms, resume=job.resume) as recorder:
+        run = Run(job, source, numbers, bodies, start, recorder)
+        meter = show.frames(len(numbers), recorder.frames)
+        if job.resume:
+            show.say(tell_resume(run))
         try:
-            with meter:
-                follow(run, meter)
+            if recorder.frames < len(numbers):
+                follow(run, meter, show, connect)
         finally:
-            finish(run, meter, show)
-    draw(run, truth, show)
+            recorded = finish(run, meter, show)
+        if recorded is not None:
+            draw(run, recorded.state.start.model, truth, show)
+
+
+def tell_resume(run: Run) -> str:
+    """Where a resumed run goes on."""
+    done, total = run.recorder.frames, len(run.numbers)
+    if done == total:
+        return f"all {total} frames are recorded in {run.job.out}; writing the results"
+    if done:
+        return f"going on with frame {run.numbers[done]}; {done} of {total} are recorded"
+    return f"nothing to resume in {run.job.out}; beginning anew"
 
 
 def choose_start(init: str | None, source: Source) -> Mapping[str, float] | None:
@@ -79,36 +100,43 @@ def choose_start(init: str | None, source: Source) -> Mapping[str, float] | None
     return None if path is None else read_start(path, HUMAN_DOFS)
 
 
-def follow(run: Run, meter: FrameMeter) -> None:
+def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:
     """Track frame after frame; each is durable before the next begins."""
-    for number in run.numbers:
-        estimate = run.tracker.track(run.source.frame(number))
-        if not run.recorder.frames:
-            run.recorder.open_with(run.tracker.model.dof_names, run.tracker.model.joint_names)
-        run.recorder.append(estimate)
-        meter.advance(estimate)
+    recorder = run.recorder
+    with connect(run.job.pool, show) as refiner, meter:
+        state = recorder.past.state if recorder.past else None
+        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, state)
+        for number in run.numbers[recorder.frames :]:
+            estimate = tracker.track(run.source.frame(number))
+            meter.advance(estimate)
+            recorder.append(estimate, tracker.state, refiner.traffic, meter.seconds)
 
 
-def finish(run: Run, meter: FrameMeter, show: Show) -> None:
+def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
     """Write the final files of what was recorded, be it all or not."""
-    if not run.recorder.frames:
-        return
-    complete = run.recorder.frames == len(run.numbers)
-    estimates = run.recorder.estimates()
-    summary = summarise(run.job, run.tracker.start, estimates, run.refiner.traffic)
-    timing = {"complete": complete, "seconds": meter.seconds, "frame_rate": meter.rate}
-    body = TrackedBody(run.tracker.model, run.tracker.start.held)
+    recorded = run.recorder.read()
+    if recorded is None:
+        return None
+    count = len(recorded.estimates)
+    complete = count == len(run.numbers)
+    rate = meter.rate or count / max(recorded.seconds, 1e-9)
+    summary = {"complete": complete, "frame_rate": rate} | summarise(recorded)
+    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
     write_atomically(run.job.out / MODEL_FILE, lambda file: write_model(body, file))
-    run.recorder.finish(timing | summary, complete=complete)
+    run.recorder.finish(recorded, summary, complete=complete)
     if not complete:
-        show.say(f"ended early; the first {len(estimates)} frames are in {run.job.out}")
+        show.say(
+            f"ended early with {count} of {len(run.numbers)} frames in {run.job.out}; "
+            "the same command with --resume goes on"
+        )
+    return recorded
 
 
-def draw(run: Run, truth: Truth | None, show: Show) -> None:
+def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:
     """Pictures of a finished run."""
     from coordinator.pictures import draw_run
 
     track = read_track(run.job.out)
     show.say("drawing pictures")
-    files = draw_run(run.source, run.tracker.model, track, run.job.out, truth)
+    files = draw_run(run.source, model, track, run.job.out, truth)
     show.say(f"{len(track.frame)} frames and {len(files)} pictures are in {run.job.out}")

@@ -23,6 +23,7 @@ from coordinator.refiner import Refiner
 from coordinator.start import Start, find_start, given_start
 from coordinator.status import judge
 from coordinator.subject import isolate
+from coordinator.tracker_state import TrackerState, carry, load_generator
 
 Array = NDArray[np.float64]
 
@@ -37,10 +38,16 @@ class Tracker:
         settings: What to compute.
         bodies: Gives the body that is tracked, by its measures.
         start: Values of degrees of freedom in the first frame, metres and radians; None to find them.
+        state: Go on from here, where another tracker of the same settings left off.
     """
 
     def __init__(
-        self, refiner: Refiner, settings: Settings, bodies: Bodies, start: Mapping[str, float] | None = None
+        self,
+        refiner: Refiner,
+        settings: Settings,
+        bodies: Bodies,
+        start: Mapping[str, float] | None = None,
+        state: TrackerState | None = None,
     ) -> None:
         self._refiner = refiner
         self._settings = settings
@@ -50,6 +57,10 @@ class Tracker:
         self._rng = np.random.default_rng(settings.seed)
         self._start: Start | None = None
         self._belief: Belief | None = None
+        if state is not None:
+            self._rng = load_generator(state.carried.generator)
+            self._start = state.start
+            self._belief = replace(self._begin_at(state.start), **state.carried.belief)
 
     @property
     def start(self) -> Start:
@@ -62,6 +73,12 @@ class Tracker:
     def model(self) -> BodyModel:
         """The body that is tracked; there after the first frame."""
         return self.start.model
+
+    @property
+    def state(self) -> TrackerState:
+        """All that the next frame goes on from; there after the first frame."""
+        assert self._belief is not None
+        return TrackerState(self.start, carry(self._belief, self._rng))
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame. InputError if nothing is seen in the first."""
@@ -100,7 +117,10 @@ class Tracker:
             self._start = given_start(self._given, self._bodies)
         else:
             self._start = find_start(subject, self._bodies, self._refiner, self._settings.refine)
-        return self._method.begin(self.model, self._start.pose, self._settings.filter)
+        return self._begin_at(self._start)
+
+    def _begin_at(self, start: Start) -> Belief:
+        return self._method.begin(start.model, start.pose, self._settings.filter)
 
     def _carry_on(self, frame: DepthFrame, clock: Stopwatch) -> Estimate:
         """Nothing was seen: hypotheses stay where they are, the frame is lost."""

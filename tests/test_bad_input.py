@@ -212,7 +212,7 @@ def test_an_output_folder_that_cannot_be_had_is_refused(
     assert "cannot write to" in refused("track", sequence, "--out", tmp_path / "file" / "out")
     assert "cannot write to" in refused("track", sequence, "--out", "/proc/out")
     assert "cannot write to" in refused("track", sequence, "--out", tmp_path / ("x" * 5000))
-    with Recorder(tmp_path / "busy"):
+    with Recorder(tmp_path / "busy", {}):
         line = refused("track", sequence, "--out", tmp_path / "busy")
     assert "is in use by a run that is still going on; choose another --out" in line
     (tmp_path / "done").mkdir()

@@ -271,7 +271,7 @@ def test_what_was_tracked_is_kept_however_a_run_ends(
     assert main(["track", str(sequence), "--out", str(tmp_path / "out")]) == code
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == says
-    assert lines[-2].startswith("ended early; the first 2 frames are in ")
+    assert lines[-2].startswith("ended early with 2 of 5 frames in ")
     assert read_track(tmp_path / "out").frame.tolist() == [0, 1]
     assert summary_of(tmp_path / "out")["complete"] is False
 

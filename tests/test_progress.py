@@ -28,7 +28,7 @@ def test_a_frame_is_told_of_in_one_line() -> None:
 def test_the_rate_does_not_count_what_comes_before_the_first_frame() -> None:
     """Starting workers takes seconds and says nothing about tracking."""
     now = iter([0.0, 10.0, 60.0, 60.5, 61.0])
-    with FrameMeter(3, lambda: next(now)) as meter:
+    with FrameMeter(3, clock=lambda: next(now)) as meter:
         for _ in range(3):
             meter.advance(estimate())
     assert meter.rate == pytest.approx(2.0)

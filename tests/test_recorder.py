@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import tempfile
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,11 +19,24 @@ from common.errors import InputError
 from coordinator.atomic_file import write_atomically
 from coordinator.estimate import Estimate, Status
 from coordinator.exports import export_run
-from coordinator.frame_log import read_records
-from coordinator.recorder import Recorder, read_log
+from coordinator.frame_log import frame_record, read_records
+from coordinator.recorded import Recorded, read_log
+from coordinator.recorder import Recorder, is_complete
+from coordinator.start import Start
 from coordinator.track import Track, read_track
+from coordinator.tracker_state import Carried, TrackerState
+from coordinator.traffic import Traffic
+from worker.warm import tiny_model
 
-DOFS, JOINTS = ("root_tx", "root_rx", "r_elbow_flexion"), ("pelvis", "right_wrist")
+MODEL = replace(
+    tiny_model(),
+    joint_names=("pelvis", "right_wrist"),
+    joint_links=np.zeros(2, dtype=np.int64),
+    joint_points=np.zeros((2, 3)),
+)
+DOFS, JOINTS = MODEL.dof_names, MODEL.joint_names
+START = Start(MODEL, np.arange(len(DOFS)) / 7.0, 1.7, 1.0)
+TERMS = {"sequence": "wall", "settings": {"seed": 3, "method": "gepf"}}
 
 
 def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Estimate:
@@ -44,13 +59,25 @@ def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Es
 ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")]
 
 
-def record(folder: Path, estimates: list[Estimate], *, complete: bool = True) -> None:
-    """A whole run."""
-    with Recorder(folder) as recorder:
-        recorder.open_with(DOFS, JOINTS)
+def state(number: int) -> TrackerState:
+    """What the tracker knew after a frame; its arrays hold what is hard to write down."""
+    belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
+    return TrackerState(START, Carried(belief, f'{{"state": {2**127 + number}}}'))
+
+
+def record(
+    folder: Path, estimates: list[Estimate], *, complete: bool = True, resume: bool = False
+) -> Recorded | None:
+    """A whole run, or the rest of one; gives what had been recorded before."""
+    with Recorder(folder, TERMS, resume=resume) as recorder:
         for each in estimates:
-            recorder.append(each)
-        recorder.finish({"frames": len(estimates)}, complete=complete)
+            recorder.append(each, state(each.frame), Traffic(("a",), batches_sent=2), each.frame / 10)
+        recorded = recorder.read()
+        assert recorded is not None
+        recorder.finish(
+            recorded, {**TERMS, "frames": recorder.frames, "complete": complete}, complete=complete
+        )
+    return recorder.past
 
 
 @pytest.fixture
@@ -68,7 +95,7 @@ def names(folder: Path) -> list[str]:
 def test_a_run_leaves_its_three_files_and_nothing_else(run: Path) -> None:
     """The log is gone, so are the drafts."""
     assert names(run) == ["poses.csv", "summary.json", "track.npz"]
-    assert json.loads((run / "summary.json").read_text()) == {"frames": 3}
+    assert json.loads((run / "summary.json").read_text()) == {**TERMS, "frames": 3, "complete": True}
 
 
 def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) -> None:
@@ -78,11 +105,11 @@ def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) ->
     assert {key: (value.dtype.str, value.shape) for key, value in arrays.items()} == {
         "frame": ("<i8", (3,)),
         "time_s": ("<f8", (3,)),
-        "dof_names": ("<U15", (3,)),
-        "pose": ("<f8", (3, 3)),
+        "dof_names": ("<U7", (6,)),
+        "pose": ("<f8", (3, 6)),
         "joint_names": ("<U11", (2,)),
         "joint_positions": ("<f8", (3, 2, 3)),
-        "hypothesis_pose": ("<f8", (3, 3, 3)),
+        "hypothesis_pose": ("<f8", (3, 3, 6)),
         "hypothesis_weight": ("<f8", (3, 3)),
         "status": ("<U9", (3,)),
     }
@@ -113,15 +140,21 @@ def test_equal_runs_give_equal_bytes(tmp_path: Path, run: Path) -> None:
 
 def test_a_frame_is_in_the_file_before_the_next_begins(tmp_path: Path) -> None:
     """A reader of the folder sees each frame as soon as append returns."""
-    with Recorder(tmp_path / "run") as recorder:
-        recorder.open_with(DOFS, JOINTS)
+    with Recorder(tmp_path / "run", TERMS) as recorder:
         for count, each in enumerate(ESTIMATES, start=1):
-            recorder.append(each)
-            opening, recorded = read_log(tmp_path / "run" / "frames.log")
-            assert (opening.dof_names, opening.joint_names, len(recorded)) == (DOFS, JOINTS, count)
-            np.testing.assert_array_equal(recorded[-1].hypothesis_pose, each.hypothesis_pose)
-            assert recorded[-1].stage_seconds == each.stage_seconds
-            np.testing.assert_equal(recorded[-1].residual, each.residual)
+            recorder.append(each, state(each.frame), Traffic(batches_sent=count), float(count))
+            recorded = read_log(tmp_path / "run" / "frames.log")
+            assert recorded is not None
+            assert (recorded.terms, len(recorded.estimates)) == (TERMS, count)
+            assert (recorded.traffic, recorded.seconds) == (Traffic(batches_sent=count), float(count))
+            assert recorded.state.start.model.hash == MODEL.hash
+            assert recorded.state.carried.generator == state(each.frame).carried.generator
+            for name, array in state(each.frame).carried.belief.items():
+                assert recorded.state.carried.belief[name].tobytes() == array.tobytes()
+            last = recorded.estimates[-1]
+            np.testing.assert_array_equal(last.hypothesis_pose, each.hypothesis_pose)
+            assert last.stage_seconds == each.stage_seconds
+            np.testing.assert_equal(last.residual, each.residual)
 
 
 @pytest.fixture(scope="module")
@@ -132,14 +165,22 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (folder / "frames.log").read_bytes()
 
 
+def records_of(content: bytes) -> list[bytes]:
+    """The whole records of a log, as they would be written again."""
+    with tempfile.TemporaryFile() as file:
+        file.write(content)
+        file.seek(0)
+        return [frame_record(record) for record, _ in read_records(file)]
+
+
 @given(data=st.data())
 def test_a_log_torn_anywhere_gives_the_whole_records_before(log: bytes, data: st.DataObject) -> None:
     """Power may fail at any byte: what was written before is read, what follows is not guessed."""
-    whole = list(read_records(log))
-    assert len(whole) == 4
-    torn = list(read_records(log[: data.draw(st.integers(0, len(log) - 1))]))
+    whole = records_of(log)
+    assert b"".join(whole) == log
+    torn = records_of(log[: data.draw(st.integers(0, len(log) - 1))])
     assert torn == whole[: len(torn)]
-    assert len(torn) < 4
+    assert len(torn) < len(whole) == 5
 
 
 @given(data=st.data())
@@ -147,12 +188,12 @@ def test_a_log_with_an_altered_byte_gives_only_records_that_were_written(
     log: bytes, data: st.DataObject
 ) -> None:
     """A damaged disk does not make up results."""
-    whole = list(read_records(log))
+    whole = records_of(log)
     changed = bytearray(log)
     changed[data.draw(st.integers(0, len(log) - 1))] ^= data.draw(st.integers(1, 255))
-    found = list(read_records(bytes(changed)))
+    found = records_of(bytes(changed))
     assert found == whole[: len(found)]
-    assert len(found) < 4
+    assert len(found) < len(whole)
 
 
 def test_a_run_that_ends_early_keeps_its_log_beside_the_results(tmp_path: Path) -> None:
@@ -164,7 +205,7 @@ def test_a_run_that_ends_early_keeps_its_log_beside_the_results(tmp_path: Path) 
 
 def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
     """A run that fails before its first frame leaves nothing, not even folders above."""
-    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a" / "b" / "run"):
+    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a" / "b" / "run", TERMS):
         raise ZeroDivisionError
     assert names(tmp_path) == []
 
@@ -172,7 +213,7 @@ def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
 def test_a_folder_that_was_there_stays_with_all_it_held(tmp_path: Path) -> None:
     """Other people's files are left alone, whether the run fails or not."""
     (tmp_path / "notes.txt").write_text("mine")
-    with Recorder(tmp_path):
+    with Recorder(tmp_path, TERMS):
         pass
     assert names(tmp_path) == ["notes.txt"]
     record(tmp_path, ESTIMATES)
@@ -181,20 +222,21 @@ def test_a_folder_that_was_there_stays_with_all_it_held(tmp_path: Path) -> None:
 
 def test_a_folder_in_use_is_refused_and_the_run_in_it_goes_on(tmp_path: Path) -> None:
     """Two runs never write into one folder."""
-    with Recorder(tmp_path / "run") as recorder:
-        with pytest.raises(InputError, match="in use by a run that is still going on"):
-            Recorder(tmp_path / "run")
-        recorder.open_with(DOFS, JOINTS)
-        recorder.append(ESTIMATES[0])
-        recorder.finish({})
-    assert read_track(tmp_path / "run").frame.tolist() == [4]
+    with Recorder(tmp_path / "run", TERMS) as recorder:
+        for resume in (False, True):
+            with pytest.raises(InputError, match="in use by a run that is still going on"):
+                Recorder(tmp_path / "run", TERMS, resume=resume)
+        recorder.append(ESTIMATES[0], state(4), Traffic(), 0.0)
+        recorded = recorder.read()
+    assert recorded is not None
+    assert [each.frame for each in recorded.estimates] == [4]
 
 
 def test_an_earlier_run_is_never_written_over(run: Path) -> None:
     """Its files stay byte for byte, and no log is left beside them."""
     before = {path: path.read_bytes() for path in run.iterdir()}
     with pytest.raises(InputError, match=r"holds an earlier run.*choose another --out"):
-        Recorder(run)
+        Recorder(run, TERMS)
     assert {path: path.read_bytes() for path in run.iterdir()} == before
 
 
@@ -202,8 +244,8 @@ def test_an_interrupted_run_is_never_written_over(tmp_path: Path) -> None:
     """Its log may be all that there is of a long run."""
     record(tmp_path, ESTIMATES[:1], complete=False)
     before = (tmp_path / "frames.log").read_bytes()
-    with pytest.raises(InputError, match="holds an interrupted run"):
-        Recorder(tmp_path)
+    with pytest.raises(InputError, match=r"holds an interrupted run; go on with --resume, choose"):
+        Recorder(tmp_path, TERMS)
     assert (tmp_path / "frames.log").read_bytes() == before
 
 
@@ -214,12 +256,70 @@ def test_a_log_without_a_frame_is_no_reason_to_refuse(tmp_path: Path) -> None:
     assert names(tmp_path) == ["poses.csv", "summary.json", "track.npz"]
 
 
+def test_a_resumed_run_ends_with_the_bytes_of_one_that_was_not_interrupted(tmp_path: Path, run: Path) -> None:
+    """Frames, traffic and time add up over both goes, the torn end is cut off, and the log is gone."""
+    folder = tmp_path / "resumed"
+    record(folder, ESTIMATES[:1], complete=False)
+    with (folder / "frames.log").open("ab") as file:
+        file.write(b"\x10\x00\x00\x00torn")
+    past = record(folder, ESTIMATES[1:2], complete=False, resume=True)
+    assert past is not None
+    assert (past.state.carried.generator, past.resumes) == (state(4).carried.generator, 0)
+    past = record(folder, ESTIMATES[2:], resume=True)
+    assert past is not None
+    assert (past.traffic.batches_sent, past.resumes) == (4, 1)
+    assert past.seconds == pytest.approx(0.9)
+    assert (folder / "track.npz").read_bytes() == (run / "track.npz").read_bytes()
+    assert names(folder) == names(run)
+
+
+def test_a_run_is_gone_on_with_under_its_own_terms_only(tmp_path: Path) -> None:
+    """What differs is named, recorded and now; nothing is touched."""
+    record(tmp_path, ESTIMATES[:1], complete=False)
+    before = (tmp_path / "frames.log").read_bytes()
+    other = {"sequence": "wall", "settings": {"seed": 4, "method": "gepf", "tempo": 1.5}}
+    said = r"--seed \(recorded 3, now 4\), setting tempo \(recorded not given, now 1.5\); give the same or"
+    with pytest.raises(InputError, match=said):
+        Recorder(tmp_path, other, resume=True)
+    assert (tmp_path / "frames.log").read_bytes() == before
+
+
+def test_a_complete_run_is_known_as_such(run: Path, tmp_path: Path) -> None:
+    """Only where all is there and nothing is to be gone on with; other terms are refused here, too."""
+    assert is_complete(run, TERMS)
+    with pytest.raises(InputError, match="--seed"):
+        is_complete(run, {"settings": {"seed": 4}})
+    record(tmp_path / "other", ESTIMATES, complete=False)
+    assert not is_complete(tmp_path / "other", TERMS)
+    assert not is_complete(tmp_path / "nothing", TERMS)
+    (run / "summary.json").write_text("{")
+    assert not is_complete(run, TERMS)
+
+
+def test_pictures_that_fail_leave_a_run_that_can_be_gone_on_with(tmp_path: Path) -> None:
+    """The log stays until all that follows the last frame is done."""
+
+    def fail_after(recorder: Recorder) -> None:
+        with recorder:
+            recorder.append(ESTIMATES[0], state(4), Traffic(), 0.0)
+            recorded = recorder.read()
+            assert recorded is not None
+            recorder.finish(recorded, {}, complete=True)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail_after(Recorder(tmp_path, TERMS))
+    past = record(tmp_path, [], resume=True)
+    assert past is not None
+    assert names(tmp_path) == ["poses.csv", "summary.json", "track.npz"]
+
+
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     """A file where the folder should be, and a file above it."""
     (tmp_path / "file").touch()
     for folder in (tmp_path / "file", tmp_path / "file" / "run", Path("/proc/run")):
         with pytest.raises(InputError, match="cannot write to"):
-            Recorder(folder)
+            Recorder(folder, TERMS)
     assert names(tmp_path) == ["file"]
 
 

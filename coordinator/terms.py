@@ -1,0 +1,90 @@
+"""What a run was asked for, as far as it decides the results: a run goes on only under the same terms."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+
+from common.frame import DepthFrame
+from coordinator.options import AUTOMATIC, Job
+from coordinator.versions import versions
+
+Terms = dict[str, Any]
+"""Nested names and values, as JSON holds them."""
+
+OPTIONS = {
+    "sequence": "the sequence",
+    "first_frame": "the sequence's first frame",
+    "settings.method": "--method",
+    "settings.preset": "--preset",
+    "settings.filter.particles": "--particles",
+    "settings.points": "--points",
+    "settings.seed": "--seed",
+    "model.name": "--model",
+    "dof": "--dof",
+    "init": "--init",
+    "frame_range": "--frames",
+    "versions.gepf": "gepf's version",
+}
+"""Term -> what the user calls it. Terms that are not listed are settings without an option."""
+
+NAMED = 3  # differences that a message tells of
+
+
+def terms_of(job: Job, first: DepthFrame, numbers: range, start: Mapping[str, float] | None) -> Terms:
+    """The terms of a run; who does the work and where the results go is not among them."""
+    terms = {
+        "sequence": job.sequence.resolve().name,
+        "first_frame": digest_frame(first),
+        "frame_range": f"{numbers.start}:{numbers.stop}",
+        "model": {"name": job.model},
+        "dof": None if job.active is None else ",".join(job.active),
+        "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
+        "settings": msgspec.to_builtins(job.settings),
+        "versions": {"gepf": versions().get("gepf")},
+    }
+    plain: Terms = msgspec.json.decode(msgspec.json.encode(terms))
+    return plain
+
+
+def digest_frame(frame: DepthFrame) -> str:
+    """Tells a frame from another one, its depth and its camera."""
+    camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
+    return digest(camera.encode() + frame.depth.tobytes())
+
+
+def digest(content: bytes) -> str:
+    """A few letters that stand for the content."""
+    return hashlib.sha256(content).hexdigest()[:12]
+
+
+def differences(recorded: Mapping[str, Any], asked: Terms) -> str:
+    """What is asked for and was not recorded so, in the user's words; `recorded` may hold more."""
+    before, now = dict(flatten(recorded)), dict(flatten(asked))
+    order = [*(key for key in OPTIONS if key in now), *(key for key in now if key not in OPTIONS)]
+    found = [
+        f"{OPTIONS.get(key, 'setting ' + key.removeprefix('settings.'))} "
+        f"(recorded {tell(before.get(key))}, now {tell(now[key])})"
+        for key in order
+        if key not in before or before[key] != now[key]
+    ]
+    more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
+    return ", ".join(found[:NAMED]) + more
+
+
+def tell(value: object) -> str:
+    """A value for people."""
+    return "not given" if value is None else str(value)
+
+
+def flatten(terms: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Pairs of dotted name and value."""
+    for key, value in terms.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
