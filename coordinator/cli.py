@@ -195,6 +195,21 @@ def export(
 
 
 @app.command()
+def report(
+    run: Run,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Page to write (default: DIR/report.html).")
+    ] = None,
+) -> None:
+    """Write one HTML page about a run: animation, angles and how sure they are, timings, settings."""
+    from coordinator.report import write_report
+
+    page = out or run / "report.html"
+    write_report(run, page)
+    on_stderr().say(f"the report is in {page}")
+
+
+@app.command()
 def synth(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm or turn.")],
     out: Annotated[Path, typer.Option("--out", metavar="SEQ", help="New folder for the sequence.")],

@@ -19,13 +19,14 @@ def balls_of(
 ) -> list[int]:
     """Balls among rotations about x, y, z and x again."""
     count = len(parents)
-    return find_balls(
+    balls = find_balls(
         np.array(kinds or [ROTATION] * count, dtype=np.int64),
         np.array(parents, dtype=np.int64),
         np.eye(3)[np.arange(count) % 3] if axes is None else axes,
         THROUGH_ONE_POINT[:count],
         np.array(carriers, dtype=np.int64),
-    ).tolist()
+    )
+    return [int(ball) for ball in balls]
 
 
 def test_three_rotations_through_one_point_are_a_ball() -> None:

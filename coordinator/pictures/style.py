@@ -33,6 +33,7 @@ STYLE: Mapping[str, Any] = {
     "ytick.color": "#5a616e",
     "legend.frameon": False,
     "figure.facecolor": "white",
+    "svg.hashsalt": "gepf",  # equal drawings give equal text
 }
 
 

@@ -1,0 +1,7 @@
+"""One page that tells all about a run."""
+
+from __future__ import annotations
+
+from coordinator.report.page import write_report
+
+__all__ = ["write_report"]

@@ -1,0 +1,75 @@
+"""A run as one HTML file that needs nothing else: `gepf report`."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from jinja2 import Environment, PackageLoader, select_autoescape
+from markupsafe import Markup
+
+from common.errors import InputError
+from coordinator.atomic_file import write_atomically
+from coordinator.pictures.run import ANIMATION_FILE, ERRORS_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.report.angles import draw_angles, group_angles
+from coordinator.report.doubts import find_doubts
+from coordinator.report.facts import flatten, tell_facts, tell_stages
+from coordinator.track import Track, read_track
+
+SUMMARY_FILE = "summary.json"
+TEMPLATE = "page.html.j2"
+PICTURES = (ANIMATION_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
+MEDIA = {".gif": "image/gif", ".png": "image/png"}
+
+
+def write_report(run: Path, out: Path) -> None:
+    """Write the page about the run in this folder; InputError if it holds no finished run."""
+    track = read_track(run)
+    page = render(run, track, read_summary(run))
+    try:
+        write_atomically(out, lambda opened: opened.write(page.encode()))
+    except OSError as error:
+        raise InputError(f"cannot write {out} ({error.strerror}); give a writable file with --out") from None
+
+
+def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
+    """The page's text."""
+    environment = Environment(
+        loader=PackageLoader("coordinator.report", "."),
+        autoescape=select_autoescape(default=True),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(TEMPLATE).render(
+        title=summary.get("sequence", run.name),
+        summary=summary,
+        facts=tell_facts(track, summary),
+        doubts=find_doubts(track),
+        pictures={
+            name: embed(run / name) for name in (ANIMATION_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
+        },
+        angles=[(group, Markup(draw_angles(track, names))) for group, names in group_angles(track)],
+        stages=tell_stages(summary),
+        settings=flatten(summary.get("settings", {})),
+        whole=json.dumps(summary, indent=2),
+    )
+
+
+def read_summary(run: Path) -> dict[str, Any]:
+    """What `gepf track` wrote beside the track; InputError if it is missing or damaged."""
+    try:
+        return msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError):
+        raise InputError(
+            f"{run} holds no {SUMMARY_FILE} that can be read; give the --out folder of a finished gepf track"
+        ) from None
+
+
+def embed(picture: Path) -> str | None:
+    """A picture as the address that holds it whole; None where there is none."""
+    if not picture.is_file():
+        return None
+    return f"data:{MEDIA[picture.suffix]};base64,{base64.b64encode(picture.read_bytes()).decode()}"
