@@ -84,6 +84,20 @@ class Bus:
                 )
             )
 
+    def publish(self, key: str) -> Publisher:
+        """Publisher of messages for whoever listens now."""
+        with mapped(f"publishing on {key}"):
+            return Publisher(self._session, self._session.declare_publisher(key))
+
+    def subscribe(self, key: str, on_message: Payload) -> None:
+        """Have `on_message(payload)` called for every message that is published from now on."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            on_message(sample.payload.to_bytes())
+
+        with mapped(f"subscribing to {key}"):
+            self._declared.append(self._session.declare_subscriber(key, receive))
+
     def serve(self, key: str, find: Callable[[str], bytes | None]) -> None:
         """Answer every fetch of a key with `find(key)`; None leaves it without an answer."""
 
@@ -159,6 +173,31 @@ class FramePublisher:
         """Publish one frame. A subscriber that is too slow for it can fetch it by number."""
         with mapped("publishing a frame"):
             self._publisher.put(payload, attachment=str(number))
+
+
+class Publisher:
+    """Publishes messages; what an overloaded link cannot take is dropped."""
+
+    def __init__(self, session: zenoh.Session, publisher: zenoh.Publisher) -> None:
+        self._session = session
+        self._publisher = publisher
+
+    @property
+    def followed(self) -> bool:
+        """Whether anybody listens."""
+        with mapped("looking for listeners"):
+            return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
+
+    def put(self, payload: bytes) -> None:
+        """Publish a message."""
+        with mapped(f"publishing on {self._publisher.key_expr}"):
+            self._publisher.put(payload)
+
+    def put_surely(self, payload: bytes) -> None:
+        """Publish a message that waits for its turn on an overloaded link."""
+        with mapped(f"publishing on {self._publisher.key_expr}"):
+            key, block = self._publisher.key_expr, zenoh.CongestionControl.BLOCK
+            self._session.put(key, payload, congestion_control=block)
 
 
 class Requests:

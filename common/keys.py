@@ -7,6 +7,8 @@ import re
 from common.errors import InputError
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+GUARDED = "gepf/live/"
+STREAM = re.compile(rf"{NAME.pattern}(/{NAME.pattern}){{0,15}}")
 
 ANY_WORKER_ALIVE = "gepf/worker/*/alive"
 ANY_RUN_FRAMES = "gepf/run/*/frame"
@@ -24,6 +26,21 @@ def check_name(kind: str, name: str) -> str:
             f"{kind} '{name}' cannot be used; give at most 64 letters, digits, dots, dashes and underscores"
         )
     return name
+
+
+def check_stream(key: str, *, guarded: bool = False) -> str:
+    """The key of a stream of depth images, if it names one place; InputError otherwise.
+
+    Where access is guarded it must be one of ours, or the stream would be dropped without a word.
+    """
+    if not STREAM.fullmatch(key):
+        raise InputError(
+            f"key '{key}' cannot be used; give names between slashes, such as camera/depth, "
+            "of letters, digits, dots, dashes and underscores"
+        )
+    if guarded and not key.startswith(GUARDED):
+        raise InputError(f"with certificates only our own keys are let through; use {GUARDED}{key}")
+    return key
 
 
 def worker_refine(worker: str) -> str:

@@ -21,6 +21,8 @@ from common.settings import RefineSettings
 from common.wire import (
     MAX_REASON,
     FrameMessage,
+    LiveEndMessage,
+    LiveFrameMessage,
     ModelMessage,
     RefusalMessage,
     ReplyMessage,
@@ -85,19 +87,47 @@ def encode_frame(subject: SubjectFrame) -> bytes:
 def decode_frame(payload: bytes) -> SubjectFrame:
     """A frame, or ProtocolError."""
     message = decode(payload, FrameMessage)
-    camera = message.intrinsics
-    check_camera(camera, message.depth_scale)
-    check_finite("the frame's time", message.time_s)
-    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
+    frame = depth_frame(message)
     picked = unpack("picked", message.picked, "<u4", ("P",), {})
-    check_indices("picked", picked, 0, depth.size)
+    check_indices("picked", picked, 0, frame.depth.size)
     if np.any(picked[1:] <= picked[:-1]):
         raise ProtocolError("picked must be in ascending order")
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
-    frame = DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
     return SubjectFrame(frame, picked, message.view)
+
+
+def encode_live(frame: DepthFrame) -> bytes:
+    """A whole depth image for whoever tracks."""
+    message = LiveFrameMessage(
+        number=frame.number,
+        time_s=frame.time_s,
+        depth_scale=frame.depth_scale,
+        intrinsics=frame.intrinsics,
+        depth=pack(frame.depth),
+    )
+    return encode(message)
+
+
+def encode_live_end() -> bytes:
+    """The end of a stream of depth images."""
+    return encode(LiveEndMessage())
+
+
+def decode_live(payload: bytes) -> DepthFrame | None:
+    """A whole depth image, None at the end of the stream, or ProtocolError."""
+    message = decode(payload, LiveFrameMessage, LiveEndMessage)
+    return depth_frame(message) if isinstance(message, LiveFrameMessage) else None
+
+
+def depth_frame(message: FrameMessage | LiveFrameMessage) -> DepthFrame:
+    """The depth image in a message, of the size that its camera has."""
+    camera = message.intrinsics
+    check_camera(camera, message.depth_scale)
+    check_finite("the frame's time", message.time_s)
+    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
+    return DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
 
 
 def check_camera(camera: Intrinsics, depth_scale: float) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeVar
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -48,6 +50,20 @@ class FrameMessage(Message, frozen=True, tag="frame"):
     view: tuple[Pixel, Pixel, Pixel, Pixel]
 
 
+class LiveFrameMessage(Message, frozen=True, tag="live-frame"):
+    """A whole depth image from somebody's camera."""
+
+    number: Natural
+    time_s: float
+    depth_scale: float
+    intrinsics: Intrinsics
+    depth: Array
+
+
+class LiveEndMessage(Message, frozen=True, tag="live-end"):
+    """No more depth images will come."""
+
+
 class ModelMessage(Message, frozen=True, tag="model"):
     """A BodyModel: its texts, lists of names and arrays by field."""
 
@@ -87,14 +103,17 @@ def encode(message: Message) -> bytes:
     return msgspec.msgpack.encode(message)
 
 
-def decode(payload: bytes, kind: type[M]) -> M:
-    """A message of one kind and of this version, or ProtocolError."""
+def decode(payload: bytes, *kinds: type[M]) -> M:
+    """A message of one of the kinds and of this version, or ProtocolError."""
     if len(payload) > MAX_BYTES:
         raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
     try:
         version = msgspec.msgpack.decode(payload, type=Header).version
         if version != PROTOCOL:
             raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
-        return msgspec.msgpack.decode(payload, type=kind)
+        either: Any = reduce(or_, kinds)
+        message: M = msgspec.msgpack.decode(payload, type=either)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        raise ProtocolError(f"not a {kind.__struct_config__.tag} message: {error}") from error
+        tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)
+        raise ProtocolError(f"not a {tags} message: {error}") from error
+    return message

@@ -29,6 +29,10 @@ DEBUG = "GEPF_DEBUG"
 app = typer.Typer(help="Tracks a body through depth images, following many pose hypotheses at once.")
 
 Sequence_ = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded folder or UTD-MHAD .mat file.")]
+Input = Annotated[
+    Path,
+    typer.Argument(metavar="SEQ", help="Recorded folder, UTD-MHAD .mat file, or zenoh:KEY for live input."),
+]
 Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="New folder for the results.")]
 Listen = typer.Option(metavar="ENDPOINT", help="Let others' workers join, e.g. tls/0.0.0.0:7447.")
 TlsCa = Annotated[
@@ -107,7 +111,7 @@ def demo(
 
 @app.command()
 def track(  # noqa: PLR0913 one parameter an option
-    sequence: Sequence_,
+    sequence: Input,
     out: Results,
     *,
     method: Annotated[
@@ -143,25 +147,72 @@ def track(  # noqa: PLR0913 one parameter an option
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, if there is one.")
     ] = False,
+    deadline: Annotated[
+        float | None,
+        typer.Option(metavar="MS", help="Do with the particles that are refined so long after a frame came."),
+    ] = None,
     tls_ca: TlsCa = None,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     insecure: Insecure = False,
 ) -> None:
-    """Track a recorded sequence."""
-    from coordinator.options import Job, choose_dofs, choose_model, choose_pool, choose_settings
+    """Track a recorded sequence, or depth frames as they are published."""
+    from coordinator.options import (
+        Job,
+        choose_deadline,
+        choose_dofs,
+        choose_model,
+        choose_pool,
+        choose_settings,
+    )
     from coordinator.security import TlsFiles, choose_security
 
     settings = choose_settings(method, preset, particles, points, seed)
     security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
-    pool = choose_pool(workers, listen, connect, security, worker_timeout)
+    pool = choose_pool(workers, listen, connect, security, worker_timeout, choose_deadline(deadline, method))
     job = Job(sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames, resume)
 
+    from coordinator.live_run import track_stream
     from coordinator.pool import connect_workers
     from coordinator.run import track_sequence
+    from coordinator.sources.live import live_key
 
     end_as_interrupted()
-    track_sequence(job, on_stderr(), connect_workers)
+    if live_key(sequence) is None:
+        track_sequence(job, on_stderr(), connect_workers)
+    else:
+        track_stream(job, on_stderr(), connect_workers)
+
+
+@app.command()
+def publish(  # noqa: PLR0913 one parameter an option
+    sequence: Sequence_,
+    key: Annotated[str, typer.Option(metavar="KEY", help="Where, e.g. camera/depth.")],
+    *,
+    rate: Annotated[
+        float | None, typer.Option(metavar="FPS", help="Frames per second (default: the sequence's own).")
+    ] = None,
+    frames: Annotated[str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.")] = None,
+    listen: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Let trackers connect, e.g. tcp/127.0.0.1:7448.")
+    ] = None,
+    connect: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Connect to a tracker's --listen, or a router.")
+    ] = None,
+    tls_ca: TlsCa = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    insecure: Insecure = False,
+) -> None:
+    """Publish a recorded sequence in real time, as a camera would: input for gepf track zenoh:KEY."""
+    from coordinator.options import choose_pool
+    from coordinator.publisher import Broadcast, publish_sequence
+    from coordinator.security import TlsFiles, choose_security
+
+    security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
+    end_as_interrupted()
+    reached = choose_pool(None, listen, connect, security)
+    publish_sequence(Broadcast(sequence, key, reached, rate, frames), on_stderr())
 
 
 @app.command()

@@ -17,6 +17,7 @@ class Estimate:
 
     Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the likeliest's
     mean distance between observed points and the model, metres; NaN where nothing was observed.
+    `particles_answered` are those whose descent was finished when the frame was due.
     """
 
     frame: int
@@ -28,3 +29,4 @@ class Estimate:
     hypothesis_weight: NDArray[np.float64]  # (M,)
     residual: float
     stage_seconds: dict[str, float] = field(default_factory=dict)
+    particles_answered: int = 0

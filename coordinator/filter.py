@@ -60,6 +60,8 @@ def advance(
     ancestors = draw(past, settings, rng)  # 2
     before = scatter(model, past, ancestors, settings, rng)  # 3
     after = refine(before)  # 4, 5
+    answered = after.answered
+    ancestors, before, after = ancestors[answered], before[answered], after.take(answered)
     chosen, group = merge(model, after.poses, after.log_likelihood, np.deg2rad(settings.merge_angle_deg))  # 6
     parents = ancestors[chosen]
     covariances = estimate_covariances(  # 7

@@ -28,6 +28,7 @@ class Pool:
     connect: str | None = None
     security: Security | None = None
     worker_timeout: float | None = None  # seconds without any worker; None to wait for ever
+    deadline: float | None = None  # seconds for each frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,7 @@ def choose_pool(
     connect: str | None,
     security: Security | None = None,
     worker_timeout: float | None = None,
+    deadline: float | None = None,
 ) -> Pool:
     """Workers and endpoints; without workers of our own there must be a way for others to join."""
     if worker_timeout is not None and not 0.0 < worker_timeout < math.inf:
@@ -85,7 +87,18 @@ def choose_pool(
         at_least(0, "--workers", workers)
     if workers == 0 and listen is None and connect is None:
         raise InputError("with --workers 0 nobody could join; add --listen or --connect with an endpoint")
-    return Pool(workers, listen, connect, security, worker_timeout)
+    return Pool(workers, listen, connect, security, worker_timeout, deadline)
+
+
+def choose_deadline(milliseconds: float | None, method: str) -> float | None:
+    """Seconds for a frame; None for as many as it takes."""
+    if milliseconds is None:
+        return None
+    if method in BASELINES:
+        raise InputError(f"method {method} needs an answer for every particle; leave --deadline out")
+    if not 0 < milliseconds < math.inf:
+        raise InputError(f"--deadline {milliseconds:g} is no time for a frame; give milliseconds above 0")
+    return milliseconds / 1000
 
 
 def choose_model(model: str) -> str:

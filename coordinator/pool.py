@@ -17,6 +17,7 @@ def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
         connect=(pool.connect,) if pool.connect else (),
         security=pool.security,
         worker_timeout=pool.worker_timeout,
+        deadline=pool.deadline,
     )
     return ZenohRefiner(options, show.say)
 

@@ -31,15 +31,18 @@ class Show(Protocol):
         """A count of something that takes a while."""
         ...
 
-    def frames(self, total: int, done: int = 0) -> FrameMeter:
-        """A meter for the frames of a run, some of which may be done before; a context manager."""
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
+        """A meter for the frames of a run, None if nobody knows how many; a context manager.
+
+        Some of them may be done before.
+        """
         ...
 
 
 class FrameMeter:
     """Frame rate, hypotheses, residual and status, frame by frame; subclasses show them."""
 
-    def __init__(self, total: int, done: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, total: int | None, done: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
         self.total = total
         self.done = self._before = done
         self._clock = clock
@@ -67,13 +70,13 @@ class FrameMeter:
             return (done - 1) / max(self._last - self._first, 1e-9)
         return done / max(self.seconds, 1e-9)
 
-    def advance(self, estimate: Estimate) -> None:
-        """One frame more."""
+    def advance(self, estimate: Estimate, note: str = "") -> None:
+        """One frame more, and what else there is to say."""
         self.done += 1
         self._last = self._clock()
         if self.done == self._before + 1:
             self._first = self._last
-        self.show(describe(estimate, self.rate))
+        self.show(describe(estimate, self.rate) + note)
 
     def show(self, text: str) -> None:
         """Make the state known."""
@@ -110,7 +113,7 @@ class TerminalShow(ConsoleShow):
             task = bar.add_task(text, total=None)
             yield lambda done, total: bar.update(task, completed=done, total=total)
 
-    def frames(self, total: int, done: int = 0) -> FrameMeter:
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
         """A bar with the run's state."""
         return _TerminalMeter(total, done, self._console)
 
@@ -131,13 +134,13 @@ class PlainShow(ConsoleShow):
 
         yield advance
 
-    def frames(self, total: int, done: int = 0) -> FrameMeter:
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
         """Lines with the run's state."""
         return _PlainMeter(total, done, self)
 
 
 class _TerminalMeter(FrameMeter):
-    def __init__(self, total: int, done: int, console: Console) -> None:
+    def __init__(self, total: int | None, done: int, console: Console) -> None:
         super().__init__(total, done)
         self._bar = _bar(console, transient=False)
         self._task = self._bar.add_task("starting", total=total, completed=done)
@@ -156,7 +159,7 @@ class _TerminalMeter(FrameMeter):
 
 
 class _PlainMeter(FrameMeter):
-    def __init__(self, total: int, done: int, show: PlainShow) -> None:
+    def __init__(self, total: int | None, done: int, show: PlainShow) -> None:
         super().__init__(total, done)
         self._show = show
         self._text = ""
@@ -164,7 +167,8 @@ class _PlainMeter(FrameMeter):
 
     def show(self, text: str) -> None:
         """Write a line if there was none for a while."""
-        self._text = f"frame {self.done} of {self.total}: {text}"
+        of_total = "" if self.total is None else f" of {self.total}"
+        self._text = f"frame {self.done}{of_total}: {text}"
         if time.monotonic() - self._said > QUIET_SECONDS:
             self.close()
 

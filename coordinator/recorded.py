@@ -57,10 +57,11 @@ def read_log(path: Path) -> Recorded | None:
     return Recorded(terms, estimates, state, last.traffic, last.seconds, resumes, end)
 
 
-def assemble(model: BodyModel, estimates: Sequence[Estimate]) -> Track:
-    """The track of a run's estimates, in their order."""
+def assemble(model: BodyModel, estimates: Sequence[Estimate], *, timed: bool = False) -> Track:
+    """The track of a run's estimates, in their order; with a deadline (`timed`) also who was in time."""
     dofs, joints = len(model.dof_names), len(model.joint_names)
     most = max((len(e.hypothesis_weight) for e in estimates), default=0)
+    answered = np.array([e.particles_answered for e in estimates], dtype=np.int64)
     weight = np.full((len(estimates), most), np.nan)
     pose = np.full((len(estimates), most, dofs), np.nan)
     for f, estimate in enumerate(estimates):
@@ -76,4 +77,5 @@ def assemble(model: BodyModel, estimates: Sequence[Estimate]) -> Track:
         hypothesis_pose=pose,
         hypothesis_weight=weight,
         status=np.array([e.status for e in estimates], dtype="<U9"),
+        particles_answered=answered if timed else None,
     )

@@ -101,7 +101,8 @@ class Recorder:
 
     def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> None:
         """Write `track.npz`, `poses.csv` and `summary.json`. An incomplete run keeps its log beside them."""
-        track = assemble(recorded.state.start.model, recorded.estimates)
+        timed = recorded.terms.get("deadline_ms") is not None
+        track = assemble(recorded.state.start.model, recorded.estimates, timed=timed)
         write_atomically(self.folder / TRACK_FILE, lambda file: write_track(track, file))
         write_atomically(self.folder / CSV_FILE, lambda file: write_csv(track, file))
         text = msgspec.json.format(msgspec.json.encode(summary), indent=2)

@@ -21,5 +21,8 @@ class Refiner(Protocol):
         ...
 
     def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
-        """Poses (N, D) after their descent, with likelihood and residual, in the order given."""
+        """Poses (N, D) after their descent, with likelihood and residual, in the order given.
+
+        A deadline may leave some unanswered, but not all of them.
+        """
         ...

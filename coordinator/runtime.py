@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 import uuid
@@ -27,7 +28,7 @@ from common.messages import (
     decode_refusal,
     encode_request,
 )
-from common.refinement import Refined, concatenate
+from common.refinement import Refined, concatenate, unanswered
 from common.session import Security
 from common.settings import RefineSettings
 from coordinator.absence import Absence
@@ -65,6 +66,7 @@ class PoolOptions:
     connect: tuple[str, ...] = ()
     security: Security | None = None
     worker_timeout: float | None = None  # seconds without any worker until we give up; None to wait for ever
+    deadline: float | None = None  # seconds from publishing a frame until unanswered particles are left out
     run: str | None = None  # None to invent a name
     worker_command: tuple[str, ...] = COMMAND
 
@@ -118,6 +120,7 @@ class ZenohRefiner:
         self._refined: dict[int, Refined] = {}  # by ticket
         self._parts: dict[int, Refined] = {}  # by first particle
         self._done = False
+        self._due = math.inf  # when the frame must do with the particles that are answered
         self._next_look = 0.0
 
     def __enter__(self) -> Self:
@@ -162,14 +165,21 @@ class ZenohRefiner:
         while len(self._askers) < workers:
             self._step()
 
+    def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
+        """Have `on_message(payload)` called, on a thread of the bus, for what others publish."""
+        self._bus.subscribe(key, on_message)
+
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to all workers; all later calls of `refine` are about it."""
         with self._timed("publish"):
             self._publication.put(subject)
+            if self._options.deadline is not None:
+                self._due = time.monotonic() + self._options.deadline
 
     def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
         """Poses (N, D) after their descent, in the order given.
 
+        When the frame is due, those that are not answered yet are left out; the first answer is waited for.
         Raises NoWorkers when the wait for a worker is over, ProtocolError when no worker can serve the
         request, BusError when the transport fails or local workers do not start.
         """
@@ -184,9 +194,17 @@ class ZenohRefiner:
             self._refined.clear()
             self._done = False
             self._handle(JobStarted(len(poses)))
-            while not self._done:
+            while not self._done and not (self._parts and time.monotonic() >= self._due):
                 self._step()
-            return concatenate([self._parts[start] for start in sorted(self._parts)])
+            return self._gather(poses)
+
+    def _gather(self, poses: NDArray[np.float64]) -> Refined:
+        """What has been answered, in the order of the particles, and NaN for the rest."""
+        parts, stop = [], 0
+        for start, part in sorted(self._parts.items()):
+            parts += [unanswered(start - stop, part), part]
+            stop = start + len(part.poses)
+        return concatenate([*parts, unanswered(len(poses) - stop, parts[-1])])
 
     def _notice(self, key: str, alive: bool) -> None:
         worker = keys.worker_of(key)
@@ -205,7 +223,12 @@ class ZenohRefiner:
             self._handle(Ticked())
             return
         with suppress(Empty):
-            self._handle(self._interpret(self._inbox.get(timeout=TICK)))
+            self._handle(self._interpret(self._inbox.get(timeout=self._patience())))
+
+    def _patience(self) -> float:
+        """Seconds until there is something to do even if nothing happens."""
+        due = self._due - time.monotonic()
+        return min(TICK, due) if due > 0 else TICK
 
     def _interpret(self, arrival: Event | Reply | Refusal) -> Event:
         match arrival:

@@ -40,6 +40,7 @@ def summarise(recorded: Recorded) -> dict[str, object]:
         "frames": len(recorded.estimates),
         "status": count_status(recorded.estimates),
         "particles": settings["filter"]["particles"],
+        "particles_unanswered": count_unanswered(recorded.estimates, settings["filter"]["particles"]),
         "seconds": recorded.seconds,
         "time_per_stage": add_stages(recorded.estimates),
     }
@@ -49,6 +50,11 @@ def count_status(estimates: Iterable[Estimate]) -> dict[str, int]:
     """Frames by status."""
     counts = Counter[str](estimate.status for estimate in estimates)
     return {status: counts[status] for status in STATUSES}
+
+
+def count_unanswered(estimates: Iterable[Estimate], particles: int) -> int:
+    """Particles of all frames that were left out because the frame was due."""
+    return sum(particles - e.particles_answered for e in estimates if e.particles_answered)
 
 
 def add_stages(estimates: Iterable[Estimate]) -> dict[str, float]:

@@ -28,6 +28,7 @@ OPTIONS = {
     "dof": "--dof",
     "init": "--init",
     "frame_range": "--frames",
+    "deadline_ms": "--deadline",
     "versions.gepf": "gepf's version",
 }
 """Term -> what the user calls it. Terms that are not listed are settings without an option."""
@@ -37,14 +38,27 @@ NAMED = 3  # differences that a message tells of
 
 def terms_of(job: Job, first: DepthFrame, numbers: range, start: Mapping[str, float] | None) -> Terms:
     """The terms of a run; who does the work and where the results go is not among them."""
-    terms = {
+    recording = {
         "sequence": job.sequence.resolve().name,
         "first_frame": digest_frame(first),
         "frame_range": f"{numbers.start}:{numbers.stop}",
+    }
+    return recording | terms_of_job(job, start)
+
+
+def terms_of_stream(job: Job, start: Mapping[str, float] | None) -> Terms:
+    """The terms of a run on live input, which nobody can go on with."""
+    return {"sequence": str(job.sequence)} | terms_of_job(job, start)
+
+
+def terms_of_job(job: Job, start: Mapping[str, float] | None) -> Terms:
+    """The terms that do not depend on the input."""
+    terms = {
         "model": {"name": job.model},
         "dof": None if job.active is None else ",".join(job.active),
         "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
         "settings": msgspec.to_builtins(job.settings),
+        "deadline_ms": None if job.pool.deadline is None else 1000 * job.pool.deadline,
         "versions": {"gepf": versions().get("gepf")},
     }
     plain: Terms = msgspec.json.decode(msgspec.json.encode(terms))

@@ -31,11 +31,13 @@ class Track:
     hypothesis_pose: NDArray[np.float64]  # (F, M, D)
     hypothesis_weight: NDArray[np.float64]  # (F, M)
     status: NDArray[np.str_]  # (F,) tracked, ambiguous or lost
+    particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
 
 
 def write_track(track: Track, file: BinaryIO) -> None:
     """Write the `.npz` form; equal tracks give equal bytes (nothing compressed, no dates)."""
-    arrays: dict[str, Any] = {f.name: np.asarray(getattr(track, f.name)) for f in fields(Track)}
+    values: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
+    arrays = {name: np.asarray(value) for name, value in values.items() if value is not None}
     np.savez(file, allow_pickle=False, **arrays)
 
 
@@ -59,6 +61,9 @@ def read_track(folder: Path) -> Track:
         hypothesis_pose=arrays.floats("hypothesis_pose", (*weight.shape, len(dof_names))),
         hypothesis_weight=weight,
         status=arrays.texts("status", (len(frame),)),
+        particles_answered=arrays.integers("particles_answered", frame.shape)
+        if "particles_answered" in arrays
+        else None,
     )
     if not (np.isfinite(track.pose).all() and np.isfinite(track.joint_positions).all()):
         raise InputError(f"{folder / TRACK_FILE} holds poses that are not finite; track the sequence again")

@@ -93,17 +93,21 @@ class Tracker:
             self._belief = self._begin(subject)
             clock.lap("start")
 
+        answered = self._settings.filter.particles
+
         def refine(poses: Array) -> Refined:
+            nonlocal answered
             clock.lap("draw")
             refined = self._refiner.refine(self.model, poses, self._settings.refine)
             clock.lap("refine")
+            answered = min(answered, len(refined.answered))
             return refined
 
         self._belief = self._method.advance(
             self.model, self._belief, refine, self._settings.filter, self._rng
         )
         clock.lap("merge")
-        return self._report(frame, self._belief, clock.laps)
+        return self._report(frame, self._belief, clock.laps, answered)
 
     def _whereabouts(self) -> Array | None:
         """Surface (V, 3) in the reported pose, near which the subject must be."""
@@ -132,9 +136,9 @@ class Tracker:
         still = np.zeros_like(self._belief.velocities)
         unseen = np.full(len(still), np.nan)
         self._belief = replace(self._belief, velocities=still, residual=unseen)
-        return self._report(frame, self._belief, clock.laps)
+        return self._report(frame, self._belief, clock.laps, answered=0)
 
-    def _report(self, frame: DepthFrame, found: Belief, laps: dict[str, float]) -> Estimate:
+    def _report(self, frame: DepthFrame, found: Belief, laps: dict[str, float], answered: int) -> Estimate:
         """What is said about a frame."""
         shown, weights = found.poses[:RECORDED], found.weights
         joints = joint_positions(self.model, np.concatenate([found.reported[None], shown]))
@@ -148,6 +152,7 @@ class Tracker:
             hypothesis_pose=shown,
             hypothesis_weight=weights[:RECORDED] / weights[:RECORDED].sum(),
             residual=residual,
+            particles_answered=answered,
             stage_seconds=laps,
         )
 
