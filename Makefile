@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 PACKAGES := common worker coordinator benchmarks tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow check format bench real-people lock clean clean-kernels
+.PHONY: help setup demo test test-slow check format bench real-people images images-test lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -25,11 +25,12 @@ test: setup ## the tests
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow
 
-check: setup ## lint, format, types, walls
+check: setup ## lint, format, types, walls, images' recipes
 	$(BIN)/ruff check $(PACKAGES)
 	$(BIN)/ruff format --check $(PACKAGES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/hadolint docker/*.Dockerfile
 
 format: setup ## rewrite the code in the house's format
 	$(BIN)/ruff check --fix $(PACKAGES)
@@ -40,6 +41,12 @@ bench: setup ## one particle's cost beside small_gicp's and Open3D's ICP
 
 real-people: setup ## real and skinned people, scored (needs ../shared/data)
 	$(BIN)/python -m benchmarks.real_people
+
+images: ## container images of worker and coordinator, with docker, podman or buildah
+	docker/build.sh worker coordinator
+
+images-test: ## track with these images: router, two workers and coordinator apart, with certificates
+	docker/test.sh
 
 lock: ## new pinned versions in constraints.txt: the newest that pyproject.toml allows
 	@.ci/lock

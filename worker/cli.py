@@ -24,6 +24,7 @@ from common.errors import GepfError, InputError
 from common.keys import check_name
 from common.session import Security
 from worker.admission import check_admission
+from worker.health import check_alive
 from worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
@@ -42,6 +43,10 @@ TlsCert = Annotated[
     Path | None, typer.Option("--tls-cert", metavar="FILE", help="This worker's certificate.")
 ]
 TlsKey = Annotated[Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's key.")]
+Check = Annotated[
+    bool,
+    typer.Option("--check", help="Only look whether this worker is at work; exit code 0 if so, 1 if not."),
+]
 Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
 
 
@@ -66,14 +71,17 @@ def work(
     tls_ca: TlsCa = None,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
+    check: Check = False,
     tied: Tied = False,
 ) -> None:
     """Refine particles for any coordinator that is connected, until stopped."""
 
     def job() -> None:
-        serve(
-            choose_place(connect, name, read_credentials(tls_ca, tls_cert, tls_key)), load_kernel, tied=tied
-        )
+        place = choose_place(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
+        if check:
+            check_alive(place.name, place.connect, place.security)
+        else:
+            serve(place, load_kernel, tied=tied)
 
     exit_with(job)
 

@@ -1,0 +1,38 @@
+# Sourced after engine.sh: runs a command in an image, as a container in production has it: its own user, a
+# read-only file system but for /tmp, the host's network. DATA is a folder of the host, there as /data.
+
+# run_image IMAGE COMMAND...
+run_image() {
+    local image=$1
+    shift
+    case $ENGINE in
+    buildah) run_in_chroot "$image" "$@" ;;
+    *)
+        "$ENGINE" run --rm --read-only --tmpfs /tmp --network host --cap-drop ALL \
+            --security-opt no-new-privileges --volume "$DATA:/data" --entrypoint entrypoint "$image" "$@"
+        ;;
+    esac
+}
+
+# Buildah only builds; this is what is left of an engine, with namespaces of mounts and processes.
+run_in_chroot() {
+    local image=$1 container root environment
+    shift
+    container=$(buildah from --quiet --pull-never "localhost/$image")
+    root=$(buildah mount "$container")
+    mapfile -t environment < <(buildah inspect --format '{{range .OCIv1.Config.Env}}{{println .}}{{end}}' "$container" | sed '/^$/d')
+    mkdir -p "$root/data"
+    ROOT=$root DATA=$DATA unshare --mount --pid --fork --kill-child -- bash -euc '
+        mount --make-rprivate /
+        mount --bind "$ROOT" "$ROOT"
+        mount -o remount,bind,ro "$ROOT"
+        mount -t tmpfs tmpfs "$ROOT/tmp"
+        mount -t proc proc "$ROOT/proc"
+        mount --rbind /dev "$ROOT/dev"
+        mount --bind "$DATA" "$ROOT/data"
+        exec chroot --userspec=10001:10001 --groups= "$ROOT" env -i "$@"
+    ' run "${environment[@]}" sh -c 'cd /tmp && exec entrypoint "$@"' run "$@"
+    local code=$?
+    buildah rm "$container" >/dev/null
+    return "$code"
+}

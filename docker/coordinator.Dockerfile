@@ -1,0 +1,53 @@
+# A coordinator: everything that `gepf` does, rendering without a display included, and workers of its own.
+# Build it from the root of the project: docker/build.sh coordinator
+ARG BASE=docker.io/library/debian:bookworm-slim
+
+FROM ${BASE} AS python
+# hadolint ignore=DL3008
+RUN apt-get update \
+    && apt-get install -y --no-install-recommends \
+        libegl1 libegl-mesa0 libgl1 libgomp1 libstdc++6 libx11-6 python3 \
+    && rm -rf /var/lib/apt/lists/* /var/cache/apt /var/log/*
+
+FROM python AS build
+# hadolint ignore=DL3008
+RUN apt-get update && apt-get install -y --no-install-recommends python3-venv
+WORKDIR /source
+RUN python3 -m venv /opt/pip && python3 -m venv --without-pip /opt/gepf
+COPY LICENSE README.md constraints.txt pyproject.toml ./
+COPY docker/shrink.sh docker/
+COPY common common
+COPY coordinator coordinator
+COPY worker worker
+# Where packages come through a mirror or proxy: its pip.conf and, at /run/secrets/ca, its authority.
+RUN --mount=type=secret,id=pip,target=/etc/pip.conf --mount=type=secret,id=ca \
+    /opt/pip/bin/pip wheel --no-cache-dir --no-deps --wheel-dir /wheels . \
+    && /opt/pip/bin/pip --python /opt/gepf install --no-cache-dir --constraint constraints.txt \
+        "gepf[coordinator] @ file://$(echo /wheels/gepf-*.whl)" \
+    && docker/shrink.sh /opt/gepf
+# Kernels for every processor that has these instructions, the same machine code on all of them.
+ARG KERNEL_CPU=x86-64-v3
+ENV NUMBA_CPU_NAME=${KERNEL_CPU} \
+    NUMBA_CPU_FEATURES="" \
+    NUMBA_CACHE_DIR=/opt/gepf/kernels
+RUN /opt/gepf/bin/python -c "from worker.cli import load_kernel; load_kernel()"
+
+FROM python
+ARG KERNEL_CPU=x86-64-v3
+COPY --from=build /opt/gepf /opt/gepf
+COPY docker/entrypoint.sh /opt/gepf/bin/entrypoint
+ENV PATH=/opt/gepf/bin:$PATH \
+    HOME=/tmp \
+    MPLCONFIGDIR=/tmp/matplotlib \
+    PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONUNBUFFERED=1 \
+    PYOPENGL_PLATFORM=egl \
+    NUMBA_CPU_NAME=${KERNEL_CPU} \
+    NUMBA_CPU_FEATURES="" \
+    NUMBA_CACHE_DIR=/tmp/kernels \
+    OMP_NUM_THREADS=1 \
+    OPENBLAS_NUM_THREADS=1
+USER 10001:10001
+WORKDIR /tmp
+ENTRYPOINT ["entrypoint", "gepf"]
+CMD ["--help"]

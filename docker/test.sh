@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Tracks the demo's sequence with the images: a coordinator, a router and two workers, each a container with
+# certificates; no file of this checkout is used. The bytes must be those of a run inside one container.
+# docker/test.sh [FRAMES]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+. docker/engine.sh
+. docker/container.sh
+
+frames=${1:-20}
+port=${PORT:-17447}
+DATA=$(mktemp -d)
+chmod 777 "$DATA"
+running=()
+stop() {
+    [ ${#running[@]} = 0 ] || kill "${running[@]}" 2>/dev/null || true
+    wait
+    rm -rf "$DATA"
+}
+trap stop EXIT
+say() { printf '== %s\n' "$*" >&2; }
+tls() { printf -- '--tls-ca /data/certificates/ca.pem --tls-cert /data/certificates/%s.pem --tls-key /data/certificates/%s.key' "$1" "$1"; }
+
+say "certificates and the demo's sequence, $frames frames"
+run_image gepf-coordinator gepf certificates --out /data/certificates --workers 2 --hosts 127.0.0.1
+run_image gepf-coordinator gepf synth arm --out /data/sequence --frames "$frames" --noise-depth 0.15 --noise-lateral 0.01
+
+say "a router and two workers"
+endpoint=tls/127.0.0.1:$port
+# shellcheck disable=SC2046
+run_image gepf-coordinator gepf router --listen "$endpoint" $(tls router) &
+running+=($!)
+for name in worker-0 worker-1; do
+    # shellcheck disable=SC2046
+    run_image gepf-worker gepf-worker --connect "$endpoint" $(tls "$name") &
+    running+=($!)
+done
+
+track=(gepf track /data/sequence --dof r_shoulder_flexion,r_shoulder_abduct,r_shoulder_twisting,r_elbow_flexion)
+say "a run on the workers' containers"
+# shellcheck disable=SC2046
+run_image gepf-coordinator "${track[@]}" --out /data/apart --workers 0 --connect "$endpoint" $(tls coordinator)
+
+say "each worker is healthy, another one is not there"
+for name in worker-0 worker-1; do
+    # shellcheck disable=SC2046
+    run_image gepf-worker gepf-worker --check --connect "$endpoint" $(tls "$name")
+done
+
+say "the same run inside one container"
+run_image gepf-coordinator "${track[@]}" --out /data/together --workers 2
+cmp "$DATA/apart/track.npz" "$DATA/together/track.npz"
+grep -A 3 '"workers_seen"' "$DATA/apart/summary.json"
+say "equal: $(sha256sum <"$DATA/apart/track.npz" | cut -c1-16)"
+if [ -n "${KEEP:-}" ]; then
+    cp -r "$DATA" "$KEEP"
+fi
