@@ -12,11 +12,13 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
+from common.settings import RefineSettings
 from coordinator.models.human import DEFAULT_ACTIVE, human
 from coordinator.rendering import DepthRenderer
 from coordinator.scenes.noise import SensorNoise, add_noise
 from coordinator.subject import isolate
-from worker.icp import look
+from worker.evidence import lay_out_evidence
+from worker.icp import lay_out_room, look
 from worker.observation import Observation, observe
 from worker.surface import lay_out
 
@@ -51,8 +53,9 @@ class Case:
 
     def visible(self) -> NDArray[np.float64]:
         """Model points (Q, 3) that the camera sees in the start's pose."""
-        posed, visible = look(self.start[0], *lay_out(self.model))
-        return np.ascontiguousarray(posed[visible])
+        skeleton, surface = lay_out(self.model)
+        room = lay_out_room(skeleton, surface, lay_out_evidence(self.observation, RefineSettings()))
+        return room.sight.posed[look(self.start[0], skeleton, surface, room)]
 
     def joint_error(self, poses: NDArray[np.float64]) -> float:
         """Mean distance of the joints in poses (1, D) from the truth, metres."""

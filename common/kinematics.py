@@ -80,38 +80,52 @@ def copied(values: Array) -> Array:
 @numba.njit(cache=True, nogil=True)
 def rotation_matrix(axis: Array, angle: float) -> Array:
     """Rodrigues' formula (3, 3)."""
+    turned = np.empty((3, 3))
+    turn(axis[0], axis[1], axis[2], angle, turned)
+    return turned
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def turn(x: float, y: float, z: float, angle: float, out: Array) -> None:
+    """Fill the first three columns of out with the rotation about a unit axis."""
     c, s = np.cos(angle), np.sin(angle)
-    x, y, z = axis[0], axis[1], axis[2]
     k = 1.0 - c
-    return np.array(
-        [
-            [c + x * x * k, x * y * k - z * s, x * z * k + y * s],
-            [y * x * k + z * s, c + y * y * k, y * z * k - x * s],
-            [z * x * k - y * s, z * y * k + x * s, c + z * z * k],
-        ]
-    )
+    out[0, 0], out[0, 1], out[0, 2] = c + x * x * k, x * y * k - z * s, x * z * k + y * s
+    out[1, 0], out[1, 1], out[1, 2] = y * x * k + z * s, c + y * y * k, y * z * k - x * s
+    out[2, 0], out[2, 1], out[2, 2] = z * x * k - y * s, z * y * k + x * s, c + z * z * k
 
 
 @numba.njit(cache=True, nogil=True)
 def chain(kinds: Indices, parents: Indices, axes: Array, points: Array, pose: Array, out: Array) -> None:
     """Fill out (D, 3, 4) with T_camera_rest after each degree of freedom."""
+    local = np.zeros((3, 4))
     for j in range(len(kinds)):
-        local = np.zeros((3, 4))
         if kinds[j] == TRANSLATION:
             for a in range(3):
-                local[a, a] = 1.0
+                for b in range(3):
+                    local[a, b] = 1.0 if a == b else 0.0
                 local[a, 3] = axes[j, a] * pose[j]
         else:
-            rotation = rotation_matrix(axes[j], pose[j])
+            turn(axes[j, 0], axes[j, 1], axes[j, 2], pose[j], local)
             for a in range(3):
                 local[a, 3] = points[j, a]
                 for b in range(3):
-                    local[a, b] = rotation[a, b]
-                    local[a, 3] -= rotation[a, b] * points[j, b]
-        if parents[j] < 0:
-            out[j] = local
-        else:
-            compose(out[parents[j]], local, out[j])
+                    local[a, 3] -= local[a, b] * points[j, b]
+        append(parents[j], local, j, out)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def append(parent: int, local: Array, j: int, out: Array) -> None:
+    """out[j] = out[parent] o local, for (3, 4) transforms; = local, where there is no parent."""
+    for a in range(3):
+        for b in range(4):
+            if parent < 0:
+                out[j, a, b] = local[a, b]
+            else:
+                total = out[parent, a, 3] if b == 3 else 0.0
+                for c in range(3):
+                    total += out[parent, a, c] * local[c, b]
+                out[j, a, b] = total
 
 
 @numba.njit(cache=True, nogil=True)
@@ -121,17 +135,6 @@ def chain_each(
     """`chain` for poses (N, D) into out (N, D, 3, 4)."""
     for n in range(len(poses)):
         chain(kinds, parents, axes, points, poses[n], out[n])
-
-
-@numba.njit(cache=True, nogil=True)
-def compose(first: Array, second: Array, out: Array) -> None:
-    """out = first o second for (3, 4) transforms."""
-    for a in range(3):
-        for b in range(4):
-            total = first[a, 3] if b == 3 else 0.0
-            for c in range(3):
-                total += first[a, c] * second[c, b]
-            out[a, b] = total
 
 
 @numba.njit(cache=True, nogil=True)

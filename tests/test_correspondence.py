@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from worker.correspondence import MODEL_BLOCK, bounding_boxes, closest_points
-from worker.observation import BLOCK, morton_codes, pad_to_blocks
+from worker.correspondence import bounding_boxes, boxes_of, closest_points, lay_out_search
+from worker.neighbourhoods import neighbourhoods
+from worker.observation import BLOCK, TILE, pad_to_blocks
+from worker.surface import LEAF
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
@@ -59,7 +61,7 @@ CLOUDS = st.sampled_from([scattered, clustered, coplanar, in_line, at_one_point,
 
 def in_order(cloud: Array) -> Array:
     """Neighbours together."""
-    return cloud[np.argsort(morton_codes(cloud))]
+    return cloud[neighbourhoods(cloud, TILE, BLOCK)]
 
 
 def single(cloud: Array) -> Points:
@@ -70,14 +72,22 @@ def single(cloud: Array) -> Points:
 def search(observed: Points, model: Points) -> tuple[NDArray[np.int32], Points]:
     """Indices (P,) and squared distances (P,) as the kernel finds them."""
     padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
-    index, squared = closest_points(padded, bounding_boxes(padded, BLOCK), model)
-    return index[: len(observed)], squared[: len(observed)]
+    leaves = -(-len(model) // LEAF)
+    room = lay_out_search(len(padded), len(model) + 1, leaves + 1)
+    for array in room:
+        array.fill(7)  # whatever an earlier search left
+    room.model[: len(model)] = model
+    room.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
+    closest_points(
+        np.ascontiguousarray(padded.T), boxes_of(padded, BLOCK), boxes_of(padded, TILE), leaves, room
+    )
+    return room.closest[: len(observed)], room.squared[: len(observed)]
 
 
 @given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 300), st.booleans(), st.integers(0, 2**32 - 1))
 @example(scattered, scattered, 1, 1, True, 0)
-@example(clustered, clustered, BLOCK, MODEL_BLOCK, True, 0)
-@example(scattered, coplanar, BLOCK + 1, MODEL_BLOCK + 1, False, 0)
+@example(clustered, clustered, BLOCK, LEAF, True, 0)
+@example(scattered, coplanar, BLOCK + 1, LEAF + 1, False, 0)
 def test_the_closest_point_is_the_closest(
     observed_like: Cloud, model_like: Cloud, points: int, others: int, ordered: bool, seed: int
 ) -> None:
@@ -121,9 +131,10 @@ def test_of_equals_the_choice_is_always_the_same() -> None:
 def test_boxes_hold_their_points_tightly(like: Cloud, count: int, block: int, seed: int) -> None:
     """Each block's box has its points' least and greatest coordinates, the last and shorter block's too."""
     points = like(np.random.default_rng(seed), count).astype(np.float32)
-    boxes = bounding_boxes(points, block)
-    assert len(boxes) == -(-count // block)
-    for k, box in enumerate(boxes):
+    starts = np.append(np.arange(0, count, block), count)
+    boxes = np.empty((6, len(starts) - 1), dtype=np.float32)
+    bounding_boxes(points, starts, boxes)
+    for k, box in enumerate(boxes.T.reshape(-1, 2, 3)):
         members = points[k * block : (k + 1) * block]
         np.testing.assert_array_equal(box, [members.min(axis=0), members.max(axis=0)])
 
@@ -139,10 +150,12 @@ def test_padding_fills_whole_blocks_with_the_last_point(count: int) -> None:
 
 
 def test_the_order_keeps_neighbours_together() -> None:
-    """In Morton order the boxes of blocks are a fraction of what they are in random order."""
+    """The boxes of blocks and of tiles are little larger than an even share of the room that is filled."""
     points = np.random.default_rng(3).uniform(size=(4096, 3))
-    sizes = [
-        np.ptp(bounding_boxes(cloud.astype(np.float32), BLOCK), axis=1).mean()
-        for cloud in (points, in_order(points))
-    ]
-    assert sizes[1] < 0.4 * sizes[0]
+    order = neighbourhoods(points, TILE, BLOCK)
+    np.testing.assert_array_equal(np.sort(order), np.arange(len(points)))
+    for size in (TILE, BLOCK):
+        boxes = boxes_of(points[order].astype(np.float32), size)
+        volume = np.prod(boxes[3:] - boxes[:3], axis=0)
+        assert volume.mean() < size / len(points)
+        assert np.mean(boxes[3:] - boxes[:3]) < 1.1 * (size / len(points)) ** (1 / 3)

@@ -16,16 +16,24 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
-from common.kinematics import dof_transforms, pose_vertices, retract, step_axes
+from common.kinematics import dof_transforms, pose_vertices, retract
 from common.settings import RefineSettings, preset
 from coordinator.subject import isolate
 from tests import plain_path
 from tests.bodies import person, puppet
 from worker import icp
 from worker.evidence import lay_out_evidence, lay_out_rules
-from worker.gauss_newton import add_correspondence, minimise, normal_equations, subtree_moments
-from worker.observation import BLOCK, Observation, morton_codes, observe
-from worker.surface import lay_out
+from worker.gauss_newton import (
+    Descent,
+    Equations,
+    add_correspondence,
+    lay_out_equations,
+    minimise,
+    normal_equations,
+    subtree_moments,
+)
+from worker.observation import BLOCK, Observation, observe
+from worker.surface import lay_out, order_vertices
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -69,9 +77,24 @@ def near() -> Array:
     return TRUTH + np.where(puppet().kinds == ROTATION, 0.1, 0.01) * np.random.default_rng(1).normal(size=19)
 
 
-def morton(model: BodyModel) -> Indices:
+def layout(model: BodyModel) -> Indices:
     """The model's vertex at each place of the kernel's layout."""
-    return np.argsort(morton_codes(model.vertices), kind="stable")
+    return order_vertices(model)[0]
+
+
+def used(room: icp.Room) -> icp.Room:
+    """A room in which others were before."""
+    for array in (room.pulls, *room.sight, *room.search, *room.equations):
+        array.fill(7)
+    return room
+
+
+def looked(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[icp.Room, Array, Indices]:
+    """A room after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
+    skeleton, surface = lay_out(model)
+    room = used(icp.lay_out_room(skeleton, surface, lay_out_evidence(observe(subject()), settings)))
+    visible = icp.look(pose.copy(), skeleton, surface, room)
+    return room, room.sight.posed, visible
 
 
 def correspondences(
@@ -99,12 +122,20 @@ def kernel_equations(
 ) -> tuple[Array, Array]:
     """J^T J (D, D) and J^T r (D,) from the moments of factors, at a pose that the body has moved on to."""
     skeleton, _ = lay_out(model)
-    reference, moved = (dof_transforms(model, p[None])[0] for p in (factors.pose, pose))
-    w, q = (a[0] for a in step_axes(model, pose[None]))
-    sums = subtree_moments(skeleton, *summed(model, factors), reference, moved)
-    gram, gradient = np.empty((len(pose), len(pose))), np.empty(len(pose))
-    normal_equations(skeleton, w, q, *sums, metric, gram, gradient)
-    return gram, gradient
+    room = summed_up(model, factors)
+    room.reference[:], room.moved[:] = (dof_transforms(model, p[None])[0] for p in (factors.pose, pose))
+    subtree_moments(skeleton, room)
+    normal_equations(skeleton, metric, room)
+    return room.gram, room.gradient
+
+
+def summed_up(model: BodyModel, factors: plain_path.Factors) -> Equations:
+    """Room for equations with the sums of factors, used before."""
+    room = lay_out_equations(len(model.dof_names), len(model.link_names))
+    for array in room:
+        array.fill(7)
+    room.moments[:], room.crosses[:] = summed(model, factors)
+    return room
 
 
 def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:
@@ -118,8 +149,10 @@ def test_a_body_is_laid_out_whole() -> None:
     """The kernel's order keeps every vertex with its skin and every triangle with its corners."""
     model = person()
     skeleton, surface = lay_out(model)
-    order = morton(model)
-    np.testing.assert_array_equal(surface.vertices[surface.triangles], model.vertices[model.triangles])
+    order = layout(model)
+    drawn, expected = (body.vertices[body.triangles].reshape(-1, 9) for body in (surface, model))
+    np.testing.assert_array_equal(np.unique(drawn, axis=0), np.unique(expected, axis=0))
+    assert len(drawn) == len(expected)
     np.testing.assert_array_equal(surface.vertices, model.vertices[order])
     np.testing.assert_array_equal(surface.skin_links, model.skin_links[order])
     np.testing.assert_array_equal(surface.skin_weights, model.skin_weights[order])
@@ -134,11 +167,11 @@ def test_posing_and_visibility_match(make: Callable[[], BodyModel]) -> None:
     model = make()
     poses = starts(3) if make is puppet else np.tile([0.1, 0.0, 2.5, *[0.3, -0.4] * 10, 0.2], (1, 1))
     for pose in poses:
-        posed, seen = icp.look(pose.copy(), *lay_out(model))
+        _, posed, seen = looked(model, pose, DEFAULT)
         expected, visible = plain_path.see(model, pose)
-        np.testing.assert_allclose(posed, expected[morton(model)], atol=1e-12)
+        np.testing.assert_allclose(posed, expected[layout(model)], atol=1e-12)
         assert 100 < len(visible) < 0.6 * len(expected)
-        np.testing.assert_array_equal(np.sort(morton(model)[seen]), visible)
+        np.testing.assert_array_equal(np.sort(layout(model)[seen]), visible)
 
 
 @pytest.mark.parametrize("name", SETTINGS)
@@ -147,9 +180,10 @@ def test_correspondences_match(name: str) -> None:
     model, settings = puppet(), SETTINGS[name]
     pose = near()
     evidence, rules = lay_out_evidence(observe(subject()), settings), lay_out_rules(settings)
-    posed, visible = icp.look(pose, *lay_out(model))
-    index, squared = icp.correspond(posed, visible, evidence, rules)
-    points = evidence.points[:POINTS] / np.array([1.0, 1.0, rules.stretch])
+    room, posed, visible = looked(model, pose, settings)
+    icp.correspond(visible, lay_out(model)[1], evidence, rules, room)
+    index, squared = room.search.closest, room.search.squared
+    points = evidence.points[:, :POINTS].T / np.array([1.0, 1.0, rules.stretch])
     expected, apart = plain_path.correspond(points, posed[visible], settings)
     np.testing.assert_allclose(np.sqrt(squared[:POINTS]), np.sqrt(apart), atol=1e-6)
     assert np.mean(index[:POINTS] == expected) > 0.999
@@ -160,13 +194,15 @@ def test_moments_match(name: str) -> None:
     """What the kernel collects, free space and robust weights included, is the sum over the plain factors."""
     model, settings = puppet(), SETTINGS[name]
     pose = near()
-    skeleton, surface = lay_out(model)
+    _, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observe(subject()), settings), lay_out_rules(settings)
-    posed, visible = icp.look(pose, skeleton, surface)
-    index, squared = icp.correspond(posed, visible, evidence, rules)
-    found = icp.collect(skeleton, surface, posed, visible, index, squared, evidence, rules)
+    room, _, visible = looked(model, pose, settings)
+    icp.correspond(visible, surface, evidence, rules, room)
+    unexplained = icp.collect(visible, surface, evidence, rules, room)
+    found = room.equations.moments, room.equations.crosses
     factors = plain_path.collect(model, pose, *plain_path.see(model, pose), subject(), settings)
     assert len(factors.weights) > POINTS
+    assert unexplained == factors.unexplained
     for total, expected in zip(found, summed(model, factors), strict=True):
         np.testing.assert_allclose(total, expected, rtol=1e-5, atol=1e-4)
 
@@ -175,13 +211,14 @@ def test_single_factors_sum_to_the_total() -> None:
     """Adding correspondences one by one gives what is collected at once."""
     model = puppet()
     posed, vertices, targets, weights = correspondences(model, near(), DEFAULT)
+    _, surface = lay_out(model)
+    place = np.argsort(layout(model))
     links = len(model.link_names)
     moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
     for v, target, weight in zip(vertices, targets, weights, strict=True):
         one, cross = np.zeros_like(moments), np.zeros_like(crosses)
-        add_correspondence(
-            one, cross, posed[v], model.skin_links[v], model.skin_weights[v], float(weight), weight * target
-        )
+        pulls = np.append(weight * target, weight)[None]
+        add_correspondence(surface, posed[layout(model)], place[v], pulls, 0, one, cross)
         assert one[:, 3, 3].sum() == pytest.approx(weight)
         moments += one
         crosses += cross
@@ -274,11 +311,14 @@ def test_minimising_matches(name: str) -> None:
         factors = plain_path.collect(model, start, *plain_path.see(model, start), subject(), settings)
         pose = start.copy()
         along = settings.noise_lateral / settings.noise_depth
-        minimise(
-            skeleton, pose, *summed(model, factors), np.array([1.0, 1.0, along**2]),
-            settings.damping + settings.damping_share * POINTS, settings.rest_weight * factors.unexplained,
-            settings.gauss_newton_iterations, settings.keep_limits,
-        )  # fmt: skip
+        descent = Descent(
+            np.array([1.0, 1.0, along**2]),
+            settings.damping + settings.damping_share * POINTS,
+            settings.rest_weight * factors.unexplained,
+            settings.gauss_newton_iterations,
+            settings.keep_limits,
+        )
+        minimise(skeleton, pose, descent, summed_up(model, factors))
         assert np.abs(pose - start).max() > 0.05
         assert settings.rest_weight == 0.0 or factors.unexplained > 10
         np.testing.assert_allclose(pose, plain_path.minimise(model, factors, POINTS, settings), atol=1e-7)

@@ -12,7 +12,7 @@ from common.kinematics import pose_vertices
 from coordinator.rendering import DepthRenderer
 from coordinator.scenes import SCENES
 from coordinator.scenes.scene import Scene
-from worker.visibility import TOLERANCE, visible_vertices
+from worker.visibility import TOLERANCE, lay_out_view, visible_vertices
 
 AROUND = 5  # pixels: what the surface does within 10 mm counts as its edge
 SEEN, HIDDEN = 0.003, TOLERANCE + 0.02  # metres behind the z-buffer
@@ -41,7 +41,9 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     scene = SCENES[name]()
     vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
     seen = np.zeros(len(vertices), dtype=bool)
-    seen[visible_vertices(vertices, np.asarray(scene.model.triangles))] = True
+    view = lay_out_view(len(vertices))
+    view.posed[:] = vertices
+    seen[visible_vertices(view, np.asarray(scene.model.triangles))] = True
     shown, free, hidden = judge(vertices, scene)
     assert free.sum() > 400
     assert hidden.sum() > 600

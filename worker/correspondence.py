@@ -1,97 +1,158 @@
-"""The closest visible model point of each observed point (step 4c), exactly, block against block.
+"""The closest visible model point of each observed point (step 4c), exactly, leaf by leaf.
 
-Observed and model points come in an order that keeps neighbours together, so a block of either has a
-small bounding box, and the distance of two boxes rules most pairs of blocks out.
+Observed points come in blocks and tiles, model points in leaves, all of them neighbours, so each has a small
+bounding box. A block of observed points rules out most leaves by the distance of the boxes, a tile of it
+most of the others; what is left is searched point by point.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.observation import BLOCK
+from worker.lanes import search_lanes
+from worker.observation import BLOCK, TILE
 
 Points = NDArray[np.float32]
-Indices = NDArray[np.int32]
-
-MODEL_BLOCK = 16
+Indices = NDArray[np.int64]
 
 
-@numba.njit(cache=True, nogil=True)
-def bounding_boxes(points: Points, block: int) -> Points:
-    """Lowest and highest corner (blocks, 2, 3) of every `block` points in a row."""
-    count = (len(points) + block - 1) // block
-    boxes = np.empty((count, 2, 3), dtype=np.float32)
-    for k in range(count):
-        for a in range(3):
-            low = high = points[k * block, a]
-            for i in range(k * block + 1, min(len(points), (k + 1) * block)):
-                low = min(low, points[i, a])
-                high = max(high, points[i, a])
-            boxes[k, 0, a], boxes[k, 1, a] = low, high
+class Search(NamedTuple):
+    """Room for a search; whatever it held before is written over."""
+
+    model: Points  # (M, 3) visible points
+    starts: Indices  # (K + 1,) where their leaves begin, and the last ends
+    leaves: Points  # (6, K) bounding boxes
+    apart: Points  # (K,) squared distances of boxes
+    between: Points  # (K,) and of their centres
+    candidates: Indices  # (K,)
+    boxes: Points  # (6, K) those of the candidates
+    closest: NDArray[np.int32]  # (P,) which of them
+    squared: Points  # (P,)
+
+
+def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
+    """Room for as many observed points, padded, model points and leaves."""
+    return Search(
+        np.empty((vertices, 3), dtype=np.float32),
+        np.empty(leaves + 1, dtype=np.int64),
+        np.empty((6, leaves), dtype=np.float32),
+        np.empty(leaves, dtype=np.float32),
+        np.empty(leaves, dtype=np.float32),
+        np.empty(leaves, dtype=np.int64),
+        np.empty((6, leaves), dtype=np.float32),
+        np.empty(points, dtype=np.int32),
+        np.empty(points, dtype=np.float32),
+    )
+
+
+def boxes_of(points: Points, size: int) -> Points:
+    """Bounding boxes (6, K) of every `size` points in a row."""
+    boxes = np.empty((6, len(points) // size), dtype=np.float32)
+    bounding_boxes(points, np.arange(0, len(points) + 1, size), boxes)
     return boxes
 
 
 @numba.njit(cache=True, nogil=True)
-def rank_blocks(box: Points, boxes: Points, bound: Points) -> int:
-    """Fill bound (K,) with squared distances of boxes (K, 2, 3) from one; gives the one centred nearest."""
-    nearest, first = np.float32(np.inf), 0
-    for k in range(len(boxes)):
-        bound[k] = 0.0
-        between = np.float32(0.0)
+def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
+    """Fill boxes (6, K): lowest and highest x, y, z of the points from each start (K + 1,) to the next."""
+    for k in range(len(starts) - 1):
         for a in range(3):
-            gap = max(np.float32(0.0), max(box[0, a] - boxes[k, 1, a], boxes[k, 0, a] - box[1, a]))
-            bound[k] += gap * gap
-            between += (box[0, a] + box[1, a] - boxes[k, 0, a] - boxes[k, 1, a]) ** 2
-        if between < nearest:
-            nearest, first = between, k
-    return first
+            low = high = points[starts[k], a]
+            for i in range(starts[k] + 1, starts[k + 1]):
+                low = min(low, points[i, a])
+                high = max(high, points[i, a])
+            boxes[a, k], boxes[3 + a, k] = low, high
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
-def search_block(
-    x: Points, y: Points, z: Points, model: Points, start: int, stop: int, nearest: Points, index: Indices
-) -> np.float32:
-    """Lower the squared distances (BLOCK,) by the model points start..stop; gives the largest left."""
-    for m in range(start, stop):
-        mx, my, mz = model[m, 0], model[m, 1], model[m, 2]
-        for i in range(BLOCK):
-            dx, dy, dz = x[i] - mx, y[i] - my, z[i] - mz
-            distance = dx * dx + dy * dy + dz * dz
-            closer = distance < nearest[i]
-            nearest[i] = distance if closer else nearest[i]
-            index[i] = np.int32(m) if closer else index[i]
-    largest = np.float32(0.0)
-    for i in range(BLOCK):
-        largest = max(largest, nearest[i])
+def compare_boxes(one: Points, k: int, boxes: Points, count: int, apart: Points, between: Points) -> None:
+    """Squared distances of box k of `one` from the first `count` of `boxes`; between centres, doubled."""
+    x, y, z, right, bottom, far = one[0, k], one[1, k], one[2, k], one[3, k], one[4, k], one[5, k]
+    none = np.float32(0.0)
+    for j in range(count):
+        dx = max(max(x - boxes[3, j], boxes[0, j] - right), none)
+        dy = max(max(y - boxes[4, j], boxes[1, j] - bottom), none)
+        dz = max(max(z - boxes[5, j], boxes[2, j] - far), none)
+        apart[j] = dx * dx + dy * dy + dz * dz
+        dx = x + right - boxes[0, j] - boxes[3, j]
+        dy = y + bottom - boxes[1, j] - boxes[4, j]
+        dz = z + far - boxes[2, j] - boxes[5, j]
+        between[j] = dx * dx + dy * dy + dz * dz
+
+
+@numba.njit(cache=True, nogil=True)
+def smallest(values: Points, count: int) -> int:
+    """Place of the least of the first `count` values."""
+    best = 0
+    for k in range(1, count):
+        if values[k] < values[best]:
+            best = k
+    return best
+
+
+@numba.njit(cache=True, nogil=True)
+def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int, search: Search) -> None:
+    """For observed points (3, blocks * BLOCK) the closest of search.model: its index and squared distance.
+
+    `blocks` and `tiles` are the observed points' bounding boxes, `leaves` the number of the model's. Of
+    equally close model points the one met first wins; the order in which they are met depends on the
+    arguments alone.
+    """
+    starts, apart = search.starts, search.apart
+    bounding_boxes(search.model, starts[: leaves + 1], search.leaves)
+    search.closest[:] = 0
+    search.squared[:] = np.inf
+    for b in range(blocks.shape[1]):
+        compare_boxes(blocks, b, search.leaves, leaves, apart, search.between)
+        first = smallest(search.between, leaves)
+        largest = np.float32(0.0)
+        for i in range(b * BLOCK, (b + 1) * BLOCK, TILE):
+            largest = max(largest, search_leaf(observed, i, first, search))
+        apart[first] = np.inf
+        kept = keep_candidates(search, leaves, largest)
+        if kept > 0:
+            for i in range(b * BLOCK, (b + 1) * BLOCK, TILE):
+                compare_boxes(tiles, i // TILE, search.boxes, kept, apart, search.between)
+                search_tile(observed, i, kept, search)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def search_leaf(observed: Points, tile: int, leaf: int, search: Search) -> np.float32:
+    """Lower the squared distances of the tile that begins at a point; gives the largest of them."""
+    start, stop = search.starts[leaf], search.starts[leaf + 1]
+    largest: np.float32 = search_lanes(  # type: ignore[call-arg]  # an intrinsic's context is the compiler's
+        observed, tile, search.model, start, stop, search.squared, search.closest
+    )
     return largest
 
 
 @numba.njit(cache=True, nogil=True)
-def closest_points(observed: Points, boxes: Points, model: Points) -> tuple[Indices, Points]:
-    """For observed points (blocks * BLOCK, 3) the closest of model (M, 3): its index and squared distance.
+def keep_candidates(search: Search, leaves: int, largest: np.float32) -> int:
+    """Copy the boxes of those leaves that are less than `largest` apart; gives their number."""
+    kept = 0
+    for k in range(leaves):
+        if search.apart[k] < largest:
+            search.candidates[kept] = k
+            for a in range(6):
+                search.boxes[a, kept] = search.leaves[a, k]
+            kept += 1
+    return kept
 
-    `boxes` are the observed blocks' bounding boxes. Of equally close model points the one met first wins;
-    the order in which blocks are met depends on the arguments alone.
-    """
-    model_boxes = bounding_boxes(model, MODEL_BLOCK)
-    index, distance = np.empty(len(observed), np.int32), np.empty(len(observed), np.float32)
-    x, y, z = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
-    nearest, chosen = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.int32)
-    bound = np.empty(len(model_boxes), np.float32)
-    for b in range(len(boxes)):
-        start = b * BLOCK
-        for i in range(BLOCK):
-            x[i], y[i], z[i] = observed[start + i, 0], observed[start + i, 1], observed[start + i, 2]
-            nearest[i], chosen[i] = np.inf, 0
-        first = rank_blocks(boxes[b], model_boxes, bound)
-        stop = min(len(model), (first + 1) * MODEL_BLOCK)
-        largest = search_block(x, y, z, model, first * MODEL_BLOCK, stop, nearest, chosen)
-        for k in range(len(model_boxes)):
-            if k != first and bound[k] < largest:
-                stop = min(len(model), (k + 1) * MODEL_BLOCK)
-                largest = search_block(x, y, z, model, k * MODEL_BLOCK, stop, nearest, chosen)
-        for i in range(BLOCK):
-            index[start + i], distance[start + i] = chosen[i], nearest[i]
-    return index, distance
+
+@numba.njit(cache=True, nogil=True)
+def search_tile(observed: Points, tile: int, kept: int, search: Search) -> None:
+    """Search the candidate leaves for the tile that begins at a point, the one centred nearest first."""
+    largest = np.float32(0.0)
+    for i in range(tile, tile + TILE):
+        largest = max(largest, search.squared[i])
+    first = smallest(search.between, kept)
+    if search.apart[first] < largest:
+        largest = search_leaf(observed, tile, search.candidates[first], search)
+        search.apart[first] = np.inf
+    for c in range(kept):
+        if search.apart[c] < largest:
+            largest = search_leaf(observed, tile, search.candidates[c], search)

@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.settings import RefineSettings
-from worker.correspondence import bounding_boxes
-from worker.observation import BLOCK, Observation
+from worker.correspondence import boxes_of
+from worker.observation import BLOCK, TILE, Observation
 
 
 class Evidence(NamedTuple):
     """An observation laid out for the kernel, depth stretched so that noise is alike in all directions."""
 
-    points: NDArray[np.float32]  # (blocks * BLOCK, 3) metres, z times `stretch`
-    boxes: NDArray[np.float32]  # (blocks, 2, 3)
+    points: NDArray[np.float32]  # (3, blocks * BLOCK) metres, z times `stretch`
+    blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
+    tiles: NDArray[np.float32]  # (6, tiles) and of smaller parts
     count: int  # type: ignore[assignment]  # tuples have a method of that name
     depth: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
@@ -48,8 +49,9 @@ def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evid
     points = observation.points * np.array([1.0, 1.0, stretch], dtype=np.float32)
     camera = observation.camera
     return Evidence(
-        points,
-        bounding_boxes(points, BLOCK),
+        np.ascontiguousarray(points.T),
+        boxes_of(points, BLOCK),
+        boxes_of(points, TILE),
         observation.count,
         observation.depth,
         observation.nearest,

@@ -11,17 +11,17 @@ from worker.evidence import Evidence
 Array = NDArray[np.float64]
 
 
-@numba.njit(cache=True, nogil=True)
-def pull_into_silhouette(point: Array, evidence: Evidence, target: Array) -> float:
-    """Squared distance (m^2) of a model point (3,) from the subject's silhouette, at the point's own depth.
+@numba.njit(cache=True, nogil=True, inline="always")
+def pull_into_silhouette(posed: Array, m: int, evidence: Evidence, target: Array) -> float:
+    """Squared distance (m^2) of model point m of (V, 3) from the subject's silhouette, at its own depth.
 
     Fills target (3,) with the nearest point on the silhouette's cone. 0 where the point projects onto
     the subject or outside what the camera saw.
     """
-    z = point[2]
+    x, y, z = posed[m, 0], posed[m, 1], posed[m, 2]
     if z <= 0.05:
         return 0.0
-    u, v = evidence.cx + evidence.fx * point[0] / z, evidence.cy + evidence.fy * point[1] / z
+    u, v = evidence.cx + evidence.fx * x / z, evidence.cy + evidence.fy * y / z
     column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
     if not (evidence.seen[0] <= column < evidence.seen[2] and evidence.seen[1] <= row < evidence.seen[3]):
         return 0.0
@@ -31,8 +31,8 @@ def pull_into_silhouette(point: Array, evidence: Evidence, target: Array) -> flo
     du, dv = near_column - u, near_row - v
     if abs(du) <= 1.0 and abs(dv) <= 1.0:
         return 0.0
-    target[0] = point[0] + du * z / evidence.fx
-    target[1] = point[1] + dv * z / evidence.fy
+    target[0] = x + du * z / evidence.fx
+    target[1] = y + dv * z / evidence.fy
     target[2] = z
-    squared: float = (target[0] - point[0]) ** 2 + (target[1] - point[1]) ** 2
+    squared: float = (target[0] - x) ** 2 + (target[1] - y) ** 2
     return squared

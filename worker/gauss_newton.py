@@ -16,97 +16,164 @@ safe.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.kinematics import apply_step, carry_axes, chain, euler_matrix, handedness, rotation_vector
-from worker.surface import Skeleton
+from worker.surface import Skeleton, Surface
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 LIMIT_SHARE = 0.002  # weight of a squared radian outside a ball's limits, for each point
 CONVERGED = 1e-4  # radians and metres: a step below it ends the loop
 
 
-@numba.njit(cache=True, nogil=True)
+class Descent(NamedTuple):
+    """How to go down."""
+
+    metric: Array  # (3,) weights of the camera's axes
+    damping: float
+    stiffness: float  # weight of a squared joint angle
+    iterations: int
+    keep_limits: bool
+
+
+class Equations(NamedTuple):
+    """Room for the sums and for Eq. 4; whatever it held before is written over."""
+
+    moments: Array  # (L, 4, 4)
+    crosses: Array  # (L, 4, 3)
+    reference: Array  # (D, 3, 4) T_camera_rest where the sums were taken
+    moved: Array  # (D, 3, 4) T_camera_rest now
+    w: Array  # (D, 3)
+    q: Array  # (D, 3)
+    subtree_m: Array  # (D, 4, 4)
+    subtree_c: Array  # (D, 4, 3)
+    columns: Array  # (D, 3, 4)
+    gram: Array  # (D, D)
+    gradient: Array  # (D,)
+    step: Array  # (D,)
+
+
+def lay_out_equations(dofs: int, links: int) -> Equations:
+    """Room for a body of so many degrees of freedom and links."""
+    return Equations(
+        np.empty((links, 4, 4)),
+        np.empty((links, 4, 3)),
+        np.empty((dofs, 3, 4)),
+        np.empty((dofs, 3, 4)),
+        np.empty((dofs, 3)),
+        np.empty((dofs, 3)),
+        np.empty((dofs, 4, 4)),
+        np.empty((dofs, 4, 3)),
+        np.empty((dofs, 3, 4)),
+        np.empty((dofs, dofs)),
+        np.empty(dofs),
+        np.empty(dofs),
+    )
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
 def add_correspondence(
-    moments: Array,
-    crosses: Array,
-    point: Array,
-    links: NDArray[np.int64],
-    weights: Array,
-    mass: float,
-    target: Array,
+    surface: Surface, posed: Array, v: int, pulls: Array, m: int, moments: Array, crosses: Array
 ) -> None:
-    """Add a model point (3,) drawn to observed points of weight `mass` and weighted sum `target` (3,)."""
-    for k in range(len(links)):
-        share = weights[k]
+    """Add vertex v of posed (V, 3), drawn to observed points of weighted sum and weight pulls[m] (4,)."""
+    x, y, z, mass = posed[v, 0], posed[v, 1], posed[v, 2], pulls[m, 3]
+    for k in range(surface.skin_links.shape[1]):
+        share = surface.skin_weights[v, k]
         if share > 0.0:
-            s = links[k]
+            s = surface.skin_links[v, k]
             for a in range(4):
-                xa = share * (point[a] if a < 3 else 1.0)
-                for b in range(3):
-                    moments[s, a, b] += mass * xa * point[b]
-                    crosses[s, a, b] += xa * target[b]
+                xa = share * (x if a == 0 else y if a == 1 else z if a == 2 else 1.0)
+                moments[s, a, 0] += mass * xa * x
+                moments[s, a, 1] += mass * xa * y
+                moments[s, a, 2] += mass * xa * z
                 moments[s, a, 3] += mass * xa
+                crosses[s, a, 0] += xa * pulls[m, 0]
+                crosses[s, a, 1] += xa * pulls[m, 1]
+                crosses[s, a, 2] += xa * pulls[m, 2]
 
 
 @numba.njit(cache=True, nogil=True)
-def minimise(  # noqa: PLR0913  arrays in place of objects: numba inlines them
-    skeleton: Skeleton,
-    pose: Array,
-    moments: Array,
-    crosses: Array,
-    metric: Array,
-    damping: float,
-    stiffness: float,
-    iterations: int,
-    keep_limits: bool,
-) -> None:
+def minimise(skeleton: Skeleton, pose: Array, descent: Descent, equations: Equations) -> None:
     """Move pose (D,) in place to the minimum of Eq. 3 by damped Gauss-Newton steps (Eq. 4).
 
-    moments (L, 4, 4) and crosses (L, 4, 3) are in the camera frame at the pose given; metric (3,) weights
-    the camera's axes. `stiffness` is the weight of a squared joint angle.
+    The equations' moments and crosses are in the camera frame at the pose given.
     """
-    count = len(pose)
-    reference, moved = np.empty((count, 3, 4)), np.empty((count, 3, 4))
-    w, q = np.empty((count, 3)), np.empty((count, 3))
-    gram, gradient = np.empty((count, count)), np.empty(count)
-    chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, reference)
-    for _ in range(iterations):
-        chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, moved)
-        carry_axes(skeleton.parents, skeleton.axes, skeleton.points, skeleton.balls, moved, w, q)
-        subtree_m, subtree_c = subtree_moments(skeleton, moments, crosses, reference, moved)
-        normal_equations(skeleton, w, q, subtree_m, subtree_c, metric, gram, gradient)
-        for j in range(count):
-            gram[j, j] += damping
-        if stiffness > 0.0:
-            draw_to_rest(skeleton, pose, stiffness, gram, gradient)
-        if keep_limits:
-            draw_into_limits(skeleton, pose, LIMIT_SHARE * moments[:, 3, 3].sum(), gram, gradient)
+    gram, gradient, step = equations.gram, equations.gradient, equations.step
+    chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.reference)
+    for _ in range(descent.iterations):
+        chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.moved)
+        subtree_moments(skeleton, equations)
+        normal_equations(skeleton, descent.metric, equations)
+        for j in range(len(pose)):
+            gram[j, j] += descent.damping
+        if descent.stiffness > 0.0:
+            draw_to_rest(skeleton, pose, descent.stiffness, gram, gradient)
+        if descent.keep_limits:
+            mass = LIMIT_SHARE * equations.moments[:, 3, 3].sum()
+            draw_into_limits(skeleton, pose, mass, gram, gradient)
             hold_at_limits(skeleton, pose, gram, gradient)
-        step: Array = np.linalg.solve(gram, -gradient)  # type: ignore[assignment]  # Eq. 4
+        step[:] = -gradient
+        solve_along_chains(skeleton.parents, gram, step)  # Eq. 4
         apply_step(skeleton.axes, skeleton.balls, step, pose)
-        if keep_limits:
+        if descent.keep_limits:
             clamp(skeleton, pose)
         if np.max(np.abs(step)) < CONVERGED:
             break
 
 
 @numba.njit(cache=True, nogil=True)
-def subtree_moments(
-    skeleton: Skeleton, moments: Array, crosses: Array, reference: Array, moved: Array
-) -> tuple[Array, Array]:
+def solve_along_chains(parents: Indices, gram: Array, step: Array) -> None:
+    """Solve gram (D, D) x = step (D,) in place; gram is lost.
+
+    Degrees of freedom that lie on different branches share no moved link, so their entries are zero and stay
+    zero in gram = L^T L with L lower triangular, which is found from the tips to the root along the
+    ancestors of each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5).
+    """
+    for k in range(len(parents) - 1, -1, -1):
+        gram[k, k] = np.sqrt(gram[k, k])
+        i = parents[k]
+        while i >= 0:
+            gram[k, i] /= gram[k, k]
+            i = parents[i]
+        i = parents[k]
+        while i >= 0:
+            j = i
+            while j >= 0:
+                gram[i, j] -= gram[k, i] * gram[k, j]
+                j = parents[j]
+            i = parents[i]
+        step[k] /= gram[k, k]
+        i = parents[k]
+        while i >= 0:
+            step[i] -= gram[k, i] * step[k]
+            i = parents[i]
+    for k in range(len(parents)):
+        i = parents[k]
+        while i >= 0:
+            step[k] -= gram[k, i] * step[i]
+            i = parents[i]
+        step[k] /= gram[k, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def subtree_moments(skeleton: Skeleton, equations: Equations) -> None:
     """Moments (D, 4, 4) and (D, 4, 3), at the moved pose, of all that each degree of freedom moves."""
-    count = len(skeleton.parents)
-    subtree_m, subtree_c = np.zeros((count, 4, 4)), np.zeros((count, 4, 3))
+    moments, crosses = equations.moments, equations.crosses
+    subtree_m, subtree_c = equations.subtree_m, equations.subtree_c
+    subtree_m[:] = 0.0
+    subtree_c[:] = 0.0
     g, half = np.zeros((4, 4)), np.empty((4, 4))
     for s in range(len(skeleton.link_dofs)):
         j = skeleton.link_dofs[s]
         if j < 0 or moments[s, 3, 3] == 0.0:
             continue
-        relative_motion(reference[j], moved[j], g)
+        relative_motion(equations.reference[j], equations.moved[j], g)
         multiply(g, moments[s], half)
         for a in range(4):
             for b in range(4):
@@ -114,12 +181,19 @@ def subtree_moments(
                     subtree_m[j, a, b] += half[a, c] * g[b, c]
                     if b < 3:
                         subtree_c[j, a, b] += g[a, c] * crosses[s, c, b]
-    for j in range(count - 1, 0, -1):
-        parent = skeleton.parents[j]
-        if parent >= 0:
-            subtree_m[parent] += subtree_m[j]
-            subtree_c[parent] += subtree_c[j]
-    return subtree_m, subtree_c
+    for j in range(len(subtree_m) - 1, 0, -1):
+        if skeleton.parents[j] >= 0:
+            hand_down(subtree_m, subtree_c, j, skeleton.parents[j])
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def hand_down(subtree_m: Array, subtree_c: Array, j: int, parent: int) -> None:
+    """What a degree of freedom moves its parent moves, too."""
+    for a in range(4):
+        for b in range(4):
+            subtree_m[parent, a, b] += subtree_m[j, a, b]
+        for b in range(3):
+            subtree_c[parent, a, b] += subtree_c[j, a, b]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -149,32 +223,28 @@ def multiply(one: Array, other: Array, out: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def normal_equations(
-    skeleton: Skeleton,
-    w: Array,
-    q: Array,
-    subtree_m: Array,
-    subtree_c: Array,
-    metric: Array,
-    gram: Array,
-    gradient: Array,
-) -> None:
-    """Fill gram (D, D) with J^T J and gradient (D,) with J^T r."""
-    count = len(skeleton.parents)
+def normal_equations(skeleton: Skeleton, metric: Array, equations: Equations) -> None:
+    """Fill gram (D, D) with J^T J and gradient (D,) with J^T r at the moved pose."""
+    w, q, columns, m, c = (
+        equations.w,
+        equations.q,
+        equations.columns,
+        equations.subtree_m,
+        equations.subtree_c,
+    )
+    gram, gradient = equations.gram, equations.gradient
+    carry_axes(skeleton.parents, skeleton.axes, skeleton.points, skeleton.balls, equations.moved, w, q)
     gram[:, :] = 0.0
-    columns = np.empty((count, 3, 4))
     product = np.empty((3, 4))
-    for j in range(count):
-        jacobian_matrix(skeleton.kinds[j], w[j], q[j], columns[j])
-    for k in range(count):
-        m, c = subtree_m[k], subtree_c[k]
+    for k in range(len(gram)):
+        jacobian_matrix(skeleton.kinds[k], w[k], q[k], columns[k])
         gradient[k] = 0.0
         for r in range(3):
             for b in range(4):
                 product[r, b] = 0.0
                 for a in range(4):
-                    product[r, b] += columns[k, r, a] * m[a, b]
-                gradient[k] += metric[r] * columns[k, r, b] * (m[b, r] - c[b, r])
+                    product[r, b] += columns[k, r, a] * m[k, a, b]
+                gradient[k] += metric[r] * columns[k, r, b] * (m[k, b, r] - c[k, b, r])
         j = k
         while j >= 0:  # only ancestors share moved links
             total = 0.0

@@ -6,6 +6,8 @@ batch it came in.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +16,30 @@ from common.body import BodyModel
 from common.kinematics import chain
 from common.refinement import Refined
 from common.settings import RefineSettings
-from worker.correspondence import closest_points
+from worker.correspondence import Search, closest_points, lay_out_search
 from worker.evidence import Evidence, Rules, lay_out_evidence, lay_out_rules
 from worker.free_space import pull_into_silhouette
-from worker.gauss_newton import add_correspondence, clamp, minimise
+from worker.gauss_newton import Descent, Equations, add_correspondence, clamp, lay_out_equations, minimise
 from worker.likelihood import robust_cost, robust_weight
 from worker.observation import Observation
 from worker.surface import Skeleton, Surface, lay_out
-from worker.visibility import pose_surface, visible_vertices
+from worker.visibility import View, lay_out_view, pose_surface, visible_vertices
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Room(NamedTuple):
+    """What the descent of a particle works with, laid out once for a batch.
+
+    Nothing passes from one particle to the next: all is written anew before it is read.
+    """
+
+    transforms: Array  # (D + 1, 3, 4), the last for what nothing moves
+    pulls: Array  # (V, 4) what visible vertices are drawn to: weighted sum of points, and weight
+    sight: View
+    search: Search
+    equations: Equations
 
 
 def refine(
@@ -42,151 +58,165 @@ def refine(
     """
     skeleton, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observation, settings), lay_out_rules(settings)
+    room = lay_out_room(skeleton, surface, evidence)
     refined = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
     log_likelihood, residual = np.empty(len(poses)), np.empty(len(poses))
     for n in range(len(poses)):
-        log_likelihood[n], residual[n] = refine_particle(refined[n], skeleton, surface, evidence, rules)
+        log_likelihood[n], residual[n] = refine_particle(refined[n], skeleton, surface, evidence, rules, room)
     return Refined(refined, log_likelihood, residual)
+
+
+def lay_out_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Room:
+    """Room for particles of a body that are compared with an observation."""
+    dofs, vertices = len(skeleton.parents), len(surface.vertices)
+    return Room(
+        np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
+        np.empty((vertices, 4)),
+        lay_out_view(vertices),
+        lay_out_search(evidence.points.shape[1], vertices, surface.leaves[-1] + 1),
+        lay_out_equations(dofs, len(skeleton.link_dofs)),
+    )
 
 
 @numba.njit(cache=True, nogil=True)
 def refine_particle(
-    pose: Array, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules
+    pose: Array, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
 ) -> tuple[float, float]:
     """Refine pose (D,) in place; gives its log likelihood and mean residual in metres."""
     metric = np.array([1.0, 1.0, rules.stretch * rules.stretch])
+    damping = rules.damping + rules.damping_share * evidence.count
     if rules.keep_limits:
         clamp(skeleton, pose)
     for _ in range(rules.icp_iterations):
-        posed, visible = look(pose, skeleton, surface)  # 4a, 4b
+        visible = look(pose, skeleton, surface, room)  # 4a, 4b
         if len(visible) == 0:
             break
-        index, squared = correspond(posed, visible, evidence, rules)  # 4c
-        moments, crosses = collect(skeleton, surface, posed, visible, index, squared, evidence, rules)
-        minimise(
-            skeleton,
-            pose,
-            moments,
-            crosses,
-            metric,
-            rules.damping + rules.damping_share * evidence.count,
-            rules.rest_weight * unexplained(squared, evidence, rules),
-            rules.gauss_newton_iterations,
-            rules.keep_limits,
-        )  # 4d
-    return assess(pose, skeleton, surface, evidence, rules)  # 5
+        correspond(visible, surface, evidence, rules, room)  # 4c
+        unexplained = collect(visible, surface, evidence, rules, room)
+        stiffness = rules.rest_weight * unexplained
+        descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)
+        minimise(skeleton, pose, descent, room.equations)  # 4d
+    return assess(pose, skeleton, surface, evidence, rules, room)  # 5
 
 
 @numba.njit(cache=True, nogil=True)
-def look(pose: Array, skeleton: Skeleton, surface: Surface) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (V, 3) in the pose, and the indices of those that are seen."""
-    transforms = np.empty((len(pose) + 1, 3, 4))
-    chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
-    transforms[len(pose)] = np.eye(4)[:3]  # link_dofs of -1: what nothing moves
-    t_links = transforms[skeleton.link_dofs]
-    posed = np.empty_like(surface.vertices)
-    pose_surface(surface.vertices, surface.skin_links, surface.skin_weights, t_links, posed)
-    return posed, visible_vertices(posed, surface.triangles)
+def look(pose: Array, skeleton: Skeleton, surface: Surface, room: Room) -> Indices:
+    """Indices of the vertices that are seen in the pose; where they are stays in room.sight.posed."""
+    chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
+    pose_surface(surface, room.transforms, skeleton.link_dofs, room.sight.posed)
+    return visible_vertices(room.sight, surface.triangles)
 
 
 @numba.njit(cache=True, nogil=True)
-def correspond(
-    posed: Array, visible: NDArray[np.int64], evidence: Evidence, rules: Rules
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """For each observed point its closest visible vertex, as a place in `visible`, and how far squared."""
-    model = np.empty((len(visible), 3), dtype=np.float32)
+def correspond(visible: Indices, surface: Surface, evidence: Evidence, rules: Rules, room: Room) -> None:
+    """For each observed point its closest visible vertex, as a place in `visible`, and how far squared.
+
+    They stay in room.search.closest and .squared.
+    """
+    search, posed = room.search, room.sight.posed
+    leaves, leaf = 0, -1
     for m in range(len(visible)):
-        model[m, 0], model[m, 1] = posed[visible[m], 0], posed[visible[m], 1]
-        model[m, 2] = posed[visible[m], 2] * rules.stretch
-    return closest_points(evidence.points, evidence.boxes, model)
+        v = visible[m]
+        search.model[m, 0], search.model[m, 1] = posed[v, 0], posed[v, 1]
+        search.model[m, 2] = posed[v, 2] * rules.stretch
+        if surface.leaves[v] != leaf:
+            leaf = surface.leaves[v]
+            search.starts[leaves] = m
+            leaves += 1
+    search.starts[leaves] = len(visible)
+    closest_points(evidence.points, evidence.blocks, evidence.tiles, leaves, search)
 
 
 @numba.njit(cache=True, nogil=True)
-def collect(
-    skeleton: Skeleton,
-    surface: Surface,
-    posed: Array,
-    visible: NDArray[np.int64],
-    index: NDArray[np.int32],
-    squared: NDArray[np.float32],
-    evidence: Evidence,
-    rules: Rules,
-) -> tuple[Array, Array]:
-    """Moments (L, 4, 4) and crosses (L, 4, 3) of all correspondences, in the camera frame."""
-    links = len(skeleton.link_dofs)
-    moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
-    mass, targets = np.zeros(len(visible)), np.zeros((len(visible), 3))
+def collect(visible: Indices, surface: Surface, evidence: Evidence, rules: Rules, room: Room) -> int:
+    """Sum up all correspondences in room.equations, in the camera frame; gives how many points are far off.
+
+    Far off is where the robust kernel more than halves a point's weight.
+    """
+    posed, equations = room.sight.posed, room.equations
+    unexplained = add_points(len(visible), evidence, rules, room.search, room.pulls)
+    if rules.free_space_weight > 0.0:
+        add_silhouette(visible, posed, evidence, rules, room.pulls)
+    equations.moments[:] = 0.0
+    equations.crosses[:] = 0.0
+    for m in range(len(visible)):
+        if room.pulls[m, 3] > 0.0:
+            add_correspondence(
+                surface, posed, visible[m], room.pulls, m, equations.moments, equations.crosses
+            )
+    return unexplained
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_points(visible: int, evidence: Evidence, rules: Rules, search: Search, pulls: Array) -> int:
+    """Fill pulls with the observed points' part; gives the number of those that are far off."""
+    unexplained, shrink = 0, 1.0 / rules.stretch
+    pulls[:visible] = 0.0
     for i in range(evidence.count):
-        weight = robust_weight(squared[i], rules.outlier_squared)
-        m = index[i]
-        mass[m] += weight
-        targets[m, 0] += weight * evidence.points[i, 0]
-        targets[m, 1] += weight * evidence.points[i, 1]
-        targets[m, 2] += weight * evidence.points[i, 2] / rules.stretch
+        weight = robust_weight(search.squared[i], rules.outlier_squared)
+        m = search.closest[i]
+        pulls[m, 0] += weight * evidence.points[0, i]
+        pulls[m, 1] += weight * evidence.points[1, i]
+        pulls[m, 2] += weight * evidence.points[2, i] * shrink
+        pulls[m, 3] += weight
+        unexplained += weight < 0.5
+    return unexplained
+
+
+@numba.njit(cache=True, nogil=True)
+def add_silhouette(visible: Indices, posed: Array, evidence: Evidence, rules: Rules, pulls: Array) -> None:
+    """Add to pulls what draws visible vertices to where the camera saw something."""
     target = np.empty(3)
     pull = rules.free_space_weight * evidence.count / len(visible)
     for m in range(len(visible)):
-        v = visible[m]
-        if pull > 0.0:
-            away = pull_into_silhouette(posed[v], evidence, target)
-            if away > 0.0:
-                weight = pull * robust_weight(away, rules.outlier_squared)
-                mass[m] += weight
-                for a in range(3):
-                    targets[m, a] += weight * target[a]
-        if mass[m] > 0.0:
-            add_correspondence(
-                moments,
-                crosses,
-                posed[v],
-                surface.skin_links[v],
-                surface.skin_weights[v],
-                mass[m],
-                targets[m],
-            )
-    return moments, crosses
-
-
-@numba.njit(cache=True, nogil=True)
-def unexplained(squared: NDArray[np.float32], evidence: Evidence, rules: Rules) -> int:
-    """Number of observed points that are so far off that the robust kernel more than halves their weight."""
-    count = 0
-    for i in range(evidence.count):
-        if robust_weight(squared[i], rules.outlier_squared) < 0.5:
-            count += 1
-    return count
+        away = pull_into_silhouette(posed, visible[m], evidence, target)
+        if away > 0.0:
+            weight = pull * robust_weight(away, rules.outlier_squared)
+            for a in range(3):
+                pulls[m, a] += weight * target[a]
+            pulls[m, 3] += weight
 
 
 @numba.njit(cache=True, nogil=True)
 def assess(
-    pose: Array, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules
+    pose: Array, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
 ) -> tuple[float, float]:
     """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres."""
-    posed, visible = look(pose, skeleton, surface)
+    visible = look(pose, skeleton, surface, room)
     if len(visible) == 0 or evidence.count == 0:
         return -np.inf, np.inf
-    index, squared = correspond(posed, visible, evidence, rules)
-    cost, residual = 0.0, 0.0
-    for i in range(evidence.count):
-        cost += robust_cost(squared[i], rules.outlier_squared)
-        v = visible[index[i]]
-        residual += np.sqrt(
-            (evidence.points[i, 0] - posed[v, 0]) ** 2
-            + (evidence.points[i, 1] - posed[v, 1]) ** 2
-            + (evidence.points[i, 2] / rules.stretch - posed[v, 2]) ** 2
-        )
-    cost /= evidence.count
+    correspond(visible, surface, evidence, rules, room)
+    cost = mean_cost(evidence, rules, room.search)
     if rules.free_space_weight > 0.0:
-        cost += rules.free_space_weight * outside(posed, visible, evidence, rules)
-    return -0.5 * cost * rules.likelihood_scale, residual / evidence.count
+        cost += rules.free_space_weight * outside(visible, room.sight.posed, evidence, rules)
+    return -0.5 * cost * rules.likelihood_scale, mean_distance(evidence, rules, room.search)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def mean_cost(evidence: Evidence, rules: Rules, search: Search) -> float:
+    """Mean robust cost (m^2) of the observed points, in the metric of the noise."""
+    cost = 0.0
+    for i in range(evidence.count):
+        cost += robust_cost(np.float64(search.squared[i]), rules.outlier_squared)
+    return cost / evidence.count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def mean_distance(evidence: Evidence, rules: Rules, search: Search) -> float:
+    """Mean distance (m) of the observed points from their model points, depth unstretched."""
+    total, excess = 0.0, 1.0 / rules.stretch**2 - 1.0
+    for i in range(evidence.count):
+        along = np.float64(evidence.points[2, i]) - search.model[search.closest[i], 2]
+        total += np.sqrt(search.squared[i] + excess * along * along)
+    return total / evidence.count
 
 
 @numba.njit(cache=True, nogil=True)
-def outside(posed: Array, visible: NDArray[np.int64], evidence: Evidence, rules: Rules) -> float:
+def outside(visible: Indices, posed: Array, evidence: Evidence, rules: Rules) -> float:
     """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
     target = np.empty(3)
     cost = 0.0
     for m in range(len(visible)):
-        away = pull_into_silhouette(posed[visible[m]], evidence, target)
+        away = pull_into_silhouette(posed, visible[m], evidence, target)
         cost += robust_cost(away, rules.outlier_squared)
     return cost / len(visible)

@@ -13,14 +13,15 @@ from scipy.ndimage import distance_transform_edt
 
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
+from worker.neighbourhoods import neighbourhoods
 
-BLOCK = 64  # points that are searched for together
-MORTON_CELL = 0.01  # metres
+TILE = 16  # points that are searched for together
+BLOCK = 64  # points that share a list of candidates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """Observed points in the camera frame, in Morton order, padded to whole blocks by repeating the last.
+    """Observed points in the camera frame, neighbours together, padded to whole blocks by repeating the last.
 
     nearest: for each pixel of the cropped depth the nearest pixel (row, column) of the subject.
     """
@@ -37,7 +38,7 @@ def observe(subject: SubjectFrame) -> Observation:
     """Observed points of the picked pixels of a frame."""
     depth = subject.frame.metres()
     points = pick_points(depth, subject.picked, subject.frame.intrinsics)
-    ordered = points[np.argsort(morton_codes(points), kind="stable")]
+    ordered = points[neighbourhoods(points, TILE, BLOCK)]
     return Observation(
         points=pad_to_blocks(ordered).astype(np.float32),
         count=len(points),
@@ -55,19 +56,6 @@ def pick_points(
     v, u = np.divmod(picked.astype(np.int64), depth.shape[1])
     z = depth.ravel()[picked].astype(np.float64)
     return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=1)
-
-
-def morton_codes(points: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """Interleaved cell numbers (P,): points with neighbouring codes lie close together."""
-    if len(points) == 0:
-        return np.zeros(0, dtype=np.uint64)
-    cells = np.floor((points - points.min(axis=0)) / MORTON_CELL).astype(np.uint64)
-    codes = np.zeros(len(points), dtype=np.uint64)
-    for bit in range(12):
-        for axis in range(3):
-            one = (cells[:, axis] >> np.uint64(bit)) & np.uint64(1)
-            codes |= one << np.uint64(3 * bit + axis)
-    return codes
 
 
 def pad_to_blocks(points: NDArray[np.float64]) -> NDArray[np.float64]:

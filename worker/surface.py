@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
-from worker.observation import morton_codes
+from worker.neighbourhoods import neighbourhoods
+
+LEAF = 8  # vertices that are ruled out together
 
 
 class Skeleton(NamedTuple):
@@ -26,9 +28,10 @@ class Skeleton(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """The part that is seen, with vertices in Morton order of the rest pose."""
+    """The part that is seen, with vertices of a leaf, which are neighbours on one link, in a row."""
 
     vertices: NDArray[np.float64]  # (V, 3)
+    leaves: NDArray[np.int64]  # (V,) ascending
     triangles: NDArray[np.int64]  # (T, 3)
     skin_links: NDArray[np.int64]  # (V, K)
     skin_weights: NDArray[np.float64]  # (V, K)
@@ -37,7 +40,7 @@ class Surface(NamedTuple):
 @lru_cache(maxsize=16)
 def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
     """Skeleton and surface of a model; kept, as a model never changes."""
-    order = np.argsort(morton_codes(model.vertices), kind="stable")
+    order, leaves = order_vertices(model)
     rank = np.argsort(order, kind="stable")
     skeleton = Skeleton(
         model.kinds,
@@ -51,8 +54,21 @@ def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
     )
     surface = Surface(
         np.ascontiguousarray(model.vertices[order]),
-        np.ascontiguousarray(rank[model.triangles]),
+        leaves,
+        rank[model.triangles][np.argsort(rank[model.triangles[:, 0]], kind="stable")],
         np.ascontiguousarray(model.skin_links[order]),
         np.ascontiguousarray(model.skin_weights[order]),
     )
     return skeleton, surface
+
+
+def order_vertices(model: BodyModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """An order (V,) of the vertices in which those of a leaf stand together, and each place's leaf (V,)."""
+    order: list[NDArray[np.int64]] = []
+    leaves: list[NDArray[np.int64]] = []
+    dominant = model.skin_links[:, 0]
+    for link in np.unique(dominant):
+        members = np.flatnonzero(dominant == link)
+        order.append(members[neighbourhoods(model.vertices[members], LEAF, LEAF)])
+        leaves.append(np.arange(len(members)) // LEAF + (leaves[-1][-1] + 1 if leaves else 0))
+    return np.concatenate(order), np.concatenate(leaves)

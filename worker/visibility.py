@@ -6,11 +6,16 @@ of about PIXEL metres at the body's distance, whatever the real camera's resolut
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from worker.surface import Surface
+
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 PIXEL = 0.012  # metres at the body's mean distance
 TOLERANCE = 0.03  # metres that a visible point may lie behind the depth buffer
@@ -18,55 +23,97 @@ NEAR = 0.1  # metres; what is closer to the camera's plane is not drawn
 LARGEST_SIDE = 512  # pixels
 
 
-@numba.njit(cache=True, nogil=True)
-def pose_surface(
-    vertices: Array, skin_links: NDArray[np.int64], skin_weights: Array, t_links: Array, out: Array
-) -> None:
-    """Fill out (V, 3) with the vertices (V, 3) in the camera frame, blended over T_camera_rest (L, 3, 4)."""
-    for v in range(len(vertices)):
-        x, y, z = vertices[v]
-        for a in range(3):
-            total = 0.0
-            for k in range(skin_links.shape[1]):
-                weight = skin_weights[v, k]
-                if weight > 0.0:
-                    t = t_links[skin_links[v, k]]
-                    total += weight * (t[a, 0] * x + t[a, 1] * y + t[a, 2] * z + t[a, 3])
-            out[v, a] = total
+class View(NamedTuple):
+    """Room for a surface in a pose; whatever it held before is written over."""
+
+    posed: Array  # (V, 3) metres, camera frame
+    image: Array  # (V, 2) pixels of the depth buffer
+    front: NDArray[np.bool_]  # (V,) part of a triangle that faces us
+    buffer: NDArray[np.float32]  # (LARGEST_SIDE ** 2,)
+    visible: Indices  # (V,)
+
+
+def lay_out_view(vertices: int) -> View:
+    """Room for a surface of so many vertices."""
+    return View(
+        np.empty((vertices, 3)),
+        np.empty((vertices, 2)),
+        np.empty(vertices, dtype=np.bool_),
+        np.empty(LARGEST_SIDE * LARGEST_SIDE, dtype=np.float32),
+        np.empty(vertices, dtype=np.int64),
+    )
 
 
 @numba.njit(cache=True, nogil=True)
-def visible_vertices(posed: Array, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Indices, ascending, of the vertices (V, 3) that the camera at the origin sees."""
-    image, front = project_front(posed, triangles)
-    buffer, left, top = depth_buffer(image, posed[:, 2], triangles)
-    count = 0
-    visible = np.empty(len(posed), dtype=np.int64)
+def pose_surface(surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
+    """Fill posed (V, 3) with the vertices in the camera frame, blended over their links' T_camera_rest."""
     for v in range(len(posed)):
-        if front[v]:
-            column, row = int(np.floor(image[v, 0] - left + 0.5)), int(np.floor(image[v, 1] - top + 0.5))
-            inside = 0 <= row < buffer.shape[0] and 0 <= column < buffer.shape[1]
-            if not inside or posed[v, 2] <= buffer[row, column] + TOLERANCE:
-                visible[count] = v
-                count += 1
-    return visible[:count]
+        x, y, z = surface.vertices[v, 0], surface.vertices[v, 1], surface.vertices[v, 2]
+        px = py = pz = 0.0
+        for k in range(surface.skin_links.shape[1]):
+            weight = surface.skin_weights[v, k]
+            if weight > 0.0:
+                t = link_dofs[surface.skin_links[v, k]]  # -1, what nothing moves, is the last
+                px += weight * moved_along(transforms, t, 0, x, y, z)
+                py += weight * moved_along(transforms, t, 1, x, y, z)
+                pz += weight * moved_along(transforms, t, 2, x, y, z)
+        posed[v, 0], posed[v, 1], posed[v, 2] = px, py, pz
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def moved_along(transforms: Array, t: int, a: int, x: float, y: float, z: float) -> float:
+    """Coordinate a of a point after transform t."""
+    moved: float = (
+        transforms[t, a, 0] * x + transforms[t, a, 1] * y + transforms[t, a, 2] * z + transforms[t, a, 3]
+    )
+    return moved
 
 
 @numba.njit(cache=True, nogil=True)
-def project_front(posed: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-    """Image positions (V, 2) in buffer pixels, and which vertices belong to a triangle that faces us."""
+def visible_vertices(view: View, triangles: Indices) -> Indices:
+    """Indices, ascending, of the posed vertices that the camera at the origin sees. They stay in the view."""
+    left, top, right, bottom = project_vertices(view.posed, view.image)
+    width, height = min(LARGEST_SIDE, right - left + 1), min(LARGEST_SIDE, bottom - top + 1)
+    buffer = view.buffer[: height * width].reshape(height, width)
+    draw_front(view, triangles, left, top, buffer)
+    count = 0
+    for v in range(len(view.posed)):
+        if view.front[v]:
+            column = int(np.floor(view.image[v, 0] - left + 0.5))
+            row = int(np.floor(view.image[v, 1] - top + 0.5))
+            inside = 0 <= row < height and 0 <= column < width
+            if not inside or view.posed[v, 2] <= buffer[row, column] + TOLERANCE:
+                view.visible[count] = v
+                count += 1
+    return view.visible[:count]
+
+
+@numba.njit(cache=True, nogil=True)
+def draw_front(view: View, triangles: Indices, left: int, top: int, buffer: NDArray[np.float32]) -> None:
+    """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is."""
+    posed, image = view.posed, view.image
+    view.front[:] = False
+    buffer[:] = np.inf
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if faces_camera(image, a, b, c) and min(posed[a, 2], posed[b, 2], posed[c, 2]) > NEAR:
+            view.front[a] = view.front[b] = view.front[c] = True
+            draw_triangle(image, posed, a, b, c, left, top, buffer)
+
+
+@numba.njit(cache=True, nogil=True)
+def project_vertices(posed: Array, image: Array) -> tuple[int, int, int, int]:
+    """Fill image (V, 2) with positions in buffer pixels; gives left, top, right and bottom edge of all."""
     focal = np.mean(posed[:, 2]) / PIXEL
-    image = np.empty((len(posed), 2))
+    left = top = np.inf
+    right = bottom = -np.inf
     for v in range(len(posed)):
         z = max(posed[v, 2], NEAR)
-        image[v, 0] = focal * posed[v, 0] / z
-        image[v, 1] = focal * posed[v, 1] / z
-    front = np.zeros(len(posed), dtype=np.bool_)
-    for t in range(len(triangles)):
-        a, b, c = triangles[t]
-        if faces_camera(image, a, b, c) and min(posed[a, 2], posed[b, 2], posed[c, 2]) > NEAR:
-            front[a] = front[b] = front[c] = True
-    return image, front
+        column, row = focal * posed[v, 0] / z, focal * posed[v, 1] / z
+        image[v, 0], image[v, 1] = column, row
+        left, right = min(left, column), max(right, column)
+        top, bottom = min(top, row), max(bottom, row)
+    return int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)), int(np.ceil(bottom))
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -78,42 +125,26 @@ def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
     return shown
 
 
-@numba.njit(cache=True, nogil=True)
-def depth_buffer(
-    image: Array, z: Array, triangles: NDArray[np.int64]
-) -> tuple[NDArray[np.float32], int, int]:
-    """Nearest depth of the front faces per pixel, infinite where nothing is; and its left and top edge."""
-    left, top = int(np.floor(image[:, 0].min())), int(np.floor(image[:, 1].min()))
-    width = min(LARGEST_SIDE, int(np.ceil(image[:, 0].max())) - left + 1)
-    height = min(LARGEST_SIDE, int(np.ceil(image[:, 1].max())) - top + 1)
-    buffer = np.full((height, width), np.float32(np.inf))
-    for t in range(len(triangles)):
-        a, b, c = triangles[t]
-        if faces_camera(image, a, b, c) and min(z[a], z[b], z[c]) > NEAR:
-            draw_triangle(image, z, a, b, c, left, top, buffer)
-    return buffer, left, top
-
-
 @numba.njit(cache=True, nogil=True, inline="always")
 def draw_triangle(
-    image: Array, z: Array, a: int, b: int, c: int, left: int, top: int, buffer: NDArray[np.float32]
+    image: Array, posed: Array, a: int, b: int, c: int, left: int, top: int, buffer: NDArray[np.float32]
 ) -> None:
     """Lower the buffer to the triangle's depth at every pixel centre that it covers."""
     ax, ay = image[a, 0] - left, image[a, 1] - top
-    bx, by = image[b, 0] - left, image[b, 1] - top
-    cx, cy = image[c, 0] - left, image[c, 1] - top
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if area == 0.0:
+    bx, by = image[b, 0] - left - ax, image[b, 1] - top - ay  # from a
+    cx, cy = image[c, 0] - left - ax, image[c, 1] - top - ay
+    first_column = max(0, int(np.ceil(ax + min(0.0, bx, cx))))
+    last_column = min(buffer.shape[1] - 1, int(np.floor(ax + max(0.0, bx, cx))))
+    first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
+    last_row = min(buffer.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
+    if first_column > last_column or first_row > last_row:
         return
-    first_column = max(0, int(np.ceil(min(ax, bx, cx))))
-    last_column = min(buffer.shape[1] - 1, int(np.floor(max(ax, bx, cx))))
-    first_row = max(0, int(np.ceil(min(ay, by, cy))))
-    last_row = min(buffer.shape[0] - 1, int(np.floor(max(ay, by, cy))))
+    scale = 1.0 / (bx * cy - by * cx)
+    z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
-            wb = ((column - ax) * (cy - ay) - (row - ay) * (cx - ax)) / area
-            wc = ((bx - ax) * (row - ay) - (by - ay) * (column - ax)) / area
-            if wb >= -1e-9 and wc >= -1e-9 and wb + wc <= 1.0 + 1e-9:
-                depth = z[a] + wb * (z[b] - z[a]) + wc * (z[c] - z[a])
-                if depth < buffer[row, column]:
-                    buffer[row, column] = depth
+            x, y = column - ax, row - ay
+            wb, wc = (x * cy - y * cx) * scale, (bx * y - by * x) * scale
+            depth, behind = np.float32(z + wb * zb + wc * zc), buffer[row, column]
+            covered = (wb >= -1e-9) & (wc >= -1e-9) & (wb + wc <= 1.0 + 1e-9)
+            buffer[row, column] = depth if covered & (depth < behind) else behind  # no branch to guess

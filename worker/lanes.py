@@ -1,0 +1,92 @@
+"""Model points one by one against a tile of observed points that stays in vector registers.
+
+Written in the compiler's own vector type: of loops over arrays it makes code that loads and stores what was
+found so far again for every model point, and takes twice as long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from worker.observation import TILE
+
+FLOAT, INT, SIZE = ir.FloatType(), ir.IntType(32), ir.IntType(64)
+FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)
+FINITE = ("contract", "nsz", "nnan")  # a product and a sum may become one; everything is a number
+
+
+@intrinsic
+def search_lanes(  # type: ignore[no-untyped-def]
+    _, points, first, model, start, stop, nearest, index
+):
+    """Lower the squared distances of one tile by those of the model points start..stop.
+
+    points (3, P) float32, of which the tile begins at `first`; model (M, 3) float32; nearest (P,) float32
+    and index (P,) int32 take what is found. Gives the largest of the tile's squared distances.
+    """
+    return types.float32(points, first, model, start, stop, nearest, index), write_search
+
+
+def write_search(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `search_lanes`."""
+    first, start, stop = (context.cast(builder, values[k], signature.args[k], types.intp) for k in (1, 3, 4))
+    points, model, nearest, index = (
+        context.make_array(signature.args[k])(context, builder, values[k]) for k in (0, 2, 5, 6)
+    )
+    count = builder.extract_value(points.shape, 1)
+    rows = [first, builder.add(first, count), builder.add(first, builder.mul(count, SIZE(2)))]
+    tile = [builder.load(lanes_at(builder, points, row, FLOATS), align=4) for row in rows]
+    distance_at, index_at = lanes_at(builder, nearest, first, FLOATS), lanes_at(builder, index, first, INTS)
+    distances = cgutils.alloca_once_value(builder, builder.load(distance_at, align=4))  # type: ignore[no-untyped-call]
+    indices = cgutils.alloca_once_value(builder, builder.load(index_at, align=4))  # type: ignore[no-untyped-call]
+    with cgutils.for_range_slice(builder, start, stop, SIZE(1), SIZE) as (m, _):
+        found = squared_distances(builder, tile, model, m)
+        best = builder.load(distances)
+        closer = builder.fcmp_ordered("<", found, best, flags=FINITE)
+        builder.store(builder.select(closer, found, best), distances)
+        this = spread(builder, builder.trunc(m, INT), INTS)
+        builder.store(builder.select(closer, this, builder.load(indices)), indices)
+    builder.store(builder.load(distances), distance_at, align=4)
+    builder.store(builder.load(indices), index_at, align=4)
+    return largest(builder, builder.load(distances))
+
+
+def lanes_at(builder: Any, array: Any, place: Any, lanes: ir.VectorType) -> Any:
+    """Pointer to as many elements from a place on as there are lanes."""
+    return builder.bitcast(builder.gep(array.data, [place]), lanes.as_pointer())
+
+
+def squared_distances(builder: Any, tile: Sequence[Any], model: Any, m: Any) -> Any:
+    """Of a tile (three vectors) from model point m."""
+    total = None
+    for axis, lanes in enumerate(tile):
+        place = builder.add(builder.mul(m, SIZE(3)), SIZE(axis))
+        value = spread(builder, builder.load(builder.gep(model.data, [place])), FLOATS)
+        off = builder.fsub(lanes, value, flags=FINITE)
+        squared = builder.fmul(off, off, flags=FINITE)
+        total = squared if total is None else builder.fadd(total, squared, flags=FINITE)
+    return total
+
+
+def spread(builder: Any, value: Any, lanes: ir.VectorType) -> Any:
+    """One value in every lane."""
+    nothing = ir.Constant(lanes, ir.Undefined)
+    alone = builder.insert_element(nothing, value, INT(0))
+    return builder.shuffle_vector(alone, nothing, INTS([0] * TILE))
+
+
+def largest(builder: Any, lanes: Any) -> Any:
+    """The largest of all lanes, by folding them in half."""
+    width = TILE // 2
+    while width > 0:
+        turned = INTS([(lane + width) % TILE for lane in range(TILE)])
+        other = builder.shuffle_vector(lanes, ir.Constant(FLOATS, ir.Undefined), turned)
+        lanes = builder.select(builder.fcmp_ordered(">", lanes, other, flags=FINITE), lanes, other)
+        width //= 2
+    return builder.extract_element(lanes, INT(0))
