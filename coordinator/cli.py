@@ -246,6 +246,29 @@ def export(
 
 
 @app.command()
+def view(
+    run: Run,
+    *,
+    sequence: Annotated[
+        Path | None, typer.Option(metavar="SEQ", help="Where the sequence is now, if it was moved.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a .rrd file for the rerun viewer instead.")
+    ] = None,
+    port: Annotated[int, typer.Option(help="Of the viewer's page; the next one is used, too.")] = 9090,
+    browser: Annotated[bool, typer.Option(help="Open a browser here.")] = True,
+) -> None:
+    """Show a run on a time line: points, model, hypotheses, residuals, angles, status."""
+    from coordinator.viewing import save_run, serve_run
+
+    if save is not None:
+        save_run(run, sequence, save, on_stderr())
+        return
+    end_as_interrupted()
+    serve_run(run, sequence, port, on_stderr(), browser=browser)
+
+
+@app.command()
 def report(
     run: Run,
     out: Annotated[

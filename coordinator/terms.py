@@ -33,6 +33,8 @@ OPTIONS = {
 }
 """Term -> what the user calls it. Terms that are not listed are settings without an option."""
 
+PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
+
 NAMED = 3  # differences that a message tells of
 
 
@@ -40,6 +42,7 @@ def terms_of(job: Job, first: DepthFrame, numbers: range, start: Mapping[str, fl
     """The terms of a run; who does the work and where the results go is not among them."""
     recording = {
         "sequence": job.sequence.resolve().name,
+        PATH: str(job.sequence.resolve()),
         "first_frame": digest_frame(first),
         "frame_range": f"{numbers.start}:{numbers.stop}",
     }
@@ -79,7 +82,7 @@ def digest(content: bytes) -> str:
 def differences(recorded: Mapping[str, Any], asked: Terms) -> str:
     """What is asked for and was not recorded so, in the user's words; `recorded` may hold more."""
     before, now = dict(flatten(recorded)), dict(flatten(asked))
-    order = [*(key for key in OPTIONS if key in now), *(key for key in now if key not in OPTIONS)]
+    order = [*(key for key in OPTIONS if key in now), *(key for key in now if key not in {*OPTIONS, PATH})]
     found = [
         f"{OPTIONS.get(key, 'setting ' + key.removeprefix('settings.'))} "
         f"(recorded {tell(before.get(key))}, now {tell(now[key])})"
