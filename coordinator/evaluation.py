@@ -33,6 +33,8 @@ class Evaluation(msgspec.Struct, frozen=True):
     best_hypothesis_angle_error_deg_by_dof: dict[str, float] | None
     mean_joint_error_cm: float | None
     pck10: float | None  # share of joints within 10 cm
+    within_deviation: float | None  # share of joints no farther off than their `joint_deviation`
+    within_two_deviations: float | None  # or than twice of it; a sound tracker has about 0.68 and 0.95
     lost_from_frame: int | None  # from here to the end the mean error stays above 30 degrees or 30 cm
 
 
@@ -45,6 +47,7 @@ class Errors:
     angle_deg: NDArray[np.float64]  # (F, A) of the reported pose
     best_angle_deg: NDArray[np.float64]  # (F, A) of the best hypothesis
     joint_m: NDArray[np.float64]  # (F, J)
+    joint_deviation_m: NDArray[np.float64] | None = None  # (F, J) that the track expects, if it does
 
     @property
     def mean_angle_deg(self) -> NDArray[np.float64]:
@@ -68,6 +71,8 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
         best_hypothesis_angle_error_deg_by_dof=by_dof(errors.dof_names, errors.best_angle_deg),
         mean_joint_error_cm=overall(errors.joint_m * 100.0),
         pck10=share_within(errors.joint_m, NEAR_M),
+        within_deviation=share_expected(errors, 1.0),
+        within_two_deviations=share_expected(errors, 2.0),
         lost_from_frame=lost_from(errors),
     )
 
@@ -87,12 +92,14 @@ def compare(track: Track, truth: Truth) -> Errors:
     my_angles, my_joints = positions(track.dof_names, angles), positions(track.joint_names, joints)
     true_angles = truth.pose[theirs][:, positions(truth.dof_names, angles)]
     true_joints = truth.joint_positions[theirs][:, positions(truth.joint_names, joints)]
+    expected = track.joint_deviation
     return Errors(
         frame=frame,
         dof_names=angles,
         angle_deg=angle_error_deg(track.pose[mine][:, my_angles], true_angles),
         best_angle_deg=best_hypothesis(track.hypothesis_pose[mine][:, :, my_angles], true_angles),
         joint_m=np.linalg.norm(track.joint_positions[mine][:, my_joints] - true_joints, axis=-1),
+        joint_deviation_m=None if expected is None else expected[mine][:, my_joints],
     )
 
 
@@ -137,6 +144,13 @@ def share_within(errors: NDArray[np.float64], limit: float) -> float | None:
     """Share of the known errors that are at most `limit`."""
     known = errors[~np.isnan(errors)]
     return float(np.mean(known <= limit)) if len(known) else None
+
+
+def share_expected(errors: Errors, deviations: float) -> float | None:
+    """Share of the known joint errors within so many of the deviations that the track expects."""
+    if errors.joint_deviation_m is None:
+        return None
+    return share_within(errors.joint_m / errors.joint_deviation_m, deviations)
 
 
 def known_mean(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.kinematics import joint_positions
 from coordinator.estimate import Estimate
 from coordinator.frame_log import Began, Entry, Opening, Resumed, read_records
 from coordinator.start import Start
@@ -16,6 +18,7 @@ from coordinator.terms import Terms
 from coordinator.track import Track
 from coordinator.tracker_state import TrackerState
 from coordinator.traffic import Traffic
+from coordinator.uncertainty import joint_deviation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +77,17 @@ def assemble(model: BodyModel, estimates: Sequence[Estimate], *, timed: bool = F
         pose=np.array([e.pose for e in estimates]).reshape(-1, dofs),
         joint_names=model.joint_names,
         joint_positions=np.array([e.joint_positions for e in estimates]).reshape(-1, joints, 3),
+        joint_deviation=np.array([deviation_of(model, e) for e in estimates]).reshape(-1, joints),
         hypothesis_pose=pose,
         hypothesis_weight=weight,
         status=np.array([e.status for e in estimates], dtype="<U9"),
         particles_answered=answered if timed else None,
     )
+
+
+def deviation_of(model: BodyModel, estimate: Estimate) -> NDArray[np.float64]:
+    """How far each joint (J,) may be off, metres; NaN where the frame is lost, since then nobody knows."""
+    if estimate.status == "lost":
+        return np.full(len(model.joint_names), np.nan)
+    joints = joint_positions(model, estimate.hypothesis_pose)
+    return joint_deviation(joints, estimate.joint_positions, estimate.hypothesis_weight)

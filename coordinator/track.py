@@ -31,6 +31,7 @@ class Track:
     hypothesis_pose: NDArray[np.float64]  # (F, M, D)
     hypothesis_weight: NDArray[np.float64]  # (F, M)
     status: NDArray[np.str_]  # (F,) tracked, ambiguous or lost
+    joint_deviation: NDArray[np.float64] | None = None  # (F, J) one standard deviation; NaN where lost
     particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
 
 
@@ -61,6 +62,9 @@ def read_track(folder: Path) -> Track:
         hypothesis_pose=arrays.floats("hypothesis_pose", (*weight.shape, len(dof_names))),
         hypothesis_weight=weight,
         status=arrays.texts("status", (len(frame),)),
+        joint_deviation=arrays.floats("joint_deviation", (len(frame), len(joint_names)))
+        if "joint_deviation" in arrays
+        else None,
         particles_answered=arrays.integers("particles_answered", frame.shape)
         if "particles_answered" in arrays
         else None,

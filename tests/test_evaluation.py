@@ -60,6 +60,19 @@ def test_a_perfect_track_has_no_error() -> None:
     assert score.lost_from_frame is None
 
 
+def test_the_deviation_is_held_against_the_errors() -> None:
+    """Errors of 3 and 7 cm where 4 cm are expected: half within one, all within two; a lost frame is left out."""
+    joints = np.zeros((FRAMES, 2, 3))
+    joints[:, 0, 0], joints[:, 1, 2] = 0.03, 0.07
+    joints[3] = 9.0
+    expected = np.full((FRAMES, 2), 0.04)
+    expected[3] = np.nan
+    score = evaluate(make_track(joint_positions=joints, joint_deviation=expected), make_truth())
+    assert score.within_deviation == 0.5
+    assert score.within_two_deviations == 1.0
+    assert evaluate(make_track(), make_truth()).within_deviation is None
+
+
 def test_angles_are_scored_in_degrees_by_name_and_without_translations() -> None:
     """The truth's order of names is its own, and metres never count as angles."""
     pose = np.zeros((FRAMES, 3))
