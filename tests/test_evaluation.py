@@ -61,7 +61,7 @@ def test_a_perfect_track_has_no_error() -> None:
 
 
 def test_the_deviation_is_held_against_the_errors() -> None:
-    """Errors of 3 and 7 cm where 4 cm are expected: half within one, all within two; lost frames do not count."""
+    """Errors of 3 and 7 cm where 4 cm are expected: half within one, all within two; lost frames are out."""
     joints = np.zeros((FRAMES, 2, 3))
     joints[:, 0, 0], joints[:, 1, 2] = 0.03, 0.07
     joints[3] = 9.0
