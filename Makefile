@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 PACKAGES := common worker coordinator benchmarks tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow check format bench real-people images images-test lock clean clean-kernels
+.PHONY: help setup demo test test-slow chaos check format bench real-people images images-test lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -24,6 +24,10 @@ test: setup ## the tests
 
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow
+
+chaos: setup ## workers killed, frozen and slowed all the time, then coordinators killed: the same bytes?
+	$(BIN)/python -m tests.chaos
+	$(BIN)/python -m tests.resume_kills
 
 check: setup ## lint, format, types, walls, images' recipes
 	$(BIN)/ruff check $(PACKAGES)
