@@ -208,14 +208,17 @@ class Requests:
         self._waiting = queryable.handler  # `recv` of the queryable itself would lock it against `close`
         self._closed = False
 
-    def __iter__(self) -> Iterator[Request]:
-        while not self._closed:
-            try:
-                query = self._waiting.recv()
-            except zenoh.ZError:
-                return
-            with query:
-                yield Request(query)
+    def receive(self, *, wait: bool) -> list[Request] | None:
+        """All that has come, or the first that comes if there is none and `wait`; None after the end."""
+        arrived = []
+        try:
+            if wait and not self._closed:
+                arrived.append(Request(self._waiting.recv()))
+            while not self._closed and (query := self._waiting.try_recv()) is not None:
+                arrived.append(Request(query))
+        except zenoh.ZError:
+            return arrived or None
+        return None if self._closed else arrived
 
     def close(self) -> None:
         """No more requests; may be called from another thread."""
@@ -225,11 +228,19 @@ class Requests:
 
 
 class Request:
-    """One request; it ends without an answer if neither method is called."""
+    """One request, a context manager; it ends without an answer if neither method is called."""
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query = query
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._query.drop()  # type: ignore[no-untyped-call]
 
     def reply(self, payload: bytes) -> None:
         """Answer it."""
@@ -273,7 +284,14 @@ def open_coordinator(
 
     InputError if a router refuses us; one that is not there yet is tried in the background.
     """
-    bus = open_session(session_settings("peer", listen, connect, security), shared_pool_bytes=4 * 2**20)
+    return open_peer(listen, connect, security, shared_pool_bytes=4 * 2**20)
+
+
+def open_peer(
+    listen: Sequence[str], connect: Sequence[str], security: Security | None, shared_pool_bytes: int
+) -> Bus:
+    """A session with links to all its endpoints. InputError if one refuses us before any lets us in."""
+    bus = open_session(session_settings("peer", listen, connect, security), shared_pool_bytes)
     if connect and not bus.is_linked(within=ATTEMPT_MS / 1000):
         try:
             check_refusals(connect, security)
@@ -286,8 +304,10 @@ def open_coordinator(
 def open_worker(connect: Sequence[str], security: Security | None = None) -> Bus:
     """A session of a worker. Tries for ever, unless it is refused; that is an InputError.
 
-    While it tries, Python handles no signals.
+    While it tries, Python handles no signals. With several endpoints it is on all of them as they come.
     """
+    if len(connect) > 1:  # a client would be on one of them only
+        return open_peer((), connect, security, shared_pool_bytes=2**20)
     settings = session_settings("client", (), connect, security)
     settings["connect"] |= {"timeout_ms": ATTEMPT_MS, "exit_on_failure": True}
     while True:

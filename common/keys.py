@@ -12,11 +12,12 @@ STREAM = re.compile(rf"{NAME.pattern}(/{NAME.pattern}){{0,15}}")
 
 ANY_WORKER_ALIVE = "gepf/worker/*/alive"
 ANY_RUN_FRAMES = "gepf/run/*/frame"
+ANY_RUN_ALIVE = "gepf/run/*/alive"
 
 # For access rules: a wildcard does not stand for what begins with @, where late joiners find history.
 HISTORY = "gepf/run/*/frame/@adv/**"
 ALL = ("gepf/**", HISTORY)
-READABLE = ("gepf/run/*/frame", "gepf/run/*/frame/*", "gepf/run/*/model/*", HISTORY)
+READABLE = (ANY_RUN_ALIVE, "gepf/run/*/frame", "gepf/run/*/frame/*", "gepf/run/*/model/*", HISTORY)
 
 
 def check_name(kind: str, name: str) -> str:
@@ -66,6 +67,11 @@ def worker_all(worker: str) -> str:
 def worker_of(key: str) -> str:
     """The worker that a key of its own belongs to."""
     return key.split("/")[2]
+
+
+def run_alive(run: str) -> str:
+    """Liveliness token of one run, for as long as its coordinator is there."""
+    return f"gepf/run/{run}/alive"
 
 
 def run_frames(run: str) -> str:

@@ -132,6 +132,7 @@ class ZenohRefiner:
                 open_coordinator([*own, *self._options.listen], self._options.connect, self._options.security)
             )
             self._publication = Publication(self._bus, self.run)
+            self._bus.announce(keys.run_alive(self.run))
             self._bus.watch(keys.ANY_WORKER_ALIVE, self._notice)
             names = [f"{self.run}-{k}" for k in range(self._options.local_workers)]
             self._local = LocalWorkers(names, local, folder, self._options.worker_command)

@@ -29,7 +29,7 @@ from tests.instant_worker import KERNEL, observe, refine
 from worker.icp import refine as real_refine
 from worker.observation import observe as real_observe
 from worker.service import Kernel, Service
-from worker.store import Arrivals, Recent
+from worker.store import Memory, Recent
 from worker.warm import tiny_frame, tiny_model
 
 MODEL = tiny_model()
@@ -226,8 +226,10 @@ def answering(endpoint: str, name: str, answer: Callable[[Request], None]) -> It
         bus.announce(keys.worker_alive(name))
 
         def serve() -> None:
-            for request in requests:
-                answer(request)
+            while (arrived := requests.receive(wait=True)) is not None:
+                for request in arrived:
+                    with request:
+                        answer(request)
 
         thread = threading.Thread(target=serve)
         thread.start()
@@ -369,14 +371,14 @@ def test_recent_forgets_what_was_used_longest_ago() -> None:
 
 def test_arrivals_are_bounded_and_wake_who_waits() -> None:
     """Old frames and old runs are forgotten; a frame that comes while it is waited for is found."""
-    arrivals = Arrivals()
+    arrivals: Memory[float] = Memory()
     for run in range(100):
         for number in range(10):
-            arrivals.put(f"run{run}", number, b"x")
-    kept = [(r, n) for r in range(100) for n in range(10) if arrivals.wait(f"run{r}", n, 0.0)]
+            arrivals.put_frame(f"run{run}", number, b"x")
+    kept = [(r, n) for r in range(100) for n in range(10) if arrivals.wait_for_frame(f"run{r}", n, 0.0)]
     assert kept == [(r, n) for r in range(84, 100) for n in (8, 9)]
-    threading.Timer(0.05, lambda: arrivals.put("new", 1, b"y")).start()
-    assert arrivals.wait("new", 1, 5.0) == b"y"
+    threading.Timer(0.05, lambda: arrivals.put_frame("new", 1, b"y")).start()
+    assert arrivals.wait_for_frame("new", 1, 5.0) == b"y"
 
 
 def test_contexts_are_what_they_say(endpoint: str) -> None:

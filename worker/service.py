@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -29,12 +30,11 @@ from common.messages import (
 )
 from common.refinement import Refined
 from common.settings import RefineSettings
-from worker.store import Arrivals, Recent
+from worker.store import Memory, RunMemory
+from worker.turns import Turns
 
 PATIENCE = 0.2  # seconds that a published frame may be behind the first request for it
 FETCH_TIMEOUT = 2.0  # seconds
-OBSERVATIONS = 8
-MODELS = 8
 
 log = logging.getLogger(__name__)
 
@@ -57,27 +57,48 @@ class Service(Generic[O]):
         self._bus = bus
         self._name = name
         self._kernel = kernel
-        self._arrivals = Arrivals()
-        self._observations: Recent[tuple[str, int], O] = Recent(OBSERVATIONS)
-        self._models: Recent[str, BodyModel] = Recent(MODELS)
+        self._memory: Memory[O] = Memory()
+        self._turns: Turns[Request] = Turns()
+        self._over: SimpleQueue[str] = SimpleQueue()  # runs
         self._requests: Requests | None = None
         self._stopped = False
 
     def run(self) -> None:
         """Announce the worker and serve requests until `stop` is called or the session ends."""
         self._bus.follow_frames(keys.ANY_RUN_FRAMES, self._keep_frame)
+        self._bus.watch(keys.ANY_RUN_ALIVE, self._notice_run)
         self._requests = self._bus.requests(keys.worker_refine(self._name))
         self._bus.announce(keys.worker_alive(self._name))  # last: from now on there will be requests
         if self._stopped:
             return
-        for request in self._requests:
-            self.serve(request)
+        while (request := self._next(self._requests)) is not None:
+            with request:
+                self.serve(request)
 
     def stop(self) -> None:
         """End `run`; may be called from another thread."""
         self._stopped = True
         if self._requests is not None:
             self._requests.close()
+
+    def _next(self, requests: Requests) -> Request | None:
+        """The request whose turn it is; None when there will be no more."""
+        while True:
+            arrived = requests.receive(wait=not self._turns)
+            if arrived is None:
+                return None
+            for request in arrived:
+                self._turns.put(run_of(request), request)
+            self._drop_what_is_over()
+            if self._turns:
+                return self._turns.take()
+
+    def _drop_what_is_over(self) -> None:
+        """Nobody waits for the requests of a run that is gone."""
+        while not self._over.empty():
+            for request in self._turns.forget(self._over.get()):
+                with request:
+                    log.info("dropped a request: its run is gone")
 
     def serve(self, request: Request) -> None:
         """Answer one request, if need be with the reason why it cannot be done."""
@@ -93,23 +114,30 @@ class Service(Generic[O]):
     def answer(self, payload: bytes) -> bytes:
         """Refine a batch. Raises ProtocolError for a request that cannot be served."""
         request = decode_request(payload)
-        model = self._models.find(request.model_hash, lambda: self._fetch_model(request))
+        memory: RunMemory[O] = self._memory.of(request.run)
+        model = memory.models.find(request.model_hash, lambda: self._fetch_model(request))
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
             )
-        observation = self._observations.find((request.run, request.frame), lambda: self._observe(request))
+        observation = memory.observations.find(request.frame, lambda: self._observe(request))
         return encode_refined(self._kernel.refine(model, observation, request.poses, request.settings))
 
     def _keep_frame(self, key: str, number: int, payload: bytes) -> None:
-        self._arrivals.put(keys.run_of(key), number, payload)
+        self._memory.put_frame(keys.run_of(key), number, payload)
+
+    def _notice_run(self, key: str, alive: bool) -> None:
+        """Forget a run when its coordinator is gone; from a thread of the bus."""
+        if not alive:
+            self._memory.forget(keys.run_of(key))
+            self._over.put(keys.run_of(key))
 
     def _observe(self, request: RefineRequest) -> O:
         return self._kernel.observe(decode_frame(self._find_frame(request)))
 
     def _find_frame(self, request: RefineRequest) -> bytes:
         """A frame from the subscription; from the run itself, if it does not come."""
-        payload = self._arrivals.wait(request.run, request.frame, PATIENCE)
+        payload = self._memory.wait_for_frame(request.run, request.frame, PATIENCE)
         return payload or self._fetch(
             keys.run_frame(request.run, request.frame), f"frame {request.frame} of run {request.run}"
         )
@@ -129,6 +157,14 @@ class Service(Generic[O]):
         if payload is None:
             raise ProtocolError(f"nobody has {name}")
         return payload
+
+
+def run_of(request: Request) -> str:
+    """The run that a request is of; empty if it makes no sense."""
+    try:
+        return decode_request(request.payload).run
+    except ProtocolError:
+        return ""
 
 
 def refuse(request: Request, reason: str) -> None:

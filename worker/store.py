@@ -1,4 +1,4 @@
-"""What a worker keeps between requests so that it need not ask for it again; bounded, oldest out first."""
+"""What a worker keeps between requests so as not to ask for it again: bounded, by run, oldest out first."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
+from common.body import BodyModel
+
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
+O = TypeVar("O")  # noqa: E741 - what is made of a frame
 
 RUNS = 16
 FRAMES_OF_RUN = 2
+MODELS_OF_RUN = 4
 
 
 class Recent(Generic[K, V]):
@@ -38,29 +42,55 @@ class Recent(Generic[K, V]):
         """The value of a key, if it is there."""
         return self._values.get(key)
 
+    def forget(self, key: K) -> None:
+        """Keep the value of a key no longer."""
+        self._values.pop(key, None)
+
     def __len__(self) -> int:
         return len(self._values)
 
 
-class Arrivals:
-    """The last published frames of each run as they came; filled and read from different threads."""
+class RunMemory(Generic[O]):
+    """What is kept of one run."""
 
     def __init__(self) -> None:
-        self._runs: Recent[str, Recent[int, bytes]] = Recent(RUNS)
+        self.frames: Recent[int, bytes] = Recent(FRAMES_OF_RUN)  # as they came
+        self.observations: Recent[int, O] = Recent(FRAMES_OF_RUN)
+        self.models: Recent[str, BodyModel] = Recent(MODELS_OF_RUN)
+
+
+class Memory(Generic[O]):
+    """What is kept of the runs that were busy last. Frames come from another thread than they are read in."""
+
+    def __init__(self) -> None:
+        self._runs: Recent[str, RunMemory[O]] = Recent(RUNS)
         self._changed = threading.Condition()
 
-    def put(self, run: str, number: int, payload: bytes) -> None:
+    def of(self, run: str) -> RunMemory[O]:
+        """What is kept of a run."""
+        with self._changed:
+            return self._runs.find(run, RunMemory)
+
+    def forget(self, run: str) -> None:
+        """Keep nothing of a run; it is over."""
+        with self._changed:
+            self._runs.forget(run)
+
+    def put_frame(self, run: str, number: int, payload: bytes) -> None:
         """A frame has come."""
         with self._changed:
-            self._runs.find(run, lambda: Recent(FRAMES_OF_RUN)).put(number, payload)
+            self._runs.find(run, RunMemory).frames.put(number, payload)
             self._changed.notify_all()
 
-    def wait(self, run: str, number: int, timeout: float) -> bytes | None:
+    def wait_for_frame(self, run: str, number: int, timeout: float) -> bytes | None:
         """A frame, if it is there or comes within the timeout (seconds)."""
         with self._changed:
-            self._changed.wait_for(lambda: self._get(run, number) is not None, timeout)
-            return self._get(run, number)
+            self._changed.wait_for(lambda: self._get_frame(run, number) is not None, timeout)
+            return self._get_frame(run, number)
 
-    def _get(self, run: str, number: int) -> bytes | None:
-        frames = self._runs.get(run)
-        return None if frames is None else frames.get(number)
+    def _get_frame(self, run: str, number: int) -> bytes | None:
+        memory = self._runs.get(run)
+        return None if memory is None else memory.frames.get(number)
+
+    def __len__(self) -> int:
+        return len(self._runs)
