@@ -45,7 +45,8 @@ def test_turns_keep_the_order_within_a_run_and_alternate_between_runs(runs: list
     turns: Turns[tuple[str, int]] = Turns()
     for number, run in enumerate(runs):
         turns.put(run, (run, number))
-    left, served = dict.fromkeys("abc", 0), []
+    left = dict.fromkeys("abc", 0)
+    served: list[tuple[str, int]] = []
     for run in runs:
         left[run] += 1
     while turns:
