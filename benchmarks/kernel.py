@@ -1,8 +1,10 @@
 """What one particle costs, as a multiple of a rigid ICP on the same points: python -m benchmarks.kernel.
 
 One particle is all of steps 4a-4d and 5: pose, visibility, closest points, solve, likelihood. Its 10 000
-observed points and the visible model points are also what the peers get. Processor time on one core, so that
-what else the machine does counts little; calls in turns; medians.
+observed points and the visible model points are also what the peers get; the plain path is the same
+algorithm in numpy and scipy. Processor time on one core, so that what else the machine does counts little;
+calls in turns; medians. Then each stage by itself, and how it grows with points, degrees of freedom, model
+vertices and noise.
 """
 
 from __future__ import annotations
@@ -16,13 +18,24 @@ import msgspec
 import numpy as np
 
 from benchmarks.peers import open3d_icp, small_gicp_icp, small_gicp_icp_prepared
-from benchmarks.standing import Case, standing
+from benchmarks.stages import STAGES, stage_times
+from benchmarks.standing import CAMERA, Case, standing
 from benchmarks.timing import machine, stay_on_one_core, take_turns
+from common.camera import Intrinsics
 from common.settings import RefineSettings, preset
 from coordinator.scenes.noise import SensorNoise
+from tests import plain_path
 from worker.icp import refine
 
-POINTS, ITERATIONS, ROUNDS, SEED = 10_000, 3, 101, 0
+POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS, SEED = 10_000, 3, 51, 3, 0
+LARGE = Intrinsics(1920, 1440, 3 * CAMERA.fx, 3 * CAMERA.fy, 959.5, 719.5)
+GROWTH: dict[str, list[dict[str, Any]]] = {
+    "points": [{"points": n, "camera": LARGE} for n in (1_000, 3_000, 10_000, 30_000, 100_000)],
+    "dofs": [{"dofs": n} for n in (4, 12, 24, 48, 96, 180)],
+    "vertices": [{"halvings": n} for n in (0, 1)],
+    "noise_cm": [{"noise": SensorNoise(depth=d / 100, lateral=min(d, 1) / 100)} for d in (0, 1, 5, 10, 15)],
+}
+GROWTH_ROUNDS = 15
 NOISES = {"clean": SensorNoise(), "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}
 YARDSTICK = "small_gicp ICP"
 RESULT = Path(__file__).parent / "results" / "kernel.json"
@@ -44,6 +57,7 @@ def main() -> int:
         "seed": SEED,
         "yardstick": YARDSTICK,
         "cases": cases,
+        "growth": {of: [grow(**change) for change in changes] for of, changes in GROWTH.items()},
     }
     RESULT.parent.mkdir(exist_ok=True)
     RESULT.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
@@ -53,7 +67,7 @@ def main() -> int:
 
 def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
     """Times of all calls on one case; medians and quartiles in ms, and ratios to the yardstick."""
-    settings = msgspec.structs.replace(preset(preset_name).refine, icp_iterations=ITERATIONS)
+    settings = three_iterations(preset_name)
     observed, visible = case.observed, case.visible()
     times = take_turns(
         {
@@ -64,6 +78,8 @@ def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
         },
         ROUNDS,
     )
+    plainly = {"plain numpy and scipy": lambda: plainly_refined(case, settings)}
+    times |= take_turns(plainly, PLAIN_ROUNDS)
     return {
         "data": data,
         "preset": preset_name,
@@ -72,6 +88,29 @@ def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
         "joint_error_before_cm": round(100 * case.joint_error(case.start), 2),
         "joint_error_after_cm": round(100 * refined_error(case, settings), 2),
         "calls": {name: figures(spent, times[YARDSTICK]) for name, spent in times.items()},
+        "stages_ms": stage_times(case, settings, ROUNDS),
+    }
+
+
+def three_iterations(name: str) -> RefineSettings:
+    """A preset's settings with as many ICP iterations as are measured."""
+    return msgspec.structs.replace(preset(name).refine, icp_iterations=ITERATIONS)
+
+
+def plainly_refined(case: Case, settings: RefineSettings) -> object:
+    """The particle refined by the plain path."""
+    return plain_path.refine(case.model, case.subject, case.start[0], settings)
+
+
+def grow(points: int = POINTS, noise: SensorNoise = NOISES["clean"], **change: Any) -> dict[str, Any]:
+    """Stage times of another case."""
+    case = standing(points, noise, SEED, **change)
+    return {
+        "points": points,
+        "dofs": len(case.model.dof_names),
+        "vertices": len(case.model.vertices),
+        "noise_cm": 100 * noise.depth,
+        "stages_ms": stage_times(case, three_iterations("default"), GROWTH_ROUNDS),
     }
 
 
@@ -109,7 +148,21 @@ def table(result: dict[str, Any]) -> str:
             f"{call['quartile_3_ms']:.2f}){call['ratio']:8.2f}"
             for name, call in case["calls"].items()
         )
+        lines.append("  stages: " + stage_line(case["stages_ms"]))
+    for of, rows in result["growth"].items():
+        lines.append(f"\n{of:<10}" + "".join(f"{stage:>16}" for stage in (*STAGES, "all")) + "  ms")
+        lines.extend(f"{row[of]:<10g}" + stage_columns(row["stages_ms"]) for row in rows)
     return "\n".join(lines)
+
+
+def stage_line(stages: dict[str, float]) -> str:
+    """Stages in one line."""
+    return ", ".join(f"{stage} {spent:.2f}" for stage, spent in stages.items()) + " ms"
+
+
+def stage_columns(stages: dict[str, float]) -> str:
+    """Stages side by side, and their sum."""
+    return "".join(f"{spent:16.3f}" for spent in (*stages.values(), sum(stages.values())))
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ def rotation_matrix(axis: Array, angle: float) -> Array:
     return turned
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def turn(x: float, y: float, z: float, angle: float, out: Array) -> None:
     """Fill the first three columns of out with the rotation about a unit axis."""
     c, s = np.cos(angle), np.sin(angle)
@@ -114,7 +114,7 @@ def chain(kinds: Indices, parents: Indices, axes: Array, points: Array, pose: Ar
         append(parents[j], local, j, out)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def append(parent: int, local: Array, j: int, out: Array) -> None:
     """out[j] = out[parent] o local, for (3, 4) transforms; = local, where there is no parent."""
     for a in range(3):

@@ -26,7 +26,7 @@ from worker.evidence import lay_out_evidence, lay_out_rules
 from worker.gauss_newton import (
     Descent,
     Equations,
-    add_correspondence,
+    add_correspondences,
     lay_out_equations,
     minimise,
     normal_equations,
@@ -84,7 +84,7 @@ def layout(model: BodyModel) -> Indices:
 
 def used(room: icp.Room) -> icp.Room:
     """A room in which others were before."""
-    for array in (room.pulls, *room.sight, *room.search, *room.equations):
+    for array in (room.pulls, room.targets, room.away, *room.sight, *room.search, *room.equations):
         array.fill(7)
     return room
 
@@ -215,10 +215,11 @@ def test_single_factors_sum_to_the_total() -> None:
     place = np.argsort(layout(model))
     links = len(model.link_names)
     moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
+    room = lay_out_equations(len(model.dof_names), links)
     for v, target, weight in zip(vertices, targets, weights, strict=True):
-        one, cross = np.zeros_like(moments), np.zeros_like(crosses)
         pulls = np.append(weight * target, weight)[None]
-        add_correspondence(surface, posed[layout(model)], place[v], pulls, 0, one, cross)
+        add_correspondences(surface, place[v : v + 1], posed[layout(model)], pulls, room)
+        one, cross = room.moments, room.crosses
         assert one[:, 3, 3].sum() == pytest.approx(weight)
         moments += one
         crosses += cross

@@ -102,43 +102,35 @@ def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int,
     equally close model points the one met first wins; the order in which they are met depends on the
     arguments alone.
     """
-    starts, apart = search.starts, search.apart
-    bounding_boxes(search.model, starts[: leaves + 1], search.leaves)
-    search.closest[:] = 0
-    search.squared[:] = np.inf
+    model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
+    apart, between = search.apart, search.between  # taken out once: each time references are counted
+    bounding_boxes(model, starts[: leaves + 1], search.leaves)
+    closest[:] = 0
+    squared[:] = np.inf
     for b in range(blocks.shape[1]):
-        compare_boxes(blocks, b, search.leaves, leaves, apart, search.between)
-        first = smallest(search.between, leaves)
-        largest = np.float32(0.0)
+        compare_boxes(blocks, b, search.leaves, leaves, apart, between)
+        first = smallest(between, leaves)
+        start, stop, largest = starts[first], starts[first + 1], np.float32(0.0)
         for i in range(b * BLOCK, (b + 1) * BLOCK, TILE):
-            largest = max(largest, search_leaf(observed, i, first, search))
+            largest = max(largest, search_lanes(observed, i, model, start, stop, squared, closest))  # type: ignore[call-arg]
         apart[first] = np.inf
         kept = keep_candidates(search, leaves, largest)
         if kept > 0:
             for i in range(b * BLOCK, (b + 1) * BLOCK, TILE):
-                compare_boxes(tiles, i // TILE, search.boxes, kept, apart, search.between)
+                compare_boxes(tiles, i // TILE, search.boxes, kept, apart, between)
                 search_tile(observed, i, kept, search)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def search_leaf(observed: Points, tile: int, leaf: int, search: Search) -> np.float32:
-    """Lower the squared distances of the tile that begins at a point; gives the largest of them."""
-    start, stop = search.starts[leaf], search.starts[leaf + 1]
-    largest: np.float32 = search_lanes(  # type: ignore[call-arg]  # an intrinsic's context is the compiler's
-        observed, tile, search.model, start, stop, search.squared, search.closest
-    )
-    return largest
 
 
 @numba.njit(cache=True, nogil=True)
 def keep_candidates(search: Search, leaves: int, largest: np.float32) -> int:
     """Copy the boxes of those leaves that are less than `largest` apart; gives their number."""
+    apart, candidates, boxes, boxes_of_leaves = search.apart, search.candidates, search.boxes, search.leaves
     kept = 0
     for k in range(leaves):
-        if search.apart[k] < largest:
-            search.candidates[kept] = k
+        if apart[k] < largest:
+            candidates[kept] = k
             for a in range(6):
-                search.boxes[a, kept] = search.leaves[a, k]
+                boxes[a, kept] = boxes_of_leaves[a, k]
             kept += 1
     return kept
 
@@ -146,13 +138,14 @@ def keep_candidates(search: Search, leaves: int, largest: np.float32) -> int:
 @numba.njit(cache=True, nogil=True)
 def search_tile(observed: Points, tile: int, kept: int, search: Search) -> None:
     """Search the candidate leaves for the tile that begins at a point, the one centred nearest first."""
+    model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
+    apart, candidates = search.apart, search.candidates
     largest = np.float32(0.0)
     for i in range(tile, tile + TILE):
-        largest = max(largest, search.squared[i])
+        largest = max(largest, squared[i])
     first = smallest(search.between, kept)
-    if search.apart[first] < largest:
-        largest = search_leaf(observed, tile, search.candidates[first], search)
-        search.apart[first] = np.inf
-    for c in range(kept):
-        if search.apart[c] < largest:
-            largest = search_leaf(observed, tile, search.candidates[c], search)
+    for turn in range(-1, kept):
+        c = first if turn < 0 else turn
+        if apart[c] < largest and (turn < 0 or c != first):
+            start, stop = starts[candidates[c]], starts[candidates[c] + 1]
+            largest = search_lanes(observed, tile, model, start, stop, squared, closest)  # type: ignore[call-arg]

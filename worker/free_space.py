@@ -9,30 +9,33 @@ from numpy.typing import NDArray
 from worker.evidence import Evidence
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+CLOSEST = 0.05  # metres from the camera's plane
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def pull_into_silhouette(posed: Array, m: int, evidence: Evidence, target: Array) -> float:
-    """Squared distance (m^2) of model point m of (V, 3) from the subject's silhouette, at its own depth.
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def pull_into_silhouette(
+    visible: Indices, posed: Array, evidence: Evidence, targets: Array, away: Array
+) -> None:
+    """How far the visible ones of posed (V, 3) lie from the subject's silhouette, at their own depth.
 
-    Fills target (3,) with the nearest point on the silhouette's cone. 0 where the point projects onto
-    the subject or outside what the camera saw.
+    Fills targets (V, 3) with the nearest points on the silhouette's cone and away (V,) with their distances
+    squared (m^2), in the order of `visible`; 0 where a point projects onto the subject or outside what the
+    camera saw.
     """
-    x, y, z = posed[m, 0], posed[m, 1], posed[m, 2]
-    if z <= 0.05:
-        return 0.0
-    u, v = evidence.cx + evidence.fx * x / z, evidence.cy + evidence.fy * y / z
-    column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
-    if not (evidence.seen[0] <= column < evidence.seen[2] and evidence.seen[1] <= row < evidence.seen[3]):
-        return 0.0
-    column = min(max(column, 0), evidence.depth.shape[1] - 1)
-    row = min(max(row, 0), evidence.depth.shape[0] - 1)
-    near_row, near_column = evidence.nearest[0, row, column], evidence.nearest[1, row, column]
-    du, dv = near_column - u, near_row - v
-    if abs(du) <= 1.0 and abs(dv) <= 1.0:
-        return 0.0
-    target[0] = x + du * z / evidence.fx
-    target[1] = y + dv * z / evidence.fy
-    target[2] = z
-    squared: float = (target[0] - x) ** 2 + (target[1] - y) ** 2
-    return squared
+    seen, nearest = evidence.seen, evidence.nearest
+    for m in range(len(visible)):
+        x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
+        away[m] = 0.0
+        nearer = 1.0 / max(z, CLOSEST)
+        u, v = evidence.cx + evidence.fx * x * nearer, evidence.cy + evidence.fy * y * nearer
+        column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+        if seen[0] <= column < seen[2] and seen[1] <= row < seen[3] and z > CLOSEST:
+            column = min(max(column, 0), nearest.shape[2] - 1)
+            row = min(max(row, 0), nearest.shape[1] - 1)
+            du, dv = nearest[1, row, column] - u, nearest[0, row, column] - v
+            if abs(du) > 1.0 or abs(dv) > 1.0:
+                right, down = du * z / evidence.fx, dv * z / evidence.fy
+                targets[m, 0], targets[m, 1], targets[m, 2] = x + right, y + down, z
+                away[m] = right * right + down * down

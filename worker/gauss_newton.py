@@ -77,25 +77,34 @@ def lay_out_equations(dofs: int, links: int) -> Equations:
     )
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def add_correspondence(
-    surface: Surface, posed: Array, v: int, pulls: Array, m: int, moments: Array, crosses: Array
+@numba.njit(cache=True, nogil=True)
+def add_correspondences(
+    surface: Surface, visible: Indices, posed: Array, pulls: Array, equations: Equations
 ) -> None:
-    """Add vertex v of posed (V, 3), drawn to observed points of weighted sum and weight pulls[m] (4,)."""
-    x, y, z, mass = posed[v, 0], posed[v, 1], posed[v, 2], pulls[m, 3]
-    for k in range(surface.skin_links.shape[1]):
-        share = surface.skin_weights[v, k]
-        if share > 0.0:
-            s = surface.skin_links[v, k]
-            for a in range(4):
-                xa = share * (x if a == 0 else y if a == 1 else z if a == 2 else 1.0)
-                moments[s, a, 0] += mass * xa * x
-                moments[s, a, 1] += mass * xa * y
-                moments[s, a, 2] += mass * xa * z
-                moments[s, a, 3] += mass * xa
-                crosses[s, a, 0] += xa * pulls[m, 0]
-                crosses[s, a, 1] += xa * pulls[m, 1]
-                crosses[s, a, 2] += xa * pulls[m, 2]
+    """Moments and crosses of the visible ones of posed (V, 3), each drawn to observed points.
+
+    pulls (V, 4) are those points' weighted sum and weight, in the order of `visible`.
+    """
+    links, weights = surface.skin_links, surface.skin_weights
+    moments, crosses = equations.moments, equations.crosses
+    moments[:] = 0.0
+    crosses[:] = 0.0
+    for m in range(len(visible)):
+        v, mass = visible[m], pulls[m, 3]
+        x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+        for k in range(links.shape[1]):
+            share = weights[v, k]
+            if share > 0.0 and mass > 0.0:
+                s = links[v, k]
+                for a in range(4):
+                    xa = share * (x if a == 0 else y if a == 1 else z if a == 2 else 1.0)
+                    moments[s, a, 0] += mass * xa * x
+                    moments[s, a, 1] += mass * xa * y
+                    moments[s, a, 2] += mass * xa * z
+                    moments[s, a, 3] += mass * xa
+                    crosses[s, a, 0] += xa * pulls[m, 0]
+                    crosses[s, a, 1] += xa * pulls[m, 1]
+                    crosses[s, a, 2] += xa * pulls[m, 2]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -186,7 +195,7 @@ def subtree_moments(skeleton: Skeleton, equations: Equations) -> None:
             hand_down(subtree_m, subtree_c, j, skeleton.parents[j])
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def hand_down(subtree_m: Array, subtree_c: Array, j: int, parent: int) -> None:
     """What a degree of freedom moves its parent moves, too."""
     for a in range(4):
@@ -209,7 +218,7 @@ def relative_motion(before: Array, after: Array, g: Array) -> None:
     g[3, 3] = 1.0
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def multiply(one: Array, other: Array, out: Array) -> None:
     """out = one @ other, (4, 4)."""
     for a in range(4):
@@ -255,7 +264,7 @@ def normal_equations(skeleton: Skeleton, metric: Array, equations: Equations) ->
             j = skeleton.parents[j]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def jacobian_matrix(kind: int, w: Array, q: Array, out: Array) -> None:
     """A (3, 4) with A [p; 1] = w x (p - q), the derivative of Eq. 2; for a translation, = w."""
     out[:, :] = 0.0

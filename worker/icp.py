@@ -19,7 +19,7 @@ from common.settings import RefineSettings
 from worker.correspondence import Search, closest_points, lay_out_search
 from worker.evidence import Evidence, Rules, lay_out_evidence, lay_out_rules
 from worker.free_space import pull_into_silhouette
-from worker.gauss_newton import Descent, Equations, add_correspondence, clamp, lay_out_equations, minimise
+from worker.gauss_newton import Descent, Equations, add_correspondences, clamp, lay_out_equations, minimise
 from worker.likelihood import robust_cost, robust_weight
 from worker.observation import Observation
 from worker.surface import Skeleton, Surface, lay_out
@@ -37,6 +37,8 @@ class Room(NamedTuple):
 
     transforms: Array  # (D + 1, 3, 4), the last for what nothing moves
     pulls: Array  # (V, 4) what visible vertices are drawn to: weighted sum of points, and weight
+    targets: Array  # (V, 3) where the silhouette draws visible vertices to
+    away: Array  # (V,) and the square of how far
     sight: View
     search: Search
     equations: Equations
@@ -72,6 +74,8 @@ def lay_out_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Ro
     return Room(
         np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
         np.empty((vertices, 4)),
+        np.empty((vertices, 3)),
+        np.empty(vertices),
         lay_out_view(vertices),
         lay_out_search(evidence.points.shape[1], vertices, surface.leaves[-1] + 1),
         lay_out_equations(dofs, len(skeleton.link_dofs)),
@@ -113,18 +117,17 @@ def correspond(visible: Indices, surface: Surface, evidence: Evidence, rules: Ru
 
     They stay in room.search.closest and .squared.
     """
-    search, posed = room.search, room.sight.posed
+    model, starts, posed, leaf_of = room.search.model, room.search.starts, room.sight.posed, surface.leaves
     leaves, leaf = 0, -1
     for m in range(len(visible)):
         v = visible[m]
-        search.model[m, 0], search.model[m, 1] = posed[v, 0], posed[v, 1]
-        search.model[m, 2] = posed[v, 2] * rules.stretch
-        if surface.leaves[v] != leaf:
-            leaf = surface.leaves[v]
-            search.starts[leaves] = m
+        model[m, 0], model[m, 1], model[m, 2] = posed[v, 0], posed[v, 1], posed[v, 2] * rules.stretch
+        if leaf_of[v] != leaf:
+            leaf = leaf_of[v]
+            starts[leaves] = m
             leaves += 1
-    search.starts[leaves] = len(visible)
-    closest_points(evidence.points, evidence.blocks, evidence.tiles, leaves, search)
+    starts[leaves] = len(visible)
+    closest_points(evidence.points, evidence.blocks, evidence.tiles, leaves, room.search)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -133,47 +136,41 @@ def collect(visible: Indices, surface: Surface, evidence: Evidence, rules: Rules
 
     Far off is where the robust kernel more than halves a point's weight.
     """
-    posed, equations = room.sight.posed, room.equations
     unexplained = add_points(len(visible), evidence, rules, room.search, room.pulls)
     if rules.free_space_weight > 0.0:
-        add_silhouette(visible, posed, evidence, rules, room.pulls)
-    equations.moments[:] = 0.0
-    equations.crosses[:] = 0.0
-    for m in range(len(visible)):
-        if room.pulls[m, 3] > 0.0:
-            add_correspondence(
-                surface, posed, visible[m], room.pulls, m, equations.moments, equations.crosses
-            )
+        add_silhouette(visible, evidence, rules, room)
+    add_correspondences(surface, visible, room.sight.posed, room.pulls, room.equations)
     return unexplained
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_points(visible: int, evidence: Evidence, rules: Rules, search: Search, pulls: Array) -> int:
     """Fill pulls with the observed points' part; gives the number of those that are far off."""
-    unexplained, shrink = 0, 1.0 / rules.stretch
+    unexplained, shrink, points = 0, 1.0 / rules.stretch, evidence.points
+    squared, closest = search.squared, search.closest
     pulls[:visible] = 0.0
     for i in range(evidence.count):
-        weight = robust_weight(search.squared[i], rules.outlier_squared)
-        m = search.closest[i]
-        pulls[m, 0] += weight * evidence.points[0, i]
-        pulls[m, 1] += weight * evidence.points[1, i]
-        pulls[m, 2] += weight * evidence.points[2, i] * shrink
+        weight = robust_weight(squared[i], rules.outlier_squared)
+        m = closest[i]
+        pulls[m, 0] += weight * points[0, i]
+        pulls[m, 1] += weight * points[1, i]
+        pulls[m, 2] += weight * points[2, i] * shrink
         pulls[m, 3] += weight
         unexplained += weight < 0.5
     return unexplained
 
 
-@numba.njit(cache=True, nogil=True)
-def add_silhouette(visible: Indices, posed: Array, evidence: Evidence, rules: Rules, pulls: Array) -> None:
-    """Add to pulls what draws visible vertices to where the camera saw something."""
-    target = np.empty(3)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_silhouette(visible: Indices, evidence: Evidence, rules: Rules, room: Room) -> None:
+    """Add to room.pulls what draws visible vertices to where the camera saw something."""
+    pulls, targets, away = room.pulls, room.targets, room.away
+    pull_into_silhouette(visible, room.sight.posed, evidence, targets, away)
     pull = rules.free_space_weight * evidence.count / len(visible)
     for m in range(len(visible)):
-        away = pull_into_silhouette(posed, visible[m], evidence, target)
-        if away > 0.0:
-            weight = pull * robust_weight(away, rules.outlier_squared)
+        if away[m] > 0.0:
+            weight = pull * robust_weight(away[m], rules.outlier_squared)
             for a in range(3):
-                pulls[m, a] += weight * target[a]
+                pulls[m, a] += weight * targets[m, a]
             pulls[m, 3] += weight
 
 
@@ -188,16 +185,16 @@ def assess(
     correspond(visible, surface, evidence, rules, room)
     cost = mean_cost(evidence, rules, room.search)
     if rules.free_space_weight > 0.0:
-        cost += rules.free_space_weight * outside(visible, room.sight.posed, evidence, rules)
+        cost += rules.free_space_weight * outside(visible, evidence, rules, room)
     return -0.5 * cost * rules.likelihood_scale, mean_distance(evidence, rules, room.search)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def mean_cost(evidence: Evidence, rules: Rules, search: Search) -> float:
     """Mean robust cost (m^2) of the observed points, in the metric of the noise."""
-    cost = 0.0
+    cost, squared = 0.0, search.squared
     for i in range(evidence.count):
-        cost += robust_cost(np.float64(search.squared[i]), rules.outlier_squared)
+        cost += robust_cost(np.float64(squared[i]), rules.outlier_squared)
     return cost / evidence.count
 
 
@@ -211,12 +208,12 @@ def mean_distance(evidence: Evidence, rules: Rules, search: Search) -> float:
     return total / evidence.count
 
 
-@numba.njit(cache=True, nogil=True)
-def outside(visible: Indices, posed: Array, evidence: Evidence, rules: Rules) -> float:
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def outside(visible: Indices, evidence: Evidence, rules: Rules, room: Room) -> float:
     """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
-    target = np.empty(3)
+    away = room.away
+    pull_into_silhouette(visible, room.sight.posed, evidence, room.targets, away)
     cost = 0.0
     for m in range(len(visible)):
-        away = pull_into_silhouette(posed, visible[m], evidence, target)
-        cost += robust_cost(away, rules.outlier_squared)
+        cost += robust_cost(away[m], rules.outlier_squared)
     return cost / len(visible)

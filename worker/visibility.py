@@ -47,20 +47,21 @@ def lay_out_view(vertices: int) -> View:
 @numba.njit(cache=True, nogil=True)
 def pose_surface(surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
     """Fill posed (V, 3) with the vertices in the camera frame, blended over their links' T_camera_rest."""
+    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     for v in range(len(posed)):
-        x, y, z = surface.vertices[v, 0], surface.vertices[v, 1], surface.vertices[v, 2]
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         px = py = pz = 0.0
-        for k in range(surface.skin_links.shape[1]):
-            weight = surface.skin_weights[v, k]
+        for k in range(links.shape[1]):
+            weight = weights[v, k]
             if weight > 0.0:
-                t = link_dofs[surface.skin_links[v, k]]  # -1, what nothing moves, is the last
+                t = link_dofs[links[v, k]]  # -1, what nothing moves, is the last
                 px += weight * moved_along(transforms, t, 0, x, y, z)
                 py += weight * moved_along(transforms, t, 1, x, y, z)
                 pz += weight * moved_along(transforms, t, 2, x, y, z)
         posed[v, 0], posed[v, 1], posed[v, 2] = px, py, pz
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def moved_along(transforms: Array, t: int, a: int, x: float, y: float, z: float) -> float:
     """Coordinate a of a point after transform t."""
     moved: float = (
@@ -76,32 +77,32 @@ def visible_vertices(view: View, triangles: Indices) -> Indices:
     width, height = min(LARGEST_SIDE, right - left + 1), min(LARGEST_SIDE, bottom - top + 1)
     buffer = view.buffer[: height * width].reshape(height, width)
     draw_front(view, triangles, left, top, buffer)
+    posed, image, front, visible = view.posed, view.image, view.front, view.visible
     count = 0
-    for v in range(len(view.posed)):
-        if view.front[v]:
-            column = int(np.floor(view.image[v, 0] - left + 0.5))
-            row = int(np.floor(view.image[v, 1] - top + 0.5))
+    for v in range(len(posed)):
+        if front[v]:
+            column, row = int(np.floor(image[v, 0] - left + 0.5)), int(np.floor(image[v, 1] - top + 0.5))
             inside = 0 <= row < height and 0 <= column < width
-            if not inside or view.posed[v, 2] <= buffer[row, column] + TOLERANCE:
-                view.visible[count] = v
+            if not inside or posed[v, 2] <= buffer[row, column] + TOLERANCE:
+                visible[count] = v
                 count += 1
-    return view.visible[:count]
+    return visible[:count]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def draw_front(view: View, triangles: Indices, left: int, top: int, buffer: NDArray[np.float32]) -> None:
     """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is."""
-    posed, image = view.posed, view.image
-    view.front[:] = False
+    posed, image, front = view.posed, view.image, view.front
+    front[:] = False
     buffer[:] = np.inf
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         if faces_camera(image, a, b, c) and min(posed[a, 2], posed[b, 2], posed[c, 2]) > NEAR:
-            view.front[a] = view.front[b] = view.front[c] = True
+            front[a] = front[b] = front[c] = True
             draw_triangle(image, posed, a, b, c, left, top, buffer)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def project_vertices(posed: Array, image: Array) -> tuple[int, int, int, int]:
     """Fill image (V, 2) with positions in buffer pixels; gives left, top, right and bottom edge of all."""
     focal = np.mean(posed[:, 2]) / PIXEL
@@ -116,7 +117,7 @@ def project_vertices(posed: Array, image: Array) -> tuple[int, int, int, int]:
     return int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)), int(np.ceil(bottom))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
     """Whether a triangle, counter-clockwise from outside, shows its outside (y points down)."""
     shown: bool = (image[b, 0] - image[a, 0]) * (image[c, 1] - image[a, 1]) < (image[b, 1] - image[a, 1]) * (
@@ -125,7 +126,7 @@ def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
     return shown
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def draw_triangle(
     image: Array, posed: Array, a: int, b: int, c: int, left: int, top: int, buffer: NDArray[np.float32]
 ) -> None:
