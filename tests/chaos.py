@@ -104,7 +104,7 @@ def run(sequence: Path, out: Path, seed: int | None, bound: float) -> dict[str, 
     began = time.monotonic()
     process = start(coordinate, sequence, out, endpoint, log=log)
     try:
-        with Workers(endpoint, log.with_suffix(".workers.txt")) as workers:
+        with Workers((endpoint,), log.with_suffix(".workers.txt")) as workers:
             for name in WORKERS:
                 workers.start(name)
             chaos = Chaos(workers, random.Random(seed))

@@ -89,7 +89,7 @@ def try_all(kills: int, frames: int, seed: int) -> list[Killed]:
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="gepf-kills-") as name:
         place = Place(Path(name), frames)
-        with Workers(place.endpoint, place.log) as workers:
+        with Workers((place.endpoint,), place.log) as workers:
             workers.start("a")
             workers.start("b")
             if place.finish(place.folder / "calm") != 0:

@@ -1,8 +1,8 @@
-"""Short forms of `tests.chaos` and `tests.resume_kills`: real processes, really killed."""
+"""Short forms of `tests.chaos`, `tests.resume_kills` and `tests.two_runs`: real processes, really killed."""
 
 from __future__ import annotations
 
-from tests import chaos, resume_kills
+from tests import chaos, resume_kills, two_runs
 
 
 def test_workers_that_are_killed_frozen_and_slowed_change_no_byte() -> None:
@@ -19,3 +19,8 @@ def test_a_killed_coordinator_goes_on_with_the_same_bytes() -> None:
     killed = resume_kills.try_all(kills=3, frames=8, seed=2)
     assert all(each.identical for each in killed), killed
     assert any(each.recorded > 0 for each in killed)
+
+
+def test_two_runs_on_one_pool_end_as_each_alone() -> None:
+    """Two workers linked to two coordinators at once."""
+    assert two_runs.compare(frames=6, rounds=1)["identical"]

@@ -37,19 +37,19 @@ def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
     sys.exit(track(sequence, out, endpoint, *options))
 
 
-def work(endpoint: str, name: str) -> None:
+def work(endpoints: tuple[str, ...], name: str) -> None:
     """`gepf-worker`."""
     from tests.warm_kernel import KERNEL
     from worker.cli import Place, exit_with, serve
 
-    exit_with(lambda: serve(Place((endpoint,), name), lambda: KERNEL, tied=False))
+    exit_with(lambda: serve(Place(endpoints, name), lambda: KERNEL, tied=False))
 
 
 class Workers:
     """Worker processes by name, each of which can be killed, frozen, and started again; a context manager."""
 
-    def __init__(self, endpoint: str, log: Path) -> None:
-        self._endpoint = endpoint
+    def __init__(self, endpoints: tuple[str, ...], log: Path) -> None:
+        self._endpoints = endpoints
         self._log = log
         self._processes: dict[str, list[BaseProcess]] = {}
 
@@ -64,7 +64,7 @@ class Workers:
 
     def start(self, name: str) -> None:
         """Start a worker; one of the same name may be there already."""
-        self._processes.setdefault(name, []).append(start(work, self._endpoint, name, log=self._log))
+        self._processes.setdefault(name, []).append(start(work, self._endpoints, name, log=self._log))
 
     def kill(self, name: str) -> None:
         """End all workers of a name, at once, whatever they are at."""
