@@ -10,17 +10,14 @@ from typing import Protocol
 
 from common.errors import InputError
 from common.keys import check_stream
-from coordinator.atomic_file import write_atomically
 from coordinator.bodies import Bodies
 from coordinator.chosen_body import HUMAN_DOFS, choose_bodies
-from coordinator.model_file import MODEL_FILE, TrackedBody, write_model
 from coordinator.options import AUTOMATIC, Job, Pool
 from coordinator.progress import FrameMeter, Show
 from coordinator.recorder import Recorder
-from coordinator.run import PooledRefiner
+from coordinator.run import PooledRefiner, write_results
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.start_file import read_start
-from coordinator.summary import summarise
 from coordinator.terms import terms_of_stream
 from coordinator.track import read_track
 from coordinator.tracker import Tracker
@@ -112,11 +109,9 @@ def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> None:
     recorded = run.recorder.read()
     if recorded is None:
         return
-    live = {f"frames_{name}": count for name, count in asdict(run.frames.counts).items()}
-    summary = {"complete": complete, "frame_rate": meter.rate} | summarise(recorded) | live
-    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
-    write_atomically(run.job.out / MODEL_FILE, lambda file: write_model(body, file))
-    run.recorder.finish(recorded, summary, complete=complete)
+    counts = {f"frames_{name}": count for name, count in asdict(run.frames.counts).items()}
+    said = {"complete": complete, "frame_rate": meter.rate, **counts}
+    write_results(run.recorder, recorded, said, complete=complete)
 
 
 def draw(run: LiveRun, show: Show) -> None:

@@ -120,16 +120,22 @@ def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
     count = len(recorded.estimates)
     complete = count == len(run.numbers)
     rate = meter.rate or count / max(recorded.seconds, 1e-9)
-    summary = {"complete": complete, "frame_rate": rate} | summarise(recorded)
-    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
-    write_atomically(run.job.out / MODEL_FILE, lambda file: write_model(body, file))
-    run.recorder.finish(recorded, summary, complete=complete)
+    write_results(run.recorder, recorded, {"complete": complete, "frame_rate": rate}, complete=complete)
     if not complete:
         show.say(
             f"ended early with {count} of {len(run.numbers)} frames in {run.job.out}; "
             "the same command with --resume goes on"
         )
     return recorded
+
+
+def write_results(
+    recorder: Recorder, recorded: Recorded, said: Mapping[str, object], *, complete: bool
+) -> None:
+    """Write all files of a run but the pictures; the summary begins with what is `said`."""
+    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
+    write_atomically(recorder.folder / MODEL_FILE, lambda file: write_model(body, file))
+    recorder.finish(recorded, {**said, **summarise(recorded)}, complete=complete)
 
 
 def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:

@@ -47,6 +47,10 @@ for name in worker-0 worker-1; do
     run_image gepf-worker gepf-worker --check --connect "$endpoint" $(tls "$name")
 done
 
+say "no kernel is compiled anew"
+run_image gepf-worker sh -c \
+    'python -c "from worker.cli import load_kernel; load_kernel()" && diff -r /opt/gepf/kernels /tmp/kernels'
+
 say "the same run inside one container"
 run_image gepf-coordinator "${track[@]}" --out /data/together --workers 2
 cmp "$DATA/apart/track.npz" "$DATA/together/track.npz"

@@ -14,15 +14,15 @@ RUN apt-get update && apt-get install -y --no-install-recommends python3-venv
 WORKDIR /source
 RUN python3 -m venv /opt/pip && python3 -m venv --without-pip /opt/gepf
 COPY LICENSE README.md constraints.txt pyproject.toml ./
-COPY docker/shrink.sh docker/
+COPY docker/finish.sh docker/
 COPY common common
 COPY coordinator coordinator
 COPY worker worker
 # Where packages come through a mirror or proxy: its pip.conf and, at /run/secrets/ca, its authority.
 RUN --mount=type=secret,id=pip,target=/etc/pip.conf --mount=type=secret,id=ca \
     /opt/pip/bin/pip wheel --no-cache-dir --no-deps --wheel-dir /wheels . \
-    && /opt/pip/bin/pip --python /opt/gepf install --no-cache-dir --constraint constraints.txt /wheels/*.whl \
-    && docker/shrink.sh /opt/gepf
+    && /opt/pip/bin/pip --python /opt/gepf install --no-cache-dir --no-compile --constraint constraints.txt /wheels/*.whl \
+    && docker/finish.sh /opt/gepf
 # Kernels for every processor that has these instructions, the same machine code on all of them.
 ARG KERNEL_CPU=x86-64-v3
 ENV NUMBA_CPU_NAME=${KERNEL_CPU} \

@@ -334,11 +334,12 @@ def test_an_interrupt_ends_a_live_run_well(endpoint: str, recording: Path, tmp_p
     assert not log.exists()
 
 
+@pytest.mark.slow
 def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_path: Path) -> None:
     """Who gives up waiting gets exit code 130, as for every other run, and no folder."""
     (tmp_path / "init.json").write_text("{}")
     with started(*tracking(endpoint, tmp_path)) as tracker:
-        wait_until((tmp_path / "run" / "frames.log").exists, 30.0)
+        wait_until((tmp_path / "run" / "frames.log").exists, 60.0)
         time.sleep(0.5)
         tracker.send_signal(signal.SIGINT)
         assert tracker.wait(30.0) == 130
