@@ -31,7 +31,7 @@ from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, li
 from coordinator.track import read_track
 from tests.instant_worker import KERNEL
 from tests.test_cli import one_human
-from tests.test_processes import wait_until
+from tests.test_processes import INSTANT, wait_until
 from tests.test_service import MODEL, endpoint, pool, serving
 from worker.service import Kernel
 from worker.warm import tiny_frame
@@ -283,10 +283,10 @@ def recording(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def started(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+def started(*arguments: str, command: tuple[str, ...] = COMMAND) -> Iterator[subprocess.Popen[str]]:
     """A `gepf` process; killed if it is left running."""
     with subprocess.Popen(
-        [*COMMAND, *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        [*command, *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     ) as process:
         try:
             yield process
@@ -295,15 +295,16 @@ def started(*arguments: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def tracking(where: str, tmp_path: Path) -> list[str]:
-    """`gepf track` of the stream with one real worker."""
-    options = ["--workers", "1", "--listen", where, "--init", str(tmp_path / "init.json")]
+    """`gepf track` of the stream on the workers of others."""
+    options = ["--workers", "0", "--listen", where, "--init", str(tmp_path / "init.json")]
     return ["track", f"zenoh:{KEY}", "--out", str(tmp_path / "run"), *options]
 
 
 @pytest.mark.slow
 def test_publisher_and_tracker_as_processes(endpoint: str, recording: Path, tmp_path: Path) -> None:
     """`gepf publish` shows a recorded folder in real time, and `gepf track` ends when it does."""
-    with started(*tracking(endpoint, tmp_path)) as tracker:
+    worker = started("--connect", endpoint, command=INSTANT)
+    with worker, started(*tracking(endpoint, tmp_path)) as tracker:
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "10"]
         with started(*play) as publisher:
             assert publisher.wait(60.0) == 0
@@ -321,7 +322,8 @@ def test_publisher_and_tracker_as_processes(endpoint: str, recording: Path, tmp_
 @pytest.mark.slow
 def test_an_interrupt_ends_a_live_run_well(endpoint: str, recording: Path, tmp_path: Path) -> None:
     """Ctrl-C at the tracker is the stream's end: all files are written, and the exit code is 0."""
-    with started(*tracking(endpoint, tmp_path)) as tracker:
+    worker = started("--connect", endpoint, command=INSTANT)
+    with worker, started(*tracking(endpoint, tmp_path)) as tracker:
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
         with started(*play):
             log = tmp_path / "run" / "frames.log"
