@@ -175,13 +175,21 @@ def staged(
 
 
 def until_recorded(out: Path) -> Callable[[threading.Event], None]:
-    """A rest until one more frame has been recorded."""
-    log = out / "frames.log"
+    """A rest until one more frame has been recorded, or the run is over."""
+
+    def size() -> int | None:
+        try:
+            return (out / "frames.log").stat().st_size
+        except FileNotFoundError:
+            return None
+
+    seen: int | None = 0
 
     def rest(stop: threading.Event) -> None:
-        before = log.stat().st_size
-        while log.exists() and log.stat().st_size == before and not stop.wait(0.01):
+        nonlocal seen
+        while size() == seen is not None and not stop.wait(0.01):
             pass
+        seen = size()
 
     return rest
 
