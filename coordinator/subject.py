@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import back_project
 from common.frame import DepthFrame, SubjectFrame
 
 CLEARANCE = 0.8  # metres around the subject in which there is nothing else
@@ -23,9 +23,7 @@ def isolate(frame: DepthFrame, around: NDArray[np.float64] | None, points: int) 
     Returns:
         The crop, or None where nothing of the subject was measured.
     """
-    mask = frame.depth > 0
-    if around is not None:
-        mask &= _near(back_project(frame.metres(), frame.intrinsics), around)
+    mask = frame.depth > 0 if around is None else _near(frame, around)
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if len(rows) == 0:
         return None
@@ -48,8 +46,31 @@ def pick(depth: NDArray[np.uint16], points: int) -> NDArray[np.uint32]:
     return measured.astype(np.uint32)
 
 
-def _near(points: NDArray[np.float64], around: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points (H, W, 3) lie in the bounding box of others (V, 3) enlarged by the clearance."""
+def _near(frame: DepthFrame, around: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which pixels (H, W) with depth lie in the bounding box of points (V, 3) enlarged by the clearance."""
     low, high = around.min(axis=0) - CLEARANCE, around.max(axis=0) + CLEARANCE
-    inside: NDArray[np.bool_] = np.all((points >= low) & (points <= high), axis=-1)
-    return inside
+    camera = frame.intrinsics
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+    near = np.empty(frame.depth.shape, dtype=np.bool_)
+    mark_within(frame.depth, np.float32(frame.depth_scale), lens, low, high, near)
+    return near
+
+
+@numba.njit(cache=True, nogil=True)
+def mark_within(
+    depth: NDArray[np.uint16],
+    scale: np.float32,
+    lens: tuple[float, float, float, float],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    out: NDArray[np.bool_],
+) -> None:
+    """Mark the pixels (H, W) that have depth and whose point lies in the box from low (3,) to high (3,)."""
+    fx, fy, cx, cy = lens
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            out[v, u] = False
+            if depth[v, u] > 0:
+                z = np.float32(depth[v, u]) / scale
+                x, y = (u - cx) / fx * z, (v - cy) / fy * z
+                out[v, u] = low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]

@@ -1,0 +1,72 @@
+"""What the coordinator does by itself each frame: cut out, draw, merge, report, record."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.standing import CAMERA, POSE, standing
+from common.body import BodyModel
+from common.frame import DepthFrame, SubjectFrame
+from common.messages import encode_frame
+from common.refinement import Refined
+from common.settings import RefineSettings, preset
+from coordinator.chosen_body import choose_bodies
+from coordinator.recorder import Recorder
+from coordinator.scenes.noise import SensorNoise
+from coordinator.tracker import Tracker
+from coordinator.traffic import Traffic
+
+SCATTER = 0.03  # radians and metres by which the pretended descent ends apart, so that there is work to merge
+
+
+class InstantRefiner:
+    """Takes no time: the particles, a little apart, as likely as they are near to where they began."""
+
+    def __init__(self) -> None:
+        self._rng = np.random.default_rng(0)
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Encode the frame, as publishing it does."""
+        encode_frame(subject)
+
+    def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+        """Poses (N, D), scattered."""
+        del model, settings
+        apart = self._rng.normal(scale=SCATTER, size=poses.shape)
+        return Refined(poses + apart, -np.square(apart).sum(axis=1), np.full(len(poses), 0.01))
+
+
+def coordinator_stages(rounds: int) -> dict[str, Any]:
+    """Medians of milliseconds by stage over so many frames, preset `default`."""
+    case = standing(10_000, SensorNoise(), 0)
+    frame = whole_image(case.subject)
+    tracker = Tracker(InstantRefiner(), preset("default"), choose_bodies(None, "default"), start=POSE)
+    laps: list[dict[str, float]] = []
+    with (
+        tempfile.TemporaryDirectory(prefix="gepf-") as folder,
+        Recorder(Path(folder) / "run", {}) as recorder,
+    ):
+        for _ in range(3 + rounds):
+            began = time.perf_counter()
+            estimate = tracker.track(frame)
+            tracked = time.perf_counter()
+            recorder.append(estimate, tracker.state, Traffic(), 0.0)
+            recorded = time.perf_counter()
+            laps.append(estimate.stage_seconds | {"record": recorded - tracked, "all": recorded - began})
+    stages = [name for name in laps[-1] if name != "refine"]
+    return {stage: 1e3 * float(np.median([lap[stage] for lap in laps[3:]])) for stage in stages}
+
+
+def whole_image(subject: SubjectFrame) -> DepthFrame:
+    """The camera's image with the subject where it was."""
+    left, top, _, _ = subject.view
+    depth = np.zeros((CAMERA.height, CAMERA.width), np.uint16)
+    rows, columns = subject.frame.depth.shape
+    depth[-top : rows - top, -left : columns - left] = subject.frame.depth
+    return DepthFrame(0, 0.0, depth, subject.frame.depth_scale, CAMERA)

@@ -1,0 +1,182 @@
+"""What the service costs beside the kernel: python -m benchmarks.service.
+
+One frame of 512 KB and N particles go to two workers whose kernel takes no time, so all that is measured is
+encode, publish, dispatch, gather; beside it, in turns, the same by a process pool with shared memory and by
+Ray. Then what the coordinator does by itself (draw, merge, record), how two real workers compare with one,
+and how near to the ideal 8, 64 and 256 workers come that only wait the kernel's time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.coordinator_alone import coordinator_stages
+from benchmarks.scatter_peers import Frame, process_pool, ray_tasks
+from benchmarks.standing import standing
+from benchmarks.timing import machine
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.frame import DepthFrame, SubjectFrame
+from common.settings import preset
+from coordinator.local_workers import COMMAND
+from coordinator.runtime import PoolOptions, ZenohRefiner
+from coordinator.scenes.noise import SensorNoise
+
+Array = NDArray[np.float64]
+
+SHAPE = (512, 512)  # of a 16-bit depth image: 512 KB
+PARTICLES = (20, 100, 1000)
+ROUNDS = 60
+WAITING = (sys.executable, "-m", "benchmarks.waiting_workers")
+WAIT = 0.0065  # seconds a particle, about the kernel's time
+SHARE = 10  # particles for each waiting worker
+PER_PROCESS = 16
+CROWDS = (8, 64, 256)
+POINTS = 5_000
+RESULT = Path(__file__).parent / "results" / "service.json"
+
+
+def main() -> int:
+    """Measure, print, keep the numbers."""
+    parser = argparse.ArgumentParser("python -m benchmarks.service", description=__doc__)
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--out", type=Path, default=RESULT, metavar="FILE")
+    chosen = parser.parse_args()
+    result: dict[str, Any] = {
+        "machine": machine("eclipse-zenoh", "numpy", "msgspec"),
+        "rounds": chosen.rounds,
+        "frame_bytes": SHAPE[0] * SHAPE[1] * 2,
+        "overhead_ms": [overhead(count, chosen.rounds) for count in PARTICLES],
+        "coordinator_ms": coordinator_stages(chosen.rounds),
+        "two_workers": two_workers(max(5, chosen.rounds // 6)),
+        "crowds": [crowd(count) for count in CROWDS],
+    }
+    chosen.out.write_text(json.dumps(result, indent=2) + "\n")
+    sys.stdout.write(json.dumps(result, indent=2) + "\n")
+    return 0
+
+
+def overhead(particles: int, rounds: int) -> dict[str, Any]:
+    """Milliseconds a frame with instant workers, ours and others' in turns: medians, and ratios to ours."""
+    case = standing(POINTS, SensorNoise(), 0)
+    poses = np.repeat(case.start, particles, axis=0)
+    depth = np.full(SHAPE, 2000, np.uint16)
+    with ExitStack() as stack:
+        ours = stack.enter_context(instant_workers(case.model, 2))
+        calls: dict[str, Frame] = {"gepf": ours, "process pool": stack.enter_context(process_pool(2, SHAPE))}
+        try:
+            calls["ray"] = stack.enter_context(ray_tasks(2))
+        except ImportError:
+            sys.stderr.write("service: Ray is not installed and is left out; pip install ray\n")
+        times = in_turns({name: partial(call, depth, poses) for name, call in calls.items()}, rounds)
+    median = {name: float(np.median(spent)) for name, spent in times.items()}
+    return {
+        "particles": particles,
+        "median": median,
+        "gepf_over": {name: median["gepf"] / other for name, other in median.items() if name != "gepf"},
+    }
+
+
+def in_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Array]:
+    """Milliseconds (rounds,) of wall time of every call, one of each a round; the first three do not count."""
+    spent: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(3 + rounds):
+        for name, call in calls.items():
+            began = time.perf_counter()
+            call()
+            spent[name].append(1e3 * (time.perf_counter() - began))
+    return {name: np.array(times[3:]) for name, times in spent.items()}
+
+
+@contextmanager
+def instant_workers(model: BodyModel, workers: int) -> Iterator[Frame]:
+    """Publish and refine with workers that give poses back."""
+    settings = preset("default").refine
+    with ZenohRefiner(PoolOptions(local_workers=workers, worker_command=WAITING)) as refiner:
+        refiner.wait_for(workers)
+        numbers = iter(range(10**9))
+
+        def frame(depth: NDArray[np.uint16], poses: Array) -> Array:
+            refiner.publish(subject_of(depth, next(numbers)))
+            return refiner.refine(model, poses, settings).poses
+
+        yield frame
+
+
+def subject_of(depth: NDArray[np.uint16], number: int) -> SubjectFrame:
+    """A frame of which every pixel is the subject's, with 10 000 points picked."""
+    height, width = depth.shape
+    camera = Intrinsics(width, height, 525.0, 525.0, width / 2, height / 2)
+    picked = np.linspace(0, depth.size - 1, 10_000).astype(np.uint32)
+    return SubjectFrame(DepthFrame(number, 0.0, depth, 1000.0, camera), picked, (0, 0, width, height))
+
+
+def two_workers(rounds: int) -> dict[str, Any]:
+    """The real kernel, 20 particles: one worker and two in turns, medians of milliseconds and their ratio."""
+    case = standing(POINTS, SensorNoise(), 0)
+    poses = np.repeat(case.start, 20, axis=0)
+    settings = preset("default").refine
+    with ExitStack() as stack:
+        refiners = {
+            count: stack.enter_context(ZenohRefiner(PoolOptions(local_workers=count, worker_command=COMMAND)))
+            for count in (1, 2)
+        }
+        for count, refiner in refiners.items():
+            refiner.wait_for(count)
+            refiner.publish(case.subject)
+        calls = {
+            str(count): partial(refiner.refine, case.model, poses, settings)
+            for count, refiner in refiners.items()
+        }
+        times = in_turns(calls, rounds)
+    one, two = float(np.median(times["1"])), float(np.median(times["2"]))
+    return {"one_ms": one, "two_ms": two, "speed_up": one / two}
+
+
+def crowd(workers: int) -> dict[str, Any]:
+    """Ten particles a worker that waits: milliseconds a frame, and the share of the ideal that is reached."""
+    case = standing(POINTS, SensorNoise(), 0)
+    poses = np.repeat(case.start, SHARE * workers, axis=0)
+    with tempfile.TemporaryDirectory(prefix="gepf-") as folder, ExitStack() as stack:
+        endpoint = f"unixsock-stream/{folder}/bus"
+        refiner = stack.enter_context(ZenohRefiner(PoolOptions(listen=(endpoint,))))
+        for first in range(0, workers, PER_PROCESS):
+            count = min(PER_PROCESS, workers - first)
+            stack.callback(start_waiting(endpoint, f"crowd{first}", count).kill)
+        refiner.wait_for(workers)
+        refiner.publish(case.subject)
+        call = {"frame": lambda: refiner.refine(case.model, poses, preset("default").refine)}
+        spent = float(np.median(in_turns(call, 15)["frame"]))
+    ideal = 1e3 * WAIT * SHARE
+    return {
+        "workers": workers,
+        "particles": len(poses),
+        "ideal_ms": ideal,
+        "ms": spent,
+        "share": ideal / spent,
+    }
+
+
+def start_waiting(endpoint: str, name: str, count: int) -> subprocess.Popen[bytes]:
+    """A process with so many waiting workers."""
+    return subprocess.Popen(
+        [*WAITING, "--connect", endpoint, "--name", name, "--count", str(count), "--seconds", str(WAIT)],
+        stdin=subprocess.PIPE,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,38 @@
+"""The subject is cut out of a depth image."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from common.camera import Intrinsics, back_project
+from common.frame import DepthFrame
+from coordinator.subject import CLEARANCE, isolate
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_what_is_kept_lies_near(seed: int) -> None:
+    """A pixel is the subject's exactly if its back-projected point is within the clearance of the box."""
+    rng = np.random.default_rng(seed)
+    camera = Intrinsics(40, 30, 35.0, 33.0, 19.2, 14.7)
+    depth = rng.integers(500, 6000, (30, 40)).astype(np.uint16) * (rng.random((30, 40)) < 0.7)
+    frame = DepthFrame(0, 0.0, depth.astype(np.uint16), 1000.0, camera)
+    around = rng.normal([0.0, 0.0, 2.5], 0.3, (20, 3))
+    points = back_project(frame.metres(), camera)
+    low, high = around.min(axis=0) - CLEARANCE, around.max(axis=0) + CLEARANCE
+    expected = np.all((points >= low) & (points <= high), axis=-1) & (depth > 0)
+    subject = isolate(frame, around, 10_000)
+    assert subject is not None
+    left, top, _, _ = subject.view
+    kept = np.zeros_like(depth)
+    rows, columns = subject.frame.depth.shape
+    kept[-top : rows - top, -left : columns - left] = subject.frame.depth
+    assert np.array_equal(kept, np.where(expected, depth, 0))
+
+
+def test_nothing_near_is_no_subject() -> None:
+    """Depth far from where the subject must be is not the subject's."""
+    frame = DepthFrame(0, 0.0, np.full((4, 4), 5000, np.uint16), 1000.0, Intrinsics(4, 4, 4.0, 4.0, 2.0, 2.0))
+    assert isolate(frame, np.array([[0.0, 0.0, 1.0]]), 100) is None
