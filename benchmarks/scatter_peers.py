@@ -6,6 +6,7 @@ result is the pose itself, so that all the time is overhead.
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import warnings
 from collections.abc import Callable, Iterator
@@ -71,7 +72,7 @@ def ray_tasks(workers: int) -> Iterator[Frame]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False, logging_level="error")
+        ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR)
     try:
         task: Any = ray.remote(look_and_return)
 

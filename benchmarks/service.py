@@ -91,7 +91,7 @@ def overhead(particles: int, rounds: int) -> dict[str, Any]:
 
 
 def in_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Array]:
-    """Milliseconds (rounds,) of wall time of every call, one of each a round; the first three do not count."""
+    """Milliseconds (rounds,) of wall time of every call, one of each a round; three do not count."""
     spent: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(3 + rounds):
         for name, call in calls.items():
