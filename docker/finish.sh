@@ -5,7 +5,7 @@ site=$(echo "$1"/lib/python3.*/site-packages)
 
 # What no program needs at run time.
 find "$site" -type d -name tests -prune -exec rm -rf {} +
-find "$site" \( -name '*.pyi' -o -name '*.pyx' -o -name '*.pxd' -o -name '*.h' -o -name '*.a' \) -type f -delete
+find "$site" \( -name '*.pyx' -o -name '*.pxd' -o -name '*.h' -o -name '*.a' \) -type f -delete
 
 # Bytecode and kernels are taken for current by their source's time; layers keep no fractions of a second.
 find "$1" -name '*.py' -exec touch --date=2020-01-01 {} +
