@@ -25,9 +25,10 @@ test: setup ## the tests
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow
 
-chaos: setup ## workers killed, frozen and slowed all the time, then coordinators killed: the same bytes?
+chaos: setup ## workers disturbed all the time, coordinators killed, two runs on one pool: the same bytes?
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.resume_kills
+	$(BIN)/python -m tests.two_runs
 
 check: setup ## lint, format, types, walls, images' recipes
 	$(BIN)/ruff check $(PACKAGES)
