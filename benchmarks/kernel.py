@@ -23,7 +23,7 @@ from benchmarks.standing import CAMERA, Case, standing
 from benchmarks.timing import machine, stay_on_one_core, take_turns
 from common.camera import Intrinsics
 from common.settings import RefineSettings, preset
-from coordinator.scenes.noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise
 from tests import plain_path
 from worker.icp import refine
 

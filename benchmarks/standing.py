@@ -15,7 +15,8 @@ from common.kinematics import joint_positions, pose_vertices
 from common.settings import RefineSettings
 from coordinator.models.human import DEFAULT_ACTIVE, human
 from coordinator.rendering import DepthRenderer
-from coordinator.scenes.noise import SensorNoise, add_noise
+from coordinator.scenes.noise import add_noise
+from coordinator.sensor_noise import SensorNoise
 from coordinator.subject import isolate
 from worker.evidence import lay_out_evidence
 from worker.icp import lay_out_room, look

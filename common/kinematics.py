@@ -72,6 +72,30 @@ def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
     return steps
 
 
+def natural_angles(model: BodyModel, poses: Array) -> Array:
+    """The same poses (N, D), each ball's angles on the branch that leaves its limits less.
+
+    Rx(a) Ry(b) Rz(c) is also Rx(a + pi) Ry(pi - b) Rz(c + pi). Where no limit tells them apart, angles stay.
+    """
+    natural = copied(poses)
+    for start in model.balls:
+        ball = slice(start, start + 3)
+        low, high = model.limits[ball].T
+        angles = poses[:, ball]
+        flipped = angles * [1.0, -1.0, 1.0] + np.pi
+        for other in (angles, flipped):
+            near = (other + np.pi) % (2.0 * np.pi) - np.pi
+            better = _excess(near, low, high) < _excess(natural[:, ball], low, high) - 1e-9
+            natural[:, ball] = np.where(better[:, None], near, natural[:, ball])
+    return natural
+
+
+def _excess(angles: Array, low: Array, high: Array) -> Array:
+    """Sum (N,) of how far angles (N, 3) lie outside of their limits."""
+    excess: Array = np.abs(angles - np.clip(angles, low, high)).sum(axis=1)
+    return excess
+
+
 def copied(values: Array) -> Array:
     """Values of their own, row by row: kernels are compiled for one layout."""
     return np.array(values, dtype=np.float64, order="C")

@@ -17,7 +17,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rest_weight: float = 0.0  # of a squared joint angle, for each point that the pose leaves unexplained
     keep_limits: bool = False
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
-    noise_lateral: float = 0.01  # and across it
+    noise_lateral: float = 0.01  # and across it; closest points are sought in units of both
     outlier_distance: float = 0.0  # residuals beyond it lose influence; 0 gives all points full weight
     free_space_weight: float = 0.0  # of model points seen where nothing was observed
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
@@ -46,6 +46,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     method: str = "gepf"
     seed: int = 0
     points: int = 10_000  # observed points at the most
+    measure_noise: bool = True  # in the first frame; what `refine` assumes is the least
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
 

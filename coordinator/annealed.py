@@ -40,16 +40,24 @@ def advance(
     ancestors = systematic(past.weights, settings.particles, rng)
     moving = settings.velocity_share * past.velocities[ancestors]
     poses = propagate(model, past.poses[ancestors], moving, spread * rng.standard_normal(shape))
-    measured = assess(poses)
-    log_weights = anneal(measured.log_likelihood, settings.survival_rate)
+    ancestors, measured, log_weights = measure(ancestors, assess(poses), settings.survival_rate)
     for _ in range(settings.layers - 1):
         survivors = systematic(normalise(log_weights), settings.particles, rng)
-        ancestors = ancestors[survivors]
         spread = spread * np.sqrt(settings.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
         poses = retract(model, measured.poses[survivors], spread * rng.standard_normal(shape))
-        measured = assess(poses)
-        log_weights = anneal(measured.log_likelihood, settings.survival_rate)
+        ancestors, measured, log_weights = measure(
+            ancestors[survivors], assess(poses), settings.survival_rate
+        )
     return weigh(model, past.poses[ancestors], measured, log_weights)
+
+
+def measure(
+    ancestors: NDArray[np.int64], assessed: Refined, survival_rate: float
+) -> tuple[NDArray[np.int64], Refined, Array]:
+    """The particles that were answered, where they came from, and their annealed log weights."""
+    answered = assessed.answered
+    measured = assessed.take(answered)
+    return ancestors[answered], measured, anneal(measured.log_likelihood, survival_rate)
 
 
 def anneal(log_likelihood: Array, survival_rate: float) -> Array:

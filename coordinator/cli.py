@@ -122,6 +122,13 @@ def track(  # noqa: PLR0913 one parameter an option
         int | None, typer.Option(metavar="N", help="Particles a frame; of annealed in each of its 10 layers.")
     ] = None,
     points: Annotated[int | None, typer.Option(metavar="N", help="Observed points a frame, at most.")] = None,
+    noise_depth: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M", help="The camera's noise along depth (default: measured in the first frame)."
+        ),
+    ] = None,
+    noise_lateral: Annotated[float | None, typer.Option(metavar="M", help="And across it.")] = None,
     dof: Annotated[
         str | None, typer.Option(metavar="NAME,...", help="Move only these; hold the rest.")
     ] = None,
@@ -164,10 +171,12 @@ def track(  # noqa: PLR0913 one parameter an option
         choose_model,
         choose_pool,
         choose_settings,
+        tell_noise,
     )
     from coordinator.security import TlsFiles, choose_security
 
     settings = choose_settings(method, preset, particles, points, seed)
+    settings = tell_noise(settings, noise_depth, noise_lateral)
     security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
     pool = choose_pool(workers, listen, connect, security, worker_timeout, choose_deadline(deadline, method))
     job = Job(sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames, resume)

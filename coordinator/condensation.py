@@ -48,7 +48,9 @@ def advance(
         model, past.poses[ancestors], settings.velocity_share * past.velocities[ancestors], noise
     )
     measured = assess(predicted)
-    return weigh(model, past.poses[ancestors], measured, measured.log_likelihood)
+    answered = measured.answered
+    measured = measured.take(answered)
+    return weigh(model, past.poses[ancestors[answered]], measured, measured.log_likelihood)
 
 
 def diffusion(model: BodyModel, settings: FilterSettings) -> Array:

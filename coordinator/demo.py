@@ -1,7 +1,7 @@
 """What gepf is for, in a minute or two: an arm behind heavy noise, which gradient tracking loses.
 
 The sequence is that of section 5 of the paper, noise of 15 cm in depth and 1 cm across, started 50
-degrees off in one shoulder angle. Both methods are given the noise's size.
+degrees off in one shoulder angle.
 """
 
 from __future__ import annotations
@@ -9,18 +9,16 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import InputError
-from common.settings import Settings
 from coordinator.evaluation import Errors, compare, lost_from
 from coordinator.options import Job, Pool, choose_settings
 from coordinator.progress import Show
 from coordinator.run import Connect, track_sequence
 from coordinator.scenes.arm import MOVING
-from coordinator.scenes.noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise
 from coordinator.synth import synthesise
 from coordinator.track import read_track
 from coordinator.truth import read_truth
@@ -46,7 +44,7 @@ def run_demo(out: Path | None, show: Show, connect: Connect, frames: int = FRAME
         synthesise("arm", out / SEQUENCE, frames, NOISE.depth, NOISE.lateral, advance=advance)
     for method, particles in METHODS.items():
         show.say(f"tracking with {method}")
-        settings = told_noise(choose_settings(method, "default", particles, None, seed=0))
+        settings = choose_settings(method, "default", particles, None, seed=0)
         job = Job(out / SEQUENCE, out / method, settings, Pool(WORKERS), active=MOVING)
         track_sequence(job, show, connect)
     for line in tabulate({method: errors_of(out, method) for method in METHODS}):
@@ -65,12 +63,6 @@ def make_room(out: Path) -> None:
             shutil.rmtree(out / name)
     except OSError as error:
         raise InputError(f"cannot write to '{out}' ({error.strerror}); choose another --out") from error
-
-
-def told_noise(settings: Settings) -> Settings:
-    """Settings that know how large the sequence's noise is."""
-    refine = msgspec.structs.replace(settings.refine, noise_depth=NOISE.depth, noise_lateral=NOISE.lateral)
-    return msgspec.structs.replace(settings, refine=refine)
 
 
 def errors_of(out: Path, method: str) -> Errors:

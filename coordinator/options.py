@@ -12,8 +12,10 @@ from common.errors import InputError
 from common.session import Security
 from common.settings import Settings, preset
 
+LARGEST_NOISE = 1.0  # metres
 BASELINES = {"condensation": 1_000, "annealed": 100}  # particles, unless told; of `annealed` in each layer
 METHODS = ("gepf", "gradient", *BASELINES)
+LONE_POINTS = 10_000  # for a single particle, which has time for all: few of 4 000 are on an arm
 PRESETS = ("default", "paper")
 MODELS = ("human",)
 AUTOMATIC = "auto"
@@ -62,6 +64,8 @@ def choose_settings(
         if particles not in (None, 1):
             raise InputError("method gradient follows a single particle; leave --particles out")
         particles = 1
+        if points is None:
+            settings = msgspec.structs.replace(settings, points=max(settings.points, LONE_POINTS))
     if method in BASELINES:
         particles = BASELINES[method] if particles is None else particles
         assess = msgspec.structs.replace(settings.refine, icp_iterations=0)
@@ -70,6 +74,23 @@ def choose_settings(
         chosen = msgspec.structs.replace(settings.filter, particles=particles)
         settings = msgspec.structs.replace(settings, filter=chosen)
     return msgspec.structs.replace(settings, method=method, seed=seed)
+
+
+def tell_noise(settings: Settings, depth: float | None, lateral: float | None) -> Settings:
+    """Settings for noise that the user tells, metres; for what is not told, as the preset has it.
+
+    Where nothing is told, it is measured.
+    """
+    known = {"noise_depth": depth, "noise_lateral": lateral}
+    for name, value in known.items():
+        if value is not None and not 0.0 < value <= LARGEST_NOISE:
+            option = "--" + name.replace("_", "-")
+            raise InputError(f"{option} {value:g} is out of range; give metres, above 0 and up to 1")
+    given = {name: value for name, value in known.items() if value is not None}
+    if not given:
+        return settings
+    refine = msgspec.structs.replace(settings.refine, **given)
+    return msgspec.structs.replace(settings, refine=refine, measure_noise=False)
 
 
 def choose_pool(

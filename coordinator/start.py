@@ -19,6 +19,7 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings
 from coordinator.bodies import Bodies, name_pose, pose_by_name
 from coordinator.refiner import Refiner
+from coordinator.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,10 @@ BODY_RADIUS = 0.1  # metres from the skin that is seen to the pelvis
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """A body and its pose (D,) in the first frame; `values` by name, of what does not move too."""
+    """A body and its pose (D,) in the first frame; `values` by name, of what does not move too.
+
+    `noise` is what was measured of the camera's in that frame; zero where it was not.
+    """
 
     model: BodyModel
     pose: Array
@@ -48,6 +52,7 @@ class Start:
     girth: float
     log_likelihood: float = -np.inf
     values: Mapping[str, float] = field(default_factory=dict)
+    noise: SensorNoise = field(default_factory=SensorNoise)
 
     @property
     def held(self) -> dict[str, float]:

@@ -29,6 +29,7 @@ def summarise(recorded: Recorded) -> dict[str, object]:
             "girth": start.girth,
             "active": start.model.dof_names,
         },
+        "noise_m": {"depth": start.noise.depth, "lateral": start.noise.lateral},
         "versions": versions(),
         "resumes": recorded.resumes,
         "workers_seen": traffic.workers_seen,

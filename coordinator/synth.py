@@ -18,8 +18,9 @@ from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.rendering import DepthRenderer
 from coordinator.scenes import SCENES
-from coordinator.scenes.noise import SensorNoise, add_noise
+from coordinator.scenes.noise import add_noise
 from coordinator.scenes.scene import Scene
+from coordinator.sensor_noise import SensorNoise
 
 DEPTH_SCALE = 10_000.0  # units per metre: steps of 0.1 mm, up to 6.55 m
 

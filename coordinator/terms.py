@@ -23,6 +23,8 @@ OPTIONS = {
     "settings.preset": "--preset",
     "settings.filter.particles": "--particles",
     "settings.points": "--points",
+    "settings.refine.noise_depth": "--noise-depth",
+    "settings.refine.noise_lateral": "--noise-lateral",
     "settings.seed": "--seed",
     "model.name": "--model",
     "dof": "--dof",

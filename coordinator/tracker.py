@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
+from common.kinematics import joint_positions, natural_angles, pose_vertices
 from common.refinement import Refined
-from common.settings import Settings
+from common.settings import RefineSettings, Settings
 from coordinator.belief import Belief
 from coordinator.bodies import Bodies
 from coordinator.estimate import Estimate
 from coordinator.methods import METHODS
 from coordinator.refiner import Refiner
+from coordinator.sensor_noise import SensorNoise, measure_noise, told
 from coordinator.start import Start, find_start, given_start
 from coordinator.status import judge
 from coordinator.subject import isolate
@@ -98,10 +99,10 @@ class Tracker:
         def refine(poses: Array) -> Refined:
             nonlocal answered
             clock.lap("draw")
-            refined = self._refiner.refine(self.model, poses, self._settings.refine)
+            refined = self._refiner.refine(self.model, poses, self._rules)
             clock.lap("refine")
             answered = min(answered, len(refined.answered))
-            return refined
+            return replace(refined, poses=natural_angles(self.model, refined.poses))
 
         self._belief = self._method.advance(
             self.model, self._belief, refine, self._settings.filter, self._rng
@@ -116,11 +117,18 @@ class Tracker:
         surface: Array = pose_vertices(self.model, self._belief.reported[None])[0]
         return surface
 
+    @property
+    def _rules(self) -> RefineSettings:
+        """How particles are refined: the settings, for the noise that was found at the start."""
+        return told(self._settings.refine, self.start.noise)
+
     def _begin(self, subject: SubjectFrame) -> Belief:
+        noise = measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
         if self._given is not None:
-            self._start = given_start(self._given, self._bodies)
+            start = given_start(self._given, self._bodies)
         else:
-            self._start = find_start(subject, self._bodies, self._refiner, self._settings.refine)
+            start = find_start(subject, self._bodies, self._refiner, told(self._settings.refine, noise))
+        self._start = replace(start, noise=noise)
         return self._begin_at(self._start)
 
     def _begin_at(self, start: Start) -> Belief:
@@ -146,7 +154,7 @@ class Tracker:
         return Estimate(
             frame=frame.number,
             time_s=frame.time_s,
-            status=judge(residual, self._settings.refine.noise_depth, weights[:RECORDED], joints[1:]),
+            status=judge(residual, self._rules.noise_depth, weights[:RECORDED], joints[1:]),
             pose=found.reported,
             joint_positions=joints[0],
             hypothesis_pose=shown,

@@ -16,8 +16,8 @@ def write_small_sequence(folder: Path, frames: int) -> None:
     from common.camera import Intrinsics
     from common.messages import encode_model
     from coordinator.scenes.arm import arm
-    from coordinator.scenes.noise import SensorNoise
     from coordinator.scenes.scene import Scene
+    from coordinator.sensor_noise import SensorNoise
     from coordinator.synth import write_camera, write_depth, write_start
 
     whole = arm()

@@ -19,8 +19,9 @@ from coordinator.models.human import DEFAULT_ACTIVE
 from coordinator.rendering import DepthRenderer
 from coordinator.scenes import SCENES
 from coordinator.scenes.arm import MOVING
-from coordinator.scenes.noise import SensorNoise, add_noise
+from coordinator.scenes.noise import add_noise
 from coordinator.scenes.scene import Scene
+from coordinator.sensor_noise import SensorNoise
 from coordinator.sources import open_source
 from coordinator.synth import synthesise
 from coordinator.truth import read_truth

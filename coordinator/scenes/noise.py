@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from common.camera import Intrinsics
+from coordinator.sensor_noise import SensorNoise
 
 Image = NDArray[np.float64]
 
 FARTHEST = 6.0  # standard deviations that noise ever reaches
 SAME_SURFACE = 0.01  # neighbouring depths that differ by less than this share belong to one surface
-
-
-@dataclass(frozen=True, slots=True)
-class SensorNoise:
-    """Standard deviations in metres."""
-
-    depth: float = 0.0
-    lateral: float = 0.0
 
 
 def add_noise(depth_m: Image, camera: Intrinsics, noise: SensorNoise, rng: np.random.Generator) -> Image:
