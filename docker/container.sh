@@ -21,6 +21,7 @@ run_in_chroot() {
     container=$(buildah from --quiet --pull-never "localhost/$image")
     root=$(buildah mount "$container")
     mapfile -t environment < <(buildah inspect --format '{{range .OCIv1.Config.Env}}{{println .}}{{end}}' "$container" | sed '/^$/d')
+    echo "$container" >>"$DATA/containers"
     mkdir -p "$root/data"
     ROOT=$root DATA=$DATA unshare --mount --pid --fork --kill-child -- bash -euc '
         mount --make-rprivate /
@@ -32,7 +33,9 @@ run_in_chroot() {
         mount --bind "$DATA" "$ROOT/data"
         exec chroot --userspec=10001:10001 --groups= "$ROOT" env -i "$@"
     ' run "${environment[@]}" sh -c 'cd /tmp && exec entrypoint "$@"' run "$@"
-    local code=$?
-    buildah rm "$container" >/dev/null
-    return "$code"
+}
+
+# Engines remove a container when it ends; this removes what buildah leaves.
+remove_containers() {
+    [ ! -e "$DATA/containers" ] || xargs buildah rm <"$DATA/containers" >/dev/null
 }

@@ -2,7 +2,7 @@
 # Tracks the demo's sequence with the images: a coordinator, a router and two workers, each a container with
 # certificates; no file of this checkout is used. The bytes must be those of a run inside one container.
 # docker/test.sh [FRAMES]
-set -euo pipefail
+set -euo pipefail -m # each job is a group of processes, and ends as one
 cd "$(dirname "$0")/.."
 . docker/engine.sh
 . docker/container.sh
@@ -13,8 +13,12 @@ DATA=$(mktemp -d)
 chmod 777 "$DATA"
 running=()
 stop() {
-    [ ${#running[@]} = 0 ] || kill "${running[@]}" 2>/dev/null || true
+    local job
+    for job in "${running[@]}"; do
+        kill -- "-$job" 2>/dev/null || true
+    done
     wait
+    remove_containers
     rm -rf "$DATA"
 }
 trap stop EXIT
