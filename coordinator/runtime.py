@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from common import keys
 from common.body import BodyModel
-from common.bus import Asker, open_coordinator
+from common.bus import open_coordinator
 from common.errors import ProtocolError
 from common.frame import SubjectFrame
 from common.messages import (
@@ -49,11 +49,11 @@ from coordinator.instructions import (
     WorkerLeft,
 )
 from coordinator.local_workers import COMMAND, LocalWorkers
+from coordinator.members import Members
 from coordinator.publication import Publication
 from coordinator.traffic import Traffic
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
-REQUEST_TIMEOUT = 30.0  # seconds; only a worker that lives and hangs takes so long
 LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 
 
@@ -70,29 +70,18 @@ class PoolOptions:
     run: str | None = None  # None to invent a name
     worker_command: tuple[str, ...] = COMMAND
 
-    def missing(self) -> str:
-        """What to say when no worker is there."""
+    def absence(self) -> Absence:
+        """What to say when no worker is there, and when to give up."""
+        missing = "no worker is there; waiting for one"
         if self.local_workers:
-            return "the local workers are not ready yet; the first time they compile for a minute or so"
-        return "no worker is there; waiting for one"
-
-    def invitation(self) -> str:
-        """The command that adds a worker."""
-        certificate = "" if self.security is None else " --tls-ca FILE --tls-cert FILE --tls-key FILE"
-        return f"gepf-worker --connect {next(iter([*self.listen, *self.connect]), 'ENDPOINT')}{certificate}"
+            missing = "the local workers are not ready yet; the first time they compile for a minute or so"
+        invitation = f"gepf-worker --connect {next(iter([*self.listen, *self.connect]), 'ENDPOINT')}"
+        return Absence(self.worker_timeout, missing, invitation)
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
     """A request has been answered; from a thread of the bus."""
-
-    ticket: int
-    payload: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """A request has brought an error; from a thread of the bus."""
 
     ticket: int
     payload: bytes
@@ -110,12 +99,9 @@ class ZenohRefiner:
         self._options = options
         self._tell = tell
         self._stack = ExitStack()
-        self._inbox: SimpleQueue[Event | Reply | Refusal] = SimpleQueue()
+        self._inbox: SimpleQueue[Event | Reply] = SimpleQueue()
         self._dispatch = Dispatch()
-        self._askers: dict[str, Asker] = {}
-        self._seen: dict[str, None] = {}
         self._traffic = Traffic()
-        self._absence = Absence(options.worker_timeout, options.missing(), options.invitation())
         self._request: RefineRequest | None = None
         self._refined: dict[int, Refined] = {}  # by ticket
         self._parts: dict[int, Refined] = {}  # by first particle
@@ -135,8 +121,9 @@ class ZenohRefiner:
             self._bus.announce(keys.run_alive(self.run))
             self._bus.watch(keys.ANY_WORKER_ALIVE, self._notice)
             names = [f"{self.run}-{k}" for k in range(self._options.local_workers)]
-            self._local = LocalWorkers(names, local, folder, self._options.worker_command)
-            stack.callback(self._local.stop)
+            ours = LocalWorkers(names, local, folder, self._options.worker_command)
+            stack.callback(ours.stop)
+            self._members = Members(self._bus, ours, self._options.absence(), self._tell)
             self._stack = stack.pop_all()
         return self
 
@@ -149,8 +136,8 @@ class ZenohRefiner:
     def traffic(self) -> Traffic:
         """What has gone over the bus so far."""
         counts = self._dispatch.counts
-        self._traffic.workers_seen = tuple(sorted(self._seen))
-        self._traffic.local_workers_restarted = self._local.restarted
+        self._traffic.workers_seen = self._members.seen
+        self._traffic.local_workers_restarted = self._members.local.restarted
         self._traffic.batches_sent = counts.batches_sent
         self._traffic.batches_sent_again = counts.batches_sent_again
         self._traffic.batches_refused = counts.batches_refused
@@ -159,11 +146,11 @@ class ZenohRefiner:
     @property
     def local_pids(self) -> dict[str, int]:
         """Process ids of our own workers by name."""
-        return {worker.name: worker.process.pid for worker in self._local.workers.values()}
+        return {worker.name: worker.process.pid for worker in self._members.local.workers.values()}
 
     def wait_for(self, workers: int) -> None:
         """Wait until so many workers are there. Raises as `refine` does."""
-        while len(self._askers) < workers:
+        while len(self._members) < workers:
             self._step()
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
@@ -220,7 +207,7 @@ class ZenohRefiner:
         """Handle what happens next, and look at the clock and the workers now and then."""
         if time.monotonic() >= self._next_look:
             self._next_look = time.monotonic() + TICK
-            self._look_after_workers()
+            self._members.look(time.monotonic())
             self._handle(Ticked())
             return
         with suppress(Empty):
@@ -231,16 +218,14 @@ class ZenohRefiner:
         due = self._due - time.monotonic()
         return min(TICK, due) if due > 0 else TICK
 
-    def _interpret(self, arrival: Event | Reply | Refusal) -> Event:
+    def _interpret(self, arrival: Event | Reply) -> Event:
         match arrival:
             case Reply(ticket, payload):
                 return self._read_reply(ticket, payload)
-            case Refusal(ticket, payload):
-                return read_refusal(ticket, payload)
             case WorkerJoined(worker):
-                self._welcome(worker)
+                self._members.welcome(worker)
             case WorkerLeft(worker):
-                self._dismiss(worker)
+                self._members.dismiss(worker)
         return arrival
 
     def _read_reply(self, ticket: int, payload: bytes) -> Event:
@@ -255,21 +240,6 @@ class ZenohRefiner:
             self._tell(f"worker {flight.worker.name} sent a reply that makes no sense: {error}")
             return Refused(ticket, f"a reply made no sense: {error}")
         return Replied(ticket)
-
-    def _welcome(self, worker: str) -> None:
-        self._local.mark_serving(worker)
-        if worker in self._askers:
-            return
-        self._askers[worker] = self._bus.asker(keys.worker_refine(worker), REQUEST_TIMEOUT)
-        self._seen[worker] = None
-        self._absence.end()
-        self._tell(f"worker {worker} joined")
-
-    def _dismiss(self, worker: str) -> None:
-        asker = self._askers.pop(worker, None)
-        if asker is not None:
-            asker.close()
-            self._tell(f"worker {worker} left")
 
     def _handle(self, event: Event) -> None:
         for instruction in self._dispatch.handle(event, time.monotonic()):
@@ -296,19 +266,12 @@ class ZenohRefiner:
             request.settings,
             request.poses[send.start : send.stop],
         )
-        self._askers[send.worker].ask(
+        self._members.asker(send.worker).ask(
             encode_request(batch),
             on_reply=lambda payload: self._inbox.put(Reply(send.ticket, payload)),
-            on_refusal=lambda payload: self._inbox.put(Refusal(send.ticket, payload)),
+            on_refusal=lambda payload: self._inbox.put(read_refusal(send.ticket, payload)),
             on_end=lambda: self._inbox.put(Ended(send.ticket)),
         )
-
-    def _look_after_workers(self) -> None:
-        for line in self._local.restart_dead():
-            self._tell(line)
-        missing = None if self._askers else self._absence.look(time.monotonic())
-        if missing is not None:
-            self._tell(missing)
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:
