@@ -18,7 +18,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings, preset
 from coordinator.chosen_body import choose_bodies
 from coordinator.recorder import Recorder
-from coordinator.scenes.noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise
 from coordinator.tracker import Tracker
 from coordinator.traffic import Traffic
 
@@ -26,10 +26,11 @@ SCATTER = 0.03  # radians and metres by which the pretended descent ends apart, 
 
 
 class InstantRefiner:
-    """Takes no time: the particles, a little apart, as likely as they are near to where they began."""
+    """Takes no time: poses about the first one, the likelier the nearer."""
 
     def __init__(self) -> None:
         self._rng = np.random.default_rng(0)
+        self._valley: NDArray[np.float64] | None = None  # (1, D)
 
     def publish(self, subject: SubjectFrame) -> None:
         """Encode the frame, as publishing it does."""
@@ -38,8 +39,9 @@ class InstantRefiner:
     def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
         """Poses (N, D), scattered."""
         del model, settings
+        self._valley = poses[:1] if self._valley is None else self._valley
         apart = self._rng.normal(scale=SCATTER, size=poses.shape)
-        return Refined(poses + apart, -np.square(apart).sum(axis=1), np.full(len(poses), 0.01))
+        return Refined(self._valley + apart, -np.square(apart).sum(axis=1), np.full(len(poses), 0.01))
 
 
 def coordinator_stages(rounds: int) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from common.frame import DepthFrame, SubjectFrame
 from common.settings import preset
 from coordinator.local_workers import COMMAND
 from coordinator.runtime import PoolOptions, ZenohRefiner
-from coordinator.scenes.noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 

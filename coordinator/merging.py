@@ -29,28 +29,24 @@ def merge(
         The representatives (M,) as indices of particles, likeliest first, and for each particle the
         place (N,) of its representative among them.
     """
-    angles = np.flatnonzero(model.kinds == ROTATION)
     representatives: list[int] = []
     group = np.empty(len(poses), dtype=np.int64)
     for n in np.argsort(-log_likelihood, kind="stable"):
-        group[n] = _first_within(model, poses, representatives, int(n), angles, angle)
-        if group[n] == len(representatives):
+        near = _near(model, poses[n], poses[representatives], angle)
+        group[n] = near[0] if len(near) else len(representatives)
+        if not len(near):
             representatives.append(int(n))
     return np.array(representatives, dtype=np.int64), group
 
 
-def _first_within(
-    model: BodyModel,
-    poses: Array,
-    representatives: list[int],
-    n: int,
-    angles: NDArray[np.int64],
-    angle: float,
-) -> int:
-    """Place of the first representative near particle n; their number where there is none."""
-    if not representatives:
-        return 0
-    origins = np.broadcast_to(poses[n], (len(representatives), poses.shape[1]))
-    apart = np.abs(difference(model, origins, poses[representatives])[:, angles]).max(axis=1, initial=0.0)
-    near = np.flatnonzero(apart < angle)
-    return int(near[0]) if len(near) else len(representatives)
+def _near(model: BodyModel, pose: Array, others: Array, angle: float) -> NDArray[np.int64]:
+    """Which other poses (M, D) differ by less than `angle` in every rotation, in order.
+
+    Single axes tell most apart already, by a subtraction; balls need matrices.
+    """
+    rotations = model.kinds == ROTATION
+    hinges = rotations.copy()
+    hinges[(model.balls[:, None] + np.arange(3)).ravel()] = False
+    likely = np.flatnonzero(np.all(np.abs(others - pose)[:, hinges] < angle, axis=1))
+    steps = difference(model, np.broadcast_to(pose, (len(likely), len(pose))), others[likely])
+    return likely[np.all(np.abs(steps[:, rotations]) < angle, axis=1)]
