@@ -182,7 +182,7 @@ def test_a_path_without_a_sequence_is_refused(tmp_path: Path, refused: Callable[
     (tmp_path / "empty").mkdir()
     (tmp_path / "film.mp4").touch()
     assert "no such file or folder" in refused("track", tmp_path / "nowhere", "--out", tmp_path / "out")
-    assert "holds no depth/000000.png" in refused("track", tmp_path / "empty", "--out", tmp_path / "out")
+    assert "holds no depth sequence" in refused("track", tmp_path / "empty", "--out", tmp_path / "out")
     assert "cannot read" in refused("track", "x" * 5000, "--out", tmp_path / "out")
     assert "no depth sequence" in refused("track", tmp_path / "film.mp4", "--out", tmp_path / "out")
 

@@ -244,10 +244,12 @@ def test_a_path_without_a_sequence_says_what_was_expected(tmp_path: Path) -> Non
     """No path, an empty folder, and a file of another kind are told apart."""
     with pytest.raises(InputError, match="no such file or folder"):
         open_source(tmp_path / "nowhere")
-    with pytest.raises(InputError, match=r"holds no depth/000000\.png"):
+    with pytest.raises(
+        InputError, match=r"holds no depth sequence .* TUM RGB-D folder \(depth\.txt\), stereo pairs"
+    ):
         open_source(tmp_path)
     (tmp_path / "film.mp4").touch()
-    with pytest.raises(InputError, match="no depth sequence that is known"):
+    with pytest.raises(InputError, match="is no depth sequence that is known"):
         open_source(tmp_path / "film.mp4")
 
 

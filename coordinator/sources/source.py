@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
+
+import numpy as np
 
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.sources.camera_file import DEFAULT_FPS
 
 
 class Source(Protocol):
@@ -26,7 +29,7 @@ class Source(Protocol):
 
     @property
     def fps(self) -> float:
-        """Frames per second; frame n was taken at n / fps seconds."""
+        """Frames per second: frame n was taken at n / fps seconds, or at the time that it tells."""
         ...
 
     @property
@@ -51,6 +54,34 @@ class Source(Protocol):
     def __len__(self) -> int: ...
 
     def __iter__(self) -> Iterator[DepthFrame]: ...
+
+
+class Recording:
+    """What sequences in files and folders have in common; a format adds the rest."""
+
+    numbers: range
+    truth: Path | None = None
+    init: Path | None = None
+
+    def frame(self, number: int) -> DepthFrame:
+        """One frame."""
+        raise NotImplementedError
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __iter__(self) -> Iterator[DepthFrame]:
+        return map(self.frame, self.numbers)
+
+
+def if_there(path: Path) -> Path | None:
+    """The path, if there is such a file."""
+    return path if path.is_file() else None
+
+
+def rate_of(seconds: Sequence[float]) -> float:
+    """Frames per second of ascending times: the inverse of the median time between frames."""
+    return float(1.0 / np.median(np.diff(seconds))) if len(seconds) > 1 else DEFAULT_FPS
 
 
 def select_frames(numbers: range, wanted: str | None) -> range:

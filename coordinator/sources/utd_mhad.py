@@ -7,7 +7,6 @@ read as they are, so the limb at image left of a person who faces the camera is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.io import loadmat
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.sources.source import Recording
 
 KINECT = Intrinsics(320, 240, 285.63, 285.63, 160.0, 120.0)
 MILLIMETRES = 1000.0
@@ -24,13 +24,11 @@ FPS = 30.0
 VARIABLE = "d_depth"
 
 
-class UtdMhadFile:
+class UtdMhadFile(Recording):
     """The frames of one `.mat` file, numbered from 0."""
 
     intrinsics = KINECT
     fps = FPS
-    truth: Path | None = None
-    init: Path | None = None
 
     def __init__(self, path: Path) -> None:
         self.name = path.stem
@@ -41,12 +39,6 @@ class UtdMhadFile:
         """One frame, in millimetres."""
         depth = np.ascontiguousarray(self._depth[:, :, number])
         return DepthFrame(number, number / FPS, depth, MILLIMETRES, KINECT)
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __iter__(self) -> Iterator[DepthFrame]:
-        return map(self.frame, self.numbers)
 
 
 def read_depth(path: Path) -> NDArray[np.uint16]:

@@ -1,0 +1,127 @@
+"""A folder of point clouds, one file a frame: PLY or PCD, metres, in the camera's frame (z forward).
+
+Each cloud is projected into a depth image: the nearest point of a pixel counts. The camera is that of
+camera_intrinsic.json; without one an organised cloud (PCD with rows and columns) tells its own, and an
+unorganised one is seen by a nominal camera of 640 x 480.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics, project
+from common.errors import InputError
+from common.frame import DepthFrame
+from coordinator.sources.arrays import UNITS_PER_METRE, to_units
+from coordinator.sources.camera_file import CAMERA_FILE, DEFAULT_FPS, pinhole, read_camera
+from coordinator.sources.source import Recording, if_there
+
+Array = NDArray[np.float64]
+
+SUFFIXES = (".ply", ".pcd")
+NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+LARGEST_MISFIT = 0.05  # pixels that a pinhole camera's points may lie off their pixels
+
+
+class PointClouds(Recording):
+    """Clouds in the order of the numbers in their names, numbered from 0."""
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.resolve().name
+        self._files = cloud_files(path)
+        self.fps = DEFAULT_FPS
+        if (path / CAMERA_FILE).exists():
+            camera = read_camera(path / CAMERA_FILE)
+            self.intrinsics, self.fps = pinhole(camera, path / CAMERA_FILE), camera.fps
+        else:
+            self.intrinsics = own_camera(self._files[0])
+        self.numbers = range(len(self._files))
+        self.truth = if_there(path / "truth.npz")
+        self.init = if_there(path / "init.json")
+
+    def frame(self, number: int) -> DepthFrame:
+        """One cloud as the camera sees it."""
+        points, _ = read_cloud(self._files[number])
+        depth = to_units(render_points(points.reshape(-1, 3), self.intrinsics))
+        return DepthFrame(number, number / self.fps, depth, UNITS_PER_METRE, self.intrinsics)
+
+
+def cloud_files(path: Path) -> list[Path]:
+    """The clouds of a folder, in the order of the numbers in their names."""
+    files = [f for f in path.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith(".")]
+    kinds = {f.suffix.lower() for f in files}
+    if len(kinds) > 1:
+        raise InputError(f"{path} holds both .ply and .pcd files; keep those of one kind")
+    return sorted(files, key=lambda f: [int(p) if p.isdecimal() else p for p in re.split(r"(\d+)", f.stem)])
+
+
+def read_cloud(path: Path) -> tuple[Array, bool]:
+    """Points (N, 3), or (H, W, 3) and True where the cloud is organised; InputError if it is damaged."""
+    try:
+        points = read_ply(path) if path.suffix.lower() == ".ply" else read_pcd(path)
+    except ImportError as error:
+        raise InputError(f"{path} needs the package {error.name}; pip install 'gepf[coordinator]'") from error
+    except Exception as error:  # the readers raise whatever they stumble over
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{path} is damaged or no point cloud ({reason}); copy it again") from error
+    return points, points.ndim == 3
+
+
+def read_ply(path: Path) -> Array:
+    """Vertices (N, 3) of a PLY file, ASCII or binary, of a mesh or a cloud."""
+    import trimesh
+
+    loaded: Any = trimesh.load(path, process=False)
+    return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
+
+
+def read_pcd(path: Path) -> Array:
+    """Points of a PCD file, (N, 3) or organised (H, W, 3)."""
+    from pypcd4.pypcd4 import PointCloud
+
+    cloud = PointCloud.from_path(path)
+    points = np.asarray(cloud.numpy(("x", "y", "z")), dtype=np.float64)
+    rows, columns = cloud.metadata.height, cloud.metadata.width
+    return points.reshape(rows, columns, 3) if rows > 1 else points
+
+
+def own_camera(path: Path) -> Intrinsics:
+    """The camera that an organised cloud was taken with, else the nominal one."""
+    points, organised = read_cloud(path)
+    if not organised:
+        return NOMINAL
+    rows, columns = points.shape[:2]
+    v, u = np.indices((rows, columns))
+    seen = np.isfinite(points).all(axis=2) & (points[:, :, 2] > 0)
+    fx, cx, off_x = fit_axis(points[seen][:, 0] / points[seen][:, 2], u[seen])
+    fy, cy, off_y = fit_axis(points[seen][:, 1] / points[seen][:, 2], v[seen])
+    if not (fx > 0 and fy > 0 and max(off_x, off_y) < LARGEST_MISFIT):
+        raise InputError(
+            f"{path} is organised, but not as a pinhole camera sees it; add {CAMERA_FILE} to the folder"
+        )
+    return Intrinsics(columns, rows, fx, fy, cx, cy)
+
+
+def fit_axis(slopes: Array, pixels: NDArray[np.integer]) -> tuple[float, float, float]:
+    """Focal length and centre for which pixel = centre + focal x slope, and the largest misfit in pixels."""
+    if len(slopes) < 2 or np.ptp(slopes) == 0.0:
+        return 0.0, 0.0, np.inf
+    focal, centre = np.polyfit(slopes, pixels, 1)
+    return float(focal), float(centre), float(np.abs(centre + focal * slopes - pixels).max())
+
+
+def render_points(points: Array, camera: Intrinsics) -> Array:
+    """Depth (H, W) in metres of points (N, 3): each pixel's nearest, 0 where there is none."""
+    depth = np.full((camera.height, camera.width), np.inf)
+    points = points[np.isfinite(points).all(axis=1)]
+    points = points[points[:, 2] > 0]
+    column, row = np.rint(project(points, camera)).T
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    at = (row[inside].astype(np.int64), column[inside].astype(np.int64))
+    np.minimum.at(depth, at, points[inside, 2])
+    return np.where(np.isfinite(depth), depth, 0.0)

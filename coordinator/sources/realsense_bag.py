@@ -1,0 +1,161 @@
+"""A `.bag` file of Intel RealSense cameras (a ROS 1 bag as librealsense records it), read without ROS.
+
+Depth comes as 16-bit images in units that the recording tells, with the intrinsics of its stream. Other
+ROS 1 bags are read too if they hold 16-bit depth images with their camera_info beside them, in millimetres
+unless they say otherwise. Lens distortion is not undone.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from itertools import takewhile
+from operator import eq
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.frame import DepthFrame
+from coordinator.sources.source import Recording, rate_of
+
+Result = TypeVar("Result")
+
+IMAGE, CAMERA, NUMBER = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "std_msgs/msg/Float32"
+ENCODINGS = ("mono16", "16UC1")
+UNITS_OPTION = "/Depth_Units/value"
+MILLIMETRE = 0.001
+NANOSECONDS = 1e-9
+
+
+class RealSenseBag(Recording):
+    """The depth images of a bag, numbered from 0; times are the bag's, from 0."""
+
+    def __init__(self, path: Path) -> None:
+        self.name, self._bag = path.stem, Bag(path)
+        self._topic = depth_topic(self._bag)
+        self._times = self._bag.times(self._topic)
+        self.intrinsics = camera_of(self._bag, self._topic)
+        self._scale = round(1.0 / units_of(self._bag, self._topic), 6)
+        self.numbers = range(len(self._times))
+        self.fps = rate_of([t * NANOSECONDS for t in self._times])
+
+    def frame(self, number: int) -> DepthFrame:
+        """One frame, checked against the camera's size."""
+        image = self._bag.message(self._topic, self._times[number])
+        camera = self.intrinsics
+        if (image.width, image.height) != (camera.width, camera.height):
+            raise InputError(
+                f"{self._bag.path}: frame {number} is {image.width}x{image.height}, but its camera "
+                f"{camera.width}x{camera.height}; record one stream at one size"
+            )
+        depth = self._bag.guarded(lambda: pixels(image))
+        time_s = (self._times[number] - self._times[0]) * NANOSECONDS
+        return DepthFrame(number, time_s, depth, self._scale, camera)
+
+
+class Bag:
+    """Messages of a bag by topic and time; InputError wherever it is damaged."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            from rosbags.rosbag1 import Reader
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError as error:
+            raise InputError(f"{path} needs the package rosbags; pip install 'gepf[coordinator]'") from error
+        self._types = get_typestore(Stores.ROS1_NOETIC)
+        self._reader = self.guarded(lambda: Reader(path))
+        self.guarded(self._reader.open)
+        weakref.finalize(self, self._reader.close)
+
+    def topics(self, kind: str) -> list[str]:
+        """Topics with messages of a type, by name."""
+        return sorted({c.topic for c in self._reader.connections if c.msgtype == kind and c.msgcount})
+
+    def times(self, topic: str) -> list[int]:
+        """Times of a topic's messages, nanoseconds, ascending."""
+        connections = self._connections(topic)
+        return self.guarded(lambda: [t for _, t, _ in self._reader.messages(connections)])
+
+    def message(self, topic: str, time: int | None = None) -> Any:
+        """A topic's message at a time, or its first."""
+        connections, stop = self._connections(topic), None if time is None else time + 1
+
+        def read() -> Any:
+            connection, _, data = next(self._reader.messages(connections, time, stop))
+            return self._types.deserialize_ros1(data, connection.msgtype)
+
+        return self.guarded(read)
+
+    def guarded(self, read: Callable[[], Result]) -> Result:
+        """What `read` gives; the library raises whatever a damaged bag makes it stumble over."""
+        try:
+            return read()
+        except Exception as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise InputError(f"{self.path} is damaged or no ROS 1 bag ({reason}); copy it again") from error
+
+    def _connections(self, topic: str) -> list[Any]:
+        return [c for c in self._reader.connections if c.topic == topic]
+
+
+def depth_topic(bag: Bag) -> str:
+    """The topic with depth images, one with depth in its name before others."""
+    images = sorted(bag.topics(IMAGE), key=lambda topic: "depth" not in topic.lower())
+    for topic in images:
+        if bag.message(topic).encoding in ENCODINGS:
+            return topic
+    raise InputError(f"{bag.path} holds no 16-bit depth images; record the camera's depth stream")
+
+
+def camera_of(bag: Bag, topic: str) -> Intrinsics:
+    """The camera of a topic's images: the camera_info whose name has most in common with theirs."""
+    infos = bag.topics(CAMERA)
+    if not infos:
+        raise InputError(
+            f"{bag.path} holds no camera_info, so its camera is unknown; record it with the depth"
+        )
+    info = bag.message(nearest(topic, infos))
+    fx, cx, fy, cy = (float(info.K[k]) for k in (0, 2, 4, 5))
+    if not (np.isfinite([fx, fy, cx, cy]).all() and min(fx, fy) > 0 and min(info.width, info.height) > 0):
+        raise InputError(
+            f"{bag.path}: the depth camera's intrinsics are not set; record with a calibrated camera"
+        )
+    return Intrinsics(info.width, info.height, fx, fy, cx, cy)
+
+
+def units_of(bag: Bag, topic: str) -> float:
+    """Metres that a unit of depth stands for."""
+    options = [t for t in bag.topics(NUMBER) if t.endswith(UNITS_OPTION)]
+    metres = shortest(bag.message(nearest(topic, options)).data) if options else MILLIMETRE
+    if not 0 < metres < np.inf:
+        raise InputError(f"{bag.path}: a unit of depth is said to be {metres} m; record it again")
+    return metres
+
+
+def shortest(value: float) -> float:
+    """The decimal number that was meant by a float32: 0.001 for 0.0010000000474974513."""
+    return float(str(np.float32(value)))
+
+
+def nearest(topic: str, others: list[str]) -> str:
+    """The topic whose name agrees longest with `topic`, level by level."""
+
+    def shared(other: str) -> int:
+        return len([*takewhile(bool, map(eq, topic.split("/"), other.split("/")))])
+
+    return max(others, key=shared)
+
+
+def pixels(image: Any) -> NDArray[np.uint16]:
+    """The depth (H, W) of a ROS image message."""
+    kind = ">u2" if image.is_bigendian else "<u2"
+    rows = np.asarray(image.data, dtype=np.uint8)[: image.height * image.step].reshape(
+        image.height, image.step
+    )
+    values = np.ascontiguousarray(rows[:, : 2 * image.width]).view(kind)
+    return values.reshape(image.height, image.width).astype(np.uint16)
