@@ -36,7 +36,8 @@ def texture(points: Array) -> NDArray[np.uint8]:
     waves = rng.normal(size=(24, 3))
     waves *= (rng.uniform(40.0, 250.0, 24) / np.linalg.norm(waves, axis=1))[:, None]
     total = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 24)).sum(axis=-1)
-    return np.clip(128.0 + 22.0 * total, 0, 255).astype(np.uint8)
+    grey: Array = np.clip(128.0 + 22.0 * total, 0, 255)
+    return grey.astype(np.uint8)
 
 
 @cache
