@@ -48,6 +48,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
     damping = rules.damping + rules.damping_share * evidence.count
     if rules.keep_limits:
         clamp(skeleton, pose)
+    known = 0
     for _ in range(rules.icp_iterations):
         clock.lap("")
         chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
@@ -55,7 +56,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         clock.lap("pose")
         visible = visible_vertices(room.sight, surface.triangles)
         clock.lap("visibility")
-        correspond(visible, surface, evidence, rules, room)
+        known = correspond(visible, known, surface, evidence, rules, room)
         clock.lap("closest points")
         unexplained = collect(visible, surface, evidence, rules, room)
         clock.lap("moments")
@@ -63,6 +64,6 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)
         minimise(skeleton, pose, descent, room.equations)
         clock.lap("solve")
-    assess(pose, skeleton, surface, evidence, rules, room)
+    assess(pose, known, skeleton, surface, evidence, rules, room)
     clock.lap("likelihood")
     return clock.spent

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from worker.correspondence import bounding_boxes, boxes_of, closest_points, lay_out_search
+from worker.correspondence import bounding_boxes, boxes_of, closest_again, closest_points, lay_out_search
 from worker.neighbourhoods import neighbourhoods
 from worker.observation import BLOCK, TILE, pad_to_blocks
 from worker.surface import LEAF
@@ -84,6 +84,20 @@ def search(observed: Points, model: Points) -> tuple[NDArray[np.int32], Points]:
     return room.closest[: len(observed)], room.squared[: len(observed)]
 
 
+def search_again(
+    observed: Points, model: Points, guess: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], Points]:
+    """As `search`, from a guess (P,)."""
+    padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
+    leaves = -(-len(model) // LEAF)
+    room = lay_out_search(len(padded), len(model), leaves)
+    room.model[:] = model
+    room.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
+    room.closest[:] = np.resize(guess, len(padded))
+    closest_again(np.ascontiguousarray(padded.T), boxes_of(padded, TILE), leaves, room)
+    return room.closest[: len(observed)], room.squared[: len(observed)]
+
+
 @given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 300), st.booleans(), st.integers(0, 2**32 - 1))
 @example(scattered, scattered, 1, 1, True, 0)
 @example(clustered, clustered, BLOCK, LEAF, True, 0)
@@ -102,6 +116,27 @@ def test_the_closest_point_is_the_closest(
     found = np.linalg.norm(observed.astype(np.float64) - model[index], axis=1)
     np.testing.assert_allclose(found, nearest, atol=2e-6)
     np.testing.assert_allclose(np.sqrt(squared), nearest, atol=2e-6)
+
+
+@given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 3000), st.integers(0, 2**32 - 1))
+@example(at_one_point, at_one_point, BLOCK, LEAF, 0)
+@example(scattered, scattered, 300, 3000, 0)
+def test_any_guess_leads_to_the_closest(
+    observed_like: Cloud, model_like: Cloud, points: int, others: int, seed: int
+) -> None:
+    """The closest points themselves, one for all, or any: what is found is as close as without a guess."""
+    rng = np.random.default_rng(seed)
+    observed, model = (
+        single(in_order(cloud)) for cloud in (observed_like(rng, points), model_like(rng, others))
+    )
+    index, squared = search(observed, model)
+    for guess in (index, np.zeros_like(index), rng.integers(others, size=points).astype(np.int32)):
+        again, apart = search_again(observed, model, guess)
+        np.testing.assert_allclose(np.sqrt(apart), np.sqrt(squared), atol=2e-6)
+        found, first = (
+            np.linalg.norm(observed - model[i].astype(np.float64), axis=1) for i in (again, index)
+        )
+        np.testing.assert_allclose(found, first, atol=2e-6)
 
 
 def test_clouds_as_large_as_in_use() -> None:

@@ -181,7 +181,7 @@ def test_correspondences_match(name: str) -> None:
     pose = near()
     evidence, rules = lay_out_evidence(observe(subject()), settings), lay_out_rules(settings)
     room, posed, visible = looked(model, pose, settings)
-    icp.correspond(visible, lay_out(model)[1], evidence, rules, room)
+    icp.correspond(visible, 0, lay_out(model)[1], evidence, rules, room)
     index, squared = room.search.closest, room.search.squared
     points = evidence.points[:, :POINTS].T / np.array([1.0, 1.0, rules.stretch])
     expected, apart = plain_path.correspond(points, posed[visible], settings)
@@ -197,7 +197,7 @@ def test_moments_match(name: str) -> None:
     _, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observe(subject()), settings), lay_out_rules(settings)
     room, _, visible = looked(model, pose, settings)
-    icp.correspond(visible, surface, evidence, rules, room)
+    icp.correspond(visible, 0, surface, evidence, rules, room)
     unexplained = icp.collect(visible, surface, evidence, rules, room)
     found = room.equations.moments, room.equations.crosses
     factors = plain_path.collect(model, pose, *plain_path.see(model, pose), subject(), settings)

@@ -1,8 +1,9 @@
 """The closest visible model point of each observed point (step 4c), exactly, leaf by leaf.
 
-Observed points come in blocks and tiles, model points in leaves, all of them neighbours, so each has a small
-bounding box. A block of observed points rules out most leaves by the distance of the boxes, a tile of it
-most of the others; what is left is searched point by point.
+Observed points come in tiles, model points in leaves and groups of leaves, all of them neighbours, so each
+has a small bounding box. A guess bounds each observed point's distance: what it had before, or the best of
+the leaf that is centred nearest. The bounds of a tile rule out most groups, and most leaves of the others, by
+the distance of the boxes; those of its points most of what is left, which is searched point by point.
 """
 
 from __future__ import annotations
@@ -13,37 +14,40 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.lanes import search_lanes
+from worker.lanes import box_within, boxes_within, lowest_bit, search_lanes
 from worker.observation import BLOCK, TILE
 
 Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
+
+LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that a guess itself is found again
 
 
 class Search(NamedTuple):
     """Room for a search; whatever it held before is written over."""
 
     model: Points  # (M, 3) visible points
+    known: Indices  # (M,) the vertices they are
+    carried: Indices  # (M,) where those of the last search are now
     starts: Indices  # (K + 1,) where their leaves begin, and the last ends
-    leaves: Points  # (6, K) bounding boxes
-    apart: Points  # (K,) squared distances of boxes
-    between: Points  # (K,) and of their centres
-    candidates: Indices  # (K,)
-    boxes: Points  # (6, K) those of the candidates
+    leaves: Points  # (6, K) bounding boxes, padded to whole tiles with what is infinitely far
+    groups: Points  # (6, K / TILE) those of TILE leaves in a row, padded alike
+    between: Points  # (K,) squared distances of the leaves' centres
     closest: NDArray[np.int32]  # (P,) which of them
     squared: Points  # (P,)
 
 
 def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
     """Room for as many observed points, padded, model points and leaves."""
+    groups = -(-leaves // TILE)
     return Search(
         np.empty((vertices, 3), dtype=np.float32),
+        np.empty(vertices, dtype=np.int64),
+        np.empty(vertices, dtype=np.int64),
         np.empty(leaves + 1, dtype=np.int64),
-        np.empty((6, leaves), dtype=np.float32),
+        np.empty((6, groups * TILE), dtype=np.float32),
+        np.empty((6, -(-groups // TILE) * TILE), dtype=np.float32),
         np.empty(leaves, dtype=np.float32),
-        np.empty(leaves, dtype=np.float32),
-        np.empty(leaves, dtype=np.int64),
-        np.empty((6, leaves), dtype=np.float32),
         np.empty(points, dtype=np.int32),
         np.empty(points, dtype=np.float32),
     )
@@ -68,32 +72,6 @@ def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
             boxes[a, k], boxes[3 + a, k] = low, high
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
-def compare_boxes(one: Points, k: int, boxes: Points, count: int, apart: Points, between: Points) -> None:
-    """Squared distances of box k of `one` from the first `count` of `boxes`; between centres, doubled."""
-    x, y, z, right, bottom, far = one[0, k], one[1, k], one[2, k], one[3, k], one[4, k], one[5, k]
-    none = np.float32(0.0)
-    for j in range(count):
-        dx = max(max(x - boxes[3, j], boxes[0, j] - right), none)
-        dy = max(max(y - boxes[4, j], boxes[1, j] - bottom), none)
-        dz = max(max(z - boxes[5, j], boxes[2, j] - far), none)
-        apart[j] = dx * dx + dy * dy + dz * dz
-        dx = x + right - boxes[0, j] - boxes[3, j]
-        dy = y + bottom - boxes[1, j] - boxes[4, j]
-        dz = z + far - boxes[2, j] - boxes[5, j]
-        between[j] = dx * dx + dy * dy + dz * dz
-
-
-@numba.njit(cache=True, nogil=True)
-def smallest(values: Points, count: int) -> int:
-    """Place of the least of the first `count` values."""
-    best = 0
-    for k in range(1, count):
-        if values[k] < values[best]:
-            best = k
-    return best
-
-
 @numba.njit(cache=True, nogil=True)
 def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int, search: Search) -> None:
     """For observed points (3, blocks * BLOCK) the closest of search.model: its index and squared distance.
@@ -103,49 +81,98 @@ def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int,
     arguments alone.
     """
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
-    apart, between = search.apart, search.between  # taken out once: each time references are counted
-    bounding_boxes(model, starts[: leaves + 1], search.leaves)
+    between = search.between  # taken out once: each time references are counted
+    groups = bound_leaves(leaves, search)
     closest[:] = 0
     squared[:] = np.inf
     for b in range(blocks.shape[1]):
-        compare_boxes(blocks, b, search.leaves, leaves, apart, between)
+        compare_centres(blocks, b, search.leaves, leaves, between)
         first = smallest(between, leaves)
-        start, stop, largest = starts[first], starts[first + 1], np.float32(0.0)
-        for i in range(b * BLOCK, (b + 1) * BLOCK, TILE):
-            largest = max(largest, search_lanes(observed, i, model, start, stop, squared, closest))  # type: ignore[call-arg]
-        apart[first] = np.inf
-        kept = keep_candidates(search, leaves, largest)
-        if kept > 0:
-            for i in range(b * BLOCK, (b + 1) * BLOCK, TILE):
-                compare_boxes(tiles, i // TILE, search.boxes, kept, apart, between)
-                search_tile(observed, i, kept, search)
+        for tile in range(b * BLOCK, (b + 1) * BLOCK, TILE):
+            largest: np.float32 = search_lanes(  # type: ignore[call-arg]
+                observed, tile, model, starts[first], starts[first + 1], squared, closest
+            )
+            search_tile(observed, tile, tiles, largest, groups, search)
 
 
 @numba.njit(cache=True, nogil=True)
-def keep_candidates(search: Search, leaves: int, largest: np.float32) -> int:
-    """Copy the boxes of those leaves that are less than `largest` apart; gives their number."""
-    apart, candidates, boxes, boxes_of_leaves = search.apart, search.candidates, search.boxes, search.leaves
-    kept = 0
-    for k in range(leaves):
-        if apart[k] < largest:
-            candidates[kept] = k
-            for a in range(6):
-                boxes[a, kept] = boxes_of_leaves[a, k]
-            kept += 1
-    return kept
+def closest_again(observed: Points, tiles: Points, leaves: int, search: Search) -> None:
+    """As `closest_points`, where search.closest holds a guess: any places in search.model."""
+    model, squared, closest = search.model, search.squared, search.closest
+    groups = bound_leaves(leaves, search)
+    for tile in range(0, tiles.shape[1] * TILE, TILE):
+        largest = bound_tile(observed, tile, model, closest, squared)
+        search_tile(observed, tile, tiles, largest, groups, search)
 
 
 @numba.njit(cache=True, nogil=True)
-def search_tile(observed: Points, tile: int, kept: int, search: Search) -> None:
-    """Search the candidate leaves for the tile that begins at a point, the one centred nearest first."""
-    model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
-    apart, candidates = search.apart, search.candidates
+def bound_leaves(leaves: int, search: Search) -> int:
+    """Fill the boxes of all leaves and groups; gives the number of groups."""
+    boxes, groups = search.leaves, search.groups
+    bounding_boxes(search.model, search.starts[: leaves + 1], boxes)
+    count = (leaves + TILE - 1) // TILE
+    boxes[:, leaves : count * TILE] = np.inf
+    groups[:, count:] = np.inf
+    for g in range(count):
+        for a in range(3):
+            low, high = boxes[a, g * TILE], boxes[3 + a, g * TILE]
+            for k in range(g * TILE + 1, min(leaves, (g + 1) * TILE)):
+                low = min(low, boxes[a, k])
+                high = max(high, boxes[3 + a, k])
+            groups[a, g], groups[3 + a, g] = low, high
+    return count
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
+def compare_centres(one: Points, k: int, boxes: Points, count: int, between: Points) -> None:
+    """Squared distances of the centre of box k of `one` from those of the first of `boxes`, doubled."""
+    x, y, z = one[0, k] + one[3, k], one[1, k] + one[4, k], one[2, k] + one[5, k]
+    for j in range(count):
+        dx = x - boxes[0, j] - boxes[3, j]
+        dy = y - boxes[1, j] - boxes[4, j]
+        dz = z - boxes[2, j] - boxes[5, j]
+        between[j] = dx * dx + dy * dy + dz * dz
+
+
+@numba.njit(cache=True, nogil=True)
+def smallest(values: Points, count: int) -> int:
+    """Place of the least of the first `count` values."""
+    best, least = 0, values[0]
+    for k in range(1, count):
+        if values[k] < least:
+            best, least = k, values[k]
+    return best
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
+def bound_tile(
+    observed: Points, tile: int, model: Points, closest: NDArray[np.int32], squared: Points
+) -> np.float32:
+    """Bound a tile's squared distances by those of its guesses, and a little more; gives the largest."""
     largest = np.float32(0.0)
     for i in range(tile, tile + TILE):
+        m = closest[i]
+        dx, dy, dz = observed[0, i] - model[m, 0], observed[1, i] - model[m, 1], observed[2, i] - model[m, 2]
+        squared[i] = LOOSER * (dx * dx + dy * dy + dz * dz) + TINY
         largest = max(largest, squared[i])
-    first = smallest(search.between, kept)
-    for turn in range(-1, kept):
-        c = first if turn < 0 else turn
-        if apart[c] < largest and (turn < 0 or c != first):
-            start, stop = starts[candidates[c]], starts[candidates[c] + 1]
-            largest = search_lanes(observed, tile, model, start, stop, squared, closest)  # type: ignore[call-arg]
+    return largest
+
+
+@numba.njit(cache=True, nogil=True)
+def search_tile(
+    observed: Points, tile: int, tiles: Points, largest: np.float32, groups: int, search: Search
+) -> None:
+    """Lower a tile's squared distances, of which the largest is given, to those of the closest points."""
+    model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
+    boxes, around, t = search.leaves, search.groups, tile // TILE
+    for first in range(0, groups, TILE):
+        near: int = boxes_within(tiles, t, around, first, largest)  # type: ignore[call-arg]
+        while near != 0:
+            leaf = (first + lowest_bit(near)) * TILE
+            near &= near - 1
+            within: int = boxes_within(tiles, t, boxes, leaf, largest)
+            while within != 0:
+                k = leaf + lowest_bit(within)
+                within &= within - 1
+                if box_within(observed, tile, boxes, k, squared):
+                    largest = search_lanes(observed, tile, model, starts[k], starts[k + 1], squared, closest)

@@ -16,7 +16,7 @@ from common.body import BodyModel
 from common.kinematics import chain
 from common.refinement import Refined
 from common.settings import RefineSettings
-from worker.correspondence import Search, closest_points, lay_out_search
+from worker.correspondence import Search, closest_again, closest_points, lay_out_search
 from worker.evidence import Evidence, Rules, lay_out_evidence, lay_out_rules
 from worker.free_space import pull_into_silhouette
 from worker.gauss_newton import Descent, Equations, add_correspondences, clamp, lay_out_equations, minimise
@@ -91,16 +91,17 @@ def refine_particle(
     damping = rules.damping + rules.damping_share * evidence.count
     if rules.keep_limits:
         clamp(skeleton, pose)
+    known = 0
     for _ in range(rules.icp_iterations):
         visible = look(pose, skeleton, surface, room)  # 4a, 4b
         if len(visible) == 0:
             break
-        correspond(visible, surface, evidence, rules, room)  # 4c
+        known = correspond(visible, known, surface, evidence, rules, room)  # 4c
         unexplained = collect(visible, surface, evidence, rules, room)
         stiffness = rules.rest_weight * unexplained
         descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)
         minimise(skeleton, pose, descent, room.equations)  # 4d
-    return assess(pose, skeleton, surface, evidence, rules, room)  # 5
+    return assess(pose, known, skeleton, surface, evidence, rules, room)  # 5
 
 
 @numba.njit(cache=True, nogil=True)
@@ -112,11 +113,27 @@ def look(pose: Array, skeleton: Skeleton, surface: Surface, room: Room) -> Indic
 
 
 @numba.njit(cache=True, nogil=True)
-def correspond(visible: Indices, surface: Surface, evidence: Evidence, rules: Rules, room: Room) -> None:
+def correspond(
+    visible: Indices, known: int, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+) -> int:
     """For each observed point its closest visible vertex, as a place in `visible`, and how far squared.
 
-    They stay in room.search.closest and .squared.
+    They stay in room.search.closest and .squared. `known` is what the particle's last search gave, which is
+    where this one begins; 0 for the first.
     """
+    search, leaves = room.search, lay_out_leaves(visible, surface, rules, room)
+    if known > 0:
+        carry_over(search.known[:known], visible, search.carried, search.closest)
+        closest_again(evidence.points, evidence.tiles, leaves, search)
+    else:
+        closest_points(evidence.points, evidence.blocks, evidence.tiles, leaves, search)
+    search.known[: len(visible)] = visible
+    return len(visible)
+
+
+@numba.njit(cache=True, nogil=True)
+def lay_out_leaves(visible: Indices, surface: Surface, rules: Rules, room: Room) -> int:
+    """Fill room.search.model with the visible vertices, and .starts; gives the number of leaves."""
     model, starts, posed, leaf_of = room.search.model, room.search.starts, room.sight.posed, surface.leaves
     leaves, leaf = 0, -1
     for m in range(len(visible)):
@@ -127,7 +144,19 @@ def correspond(visible: Indices, surface: Surface, evidence: Evidence, rules: Ru
             starts[leaves] = m
             leaves += 1
     starts[leaves] = len(visible)
-    closest_points(evidence.points, evidence.blocks, evidence.tiles, leaves, room.search)
+    return leaves
+
+
+@numba.njit(cache=True, nogil=True)
+def carry_over(before: Indices, visible: Indices, carried: Indices, closest: NDArray[np.int32]) -> None:
+    """Turn places in `before` into those in `visible` of the same vertices, or else of the next in order."""
+    place = 0
+    for m in range(len(before)):
+        while place < len(visible) - 1 and visible[place] < before[m]:
+            place += 1
+        carried[m] = place
+    for i in range(len(closest)):
+        closest[i] = carried[closest[i]]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -176,13 +205,22 @@ def add_silhouette(visible: Indices, evidence: Evidence, rules: Rules, room: Roo
 
 @numba.njit(cache=True, nogil=True)
 def assess(
-    pose: Array, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+    pose: Array,
+    known: int,
+    skeleton: Skeleton,
+    surface: Surface,
+    evidence: Evidence,
+    rules: Rules,
+    room: Room,
 ) -> tuple[float, float]:
-    """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres."""
+    """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres.
+
+    `known` is as in `correspond`.
+    """
     visible = look(pose, skeleton, surface, room)
     if len(visible) == 0 or evidence.count == 0:
         return -np.inf, np.inf
-    correspond(visible, surface, evidence, rules, room)
+    correspond(visible, known, surface, evidence, rules, room)
     cost = mean_cost(evidence, rules, room.search)
     if rules.free_space_weight > 0.0:
         cost += rules.free_space_weight * outside(visible, evidence, rules, room)

@@ -1,7 +1,7 @@
-"""Model points one by one against a tile of observed points that stays in vector registers.
+"""A tile of observed points in vector registers, against model points and boxes; and its box against many.
 
 Written in the compiler's own vector type: of loops over arrays it makes code that loads and stores what was
-found so far again for every model point, and takes twice as long.
+found so far again for every model point, and of loops that keep what passes a test, code that guesses.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numba.extending import intrinsic
 from worker.observation import TILE
 
 FLOAT, INT, SIZE = ir.FloatType(), ir.IntType(32), ir.IntType(64)
+BITS = ir.IntType(TILE)
 FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)
 FINITE = ("contract", "nsz", "nnan")  # a product and a sum may become one; everything is a number
 
@@ -31,6 +32,30 @@ def search_lanes(  # type: ignore[no-untyped-def]
     and index (P,) int32 take what is found. Gives the largest of the tile's squared distances.
     """
     return types.float32(points, first, model, start, stop, nearest, index), write_search
+
+
+@intrinsic
+def boxes_within(_, one, k, boxes, first, bound):  # type: ignore[no-untyped-def]
+    """Which TILE columns of boxes (6, K) from `first` on are less than sqrt(bound) from column k of `one`.
+
+    A bit for each, the lowest for the first.
+    """
+    return types.int64(one, k, boxes, first, bound), write_boxes_within
+
+
+@intrinsic
+def box_within(_, points, first, boxes, k, nearest):  # type: ignore[no-untyped-def]
+    """Whether column k of boxes (6, K) is nearer to a point of the tile than that point's squared distance.
+
+    points (3, P) and nearest (P,) as for `search_lanes`.
+    """
+    return types.boolean(points, first, boxes, k, nearest), write_box_within
+
+
+@intrinsic
+def lowest_bit(_, bits):  # type: ignore[no-untyped-def]
+    """The place of the lowest bit that is set in an integer other than 0."""
+    return types.int64(bits), write_lowest_bit
 
 
 def write_search(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
@@ -55,6 +80,65 @@ def write_search(context: Any, builder: Any, signature: Any, values: Sequence[An
     builder.store(builder.load(distances), distance_at, align=4)
     builder.store(builder.load(indices), index_at, align=4)
     return largest(builder, builder.load(distances))
+
+
+def write_boxes_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `boxes_within`."""
+    k, first = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 3))
+    bound = context.cast(builder, values[4], signature.args[4], types.float32)
+    one, boxes = (context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 2))
+    row = [spread(builder, builder.load(value), FLOATS) for value in column(builder, one, k)]
+    many = [
+        builder.load(builder.bitcast(place, FLOATS.as_pointer()), align=4)
+        for place in column(builder, boxes, first)
+    ]
+    near = builder.fcmp_ordered(
+        "<", squared_gaps(builder, row, many), spread(builder, bound, FLOATS), flags=FINITE
+    )
+    return builder.zext(builder.bitcast(near, BITS), SIZE)
+
+
+def write_box_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `box_within`."""
+    first, k = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 3))
+    points, boxes, nearest = (
+        context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 2, 4)
+    )
+    count = builder.extract_value(points.shape, 1)
+    rows = [first, builder.add(first, count), builder.add(first, builder.mul(count, SIZE(2)))]
+    tile = [builder.load(lanes_at(builder, points, row, FLOATS), align=4) for row in rows]
+    box = [spread(builder, builder.load(value), FLOATS) for value in column(builder, boxes, k)]
+    bounds = builder.load(lanes_at(builder, nearest, first, FLOATS), align=4)
+    near = builder.fcmp_ordered("<", squared_gaps(builder, tile + tile, box), bounds, flags=FINITE)
+    return builder.icmp_unsigned("!=", builder.bitcast(near, BITS), BITS(0))
+
+
+def write_lowest_bit(_: Any, builder: Any, __: Any, values: Sequence[Any]) -> Any:
+    """The code of `lowest_bit`."""
+    return builder.cttz(values[0], ir.IntType(1)(1))
+
+
+def column(builder: Any, boxes: Any, k: Any) -> list[Any]:
+    """Pointers to the six values of column k."""
+    count = builder.extract_value(boxes.shape, 1)
+    return [builder.gep(boxes.data, [builder.add(k, builder.mul(count, SIZE(a)))]) for a in range(6)]
+
+
+def squared_gaps(builder: Any, one: Sequence[Any], other: Sequence[Any]) -> Any:
+    """Squared distances of boxes, each three lowest and three highest coordinates; 0 where they meet."""
+    total = None
+    for low, high, other_low, other_high in zip(one[:3], one[3:], other[:3], other[3:], strict=True):
+        below = builder.fsub(low, other_high, flags=FINITE)
+        above = builder.fsub(other_low, high, flags=FINITE)
+        gap = larger(builder, larger(builder, below, above), FLOATS([0.0] * TILE))
+        squared = builder.fmul(gap, gap, flags=FINITE)
+        total = squared if total is None else builder.fadd(total, squared, flags=FINITE)
+    return total
+
+
+def larger(builder: Any, one: Any, other: Any) -> Any:
+    """The larger, lane by lane."""
+    return builder.select(builder.fcmp_ordered(">", one, other, flags=FINITE), one, other)
 
 
 def lanes_at(builder: Any, array: Any, place: Any, lanes: ir.VectorType) -> Any:
@@ -87,6 +171,6 @@ def largest(builder: Any, lanes: Any) -> Any:
     while width > 0:
         turned = INTS([(lane + width) % TILE for lane in range(TILE)])
         other = builder.shuffle_vector(lanes, ir.Constant(FLOATS, ir.Undefined), turned)
-        lanes = builder.select(builder.fcmp_ordered(">", lanes, other, flags=FINITE), lanes, other)
+        lanes = larger(builder, lanes, other)
         width //= 2
     return builder.extract_element(lanes, INT(0))
