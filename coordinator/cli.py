@@ -57,6 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return complain(error, error.exit_code, error.format_message())
     except GepfError as error:
         return complain(error, FAILED)
+    except ModuleNotFoundError as error:
+        mend = f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
+        return complain(error, FAILED, mend)
     except Exception as error:  # noqa: BLE001 whatever it is, a user is told in one line
         return complain(error, FAILED, f"{type(error).__name__}: {error} (gepf --debug shows where)")
     if code == 128 + signal.SIGINT:
@@ -290,6 +293,30 @@ def report(
     page = out or run / "report.html"
     write_report(run, page)
     on_stderr().say(f"the report is in {page}")
+
+
+@app.command()
+def info(
+    sequence: Sequence_,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    picture: Annotated[
+        Path | None, typer.Option("--thumbnail", metavar="FILE", help="Draw a frame as PNG.")
+    ] = None,
+) -> None:
+    """Say what a sequence is: format, frames, size, rate, camera, range of depth."""
+    import msgspec
+
+    from coordinator.description import describe, thumbnail
+
+    facts, middle = describe(sequence)
+    if picture is not None:
+        try:
+            thumbnail(middle).save(picture, "PNG")
+        except OSError as error:
+            raise InputError(f"cannot write {picture}: {error.strerror}; choose another file") from error
+    lines = "".join(f"{name:<12} {value}\n" for name, value in facts.items())
+    sys.stdout.write(msgspec.json.encode(facts).decode() + "\n" if as_json else lines)
 
 
 @app.command()

@@ -22,6 +22,7 @@ from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies import Bodies, name_pose
+from coordinator.cli import main
 from coordinator.models.human import DEFAULT_ACTIVE, human
 from coordinator.rendering import DepthRenderer
 from coordinator.sources import ArraySource, find_format, open_source
@@ -335,3 +336,17 @@ def test_truth_and_start_beside_the_frames_are_found_in_every_folder(tmp_path: P
         assert open_source(path).init == path / "init.json"
         assert open_source(path).truth is None
     assert open_source(write_npz(tmp_path / "x.npz", recorded())).init is None
+
+
+def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Format, frames, size, rate and range as JSON, and a picture."""
+    path = write_tum(tmp_path / "walk", recorded())
+    assert main(["info", str(path), "--json", "--thumbnail", str(tmp_path / "x.png")]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    seen = recorded()[recorded() > 0] / 1000.0
+    assert (facts["format"], facts["frames"]) == ("TUM RGB-D folder (depth.txt)", FRAMES)
+    assert (facts["width"], facts["height"], facts["intrinsics"]["fx"]) == (320, 240, KINECT.fx)
+    assert (facts["nearest_m"], facts["farthest_m"]) == (pytest.approx(seen.min()), pytest.approx(seen.max()))
+    with Image.open(tmp_path / "x.png") as picture:
+        assert picture.size == (320, 240)
+    assert main(["info", str(tmp_path / "nowhere")]) == 2

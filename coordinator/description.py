@@ -1,0 +1,49 @@
+"""What `gepf info` says about a sequence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from common.frame import DepthFrame
+from coordinator.pictures.shading import shade_depth
+from coordinator.sources import Source, find_format
+
+SAMPLED = 10  # frames, evenly spread, from which the range of depth is told
+
+
+def describe(path: Path) -> tuple[dict[str, object], DepthFrame]:
+    """Facts about the sequence at `path` by name, and its frame in the middle. Raises InputError."""
+    form = find_format(path)
+    source = form.open(path)
+    camera = source.intrinsics
+    near, far = depth_range(source)
+    facts: dict[str, object] = {
+        "format": form.name,
+        "frames": len(source),
+        "first_frame": source.numbers.start,
+        "fps": source.fps,
+        "width": camera.width,
+        "height": camera.height,
+        "intrinsics": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy},
+        "nearest_m": near,
+        "farthest_m": far,
+        "truth": source.truth is not None,
+        "init": source.init is not None,
+    }
+    return facts, source.frame(source.numbers[len(source) // 2])
+
+
+def depth_range(source: Source) -> tuple[float | None, float | None]:
+    """Nearest and farthest depth in metres, None where nothing was measured."""
+    chosen = np.unique(np.linspace(0, len(source) - 1, SAMPLED).astype(int)).tolist()
+    depths = [source.frame(source.numbers[n]).metres() for n in chosen]
+    seen = np.concatenate([depth[depth > 0] for depth in depths])
+    return (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)
+
+
+def thumbnail(frame: DepthFrame) -> Image.Image:
+    """A frame as a person likes to see depth."""
+    return Image.fromarray(shade_depth(frame.metres(), frame.intrinsics).astype(np.uint8))
