@@ -41,14 +41,18 @@ def pose_by_name(model: BodyModel, pose: Array) -> dict[str, float]:
 
 
 class Bodies:
-    """Bodies of one kind by stature (m) and girth.
+    """People by stature (m) and girth, or whatever else comes in sizes.
 
     Args:
         build: Full model from stature and girth.
         usual: Degrees of freedom that a start is sought with.
         active: Those that are tracked.
         measures: Stature and girth, where they are known.
+        dof_names: All degrees of freedom that there are; None to see by the body.
     """
+
+    found = True
+    """Whether a start can be found, so that none need be given."""
 
     def __init__(
         self,
@@ -56,12 +60,19 @@ class Bodies:
         usual: tuple[str, ...],
         active: tuple[str, ...],
         measures: tuple[float, float] | None = None,
+        dof_names: tuple[str, ...] | None = None,
     ) -> None:
+        self._dof_names = dof_names
         self._build = build
         self._full: dict[float, BodyModel] = {}
         self.usual = usual
         self.active = active
         self.measures = measures
+
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """All degrees of freedom, active or not."""
+        return self._dof_names or self.full(REFERENCE_STATURE, 1.0).dof_names
 
     def full(self, stature: float, girth: float) -> BodyModel:
         """The body with all its degrees of freedom."""
@@ -80,3 +91,29 @@ class Bodies:
         held = name_pose(full, values)
         model = activate(full, self.active, held)
         return model, held[[full.dof(name) for name in model.dof_names]]
+
+
+class OneBody(Bodies):
+    """A body that is known whole: a robot, an object, a person who was measured.
+
+    Args:
+        model: The body with all its degrees of freedom.
+        usual: Degrees of freedom that a start is sought with.
+        active: Those that are tracked.
+        measures: Stature and girth of a person, whose start can be found; None for anything else.
+    """
+
+    def __init__(
+        self,
+        model: BodyModel,
+        usual: tuple[str, ...],
+        active: tuple[str, ...],
+        measures: tuple[float, float] | None = None,
+    ) -> None:
+        super().__init__(lambda *_: model, usual, active, measures or (np.nan, np.nan))
+        self._model = model
+        self.found = measures is not None
+
+    def full(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
+        """The body with all its degrees of freedom."""
+        return self._model

@@ -3,37 +3,78 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from pathlib import Path
 
-from common.body import ROOT_DOFS
+from common.body import ROOT_DOFS, BodyModel
 from common.errors import InputError
-from coordinator.bodies import Bodies
-from coordinator.models.human import DEFAULT_ACTIVE, human
+from coordinator.bodies import Bodies, OneBody
+from coordinator.models.human import DEFAULT_ACTIVE, human, human_of
 from coordinator.models.mpeg4 import JOINT_ANGLES
+from coordinator.options import HUMAN
+from coordinator.person_file import read_person
 
+PERSON_SUFFIX = ".json"
 HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
-
+JOINTS = "joints"
+"""Stands for all that is usually active but the root: what moves where the base is known to stand still."""
 
 TRUNK = ("vl3_tilt", "vl3_roll", "vl3_torsion")
 """One joint in the small of the back stands in for the spine: people who bend at the waist need it."""
 
 USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + TRUNK}
-"""Preset -> what is active unless the user says otherwise."""
+"""Preset -> what is active of a person unless the user says otherwise."""
 
 
-def choose_bodies(active: tuple[str, ...] | None, preset: str) -> Bodies:
-    """People of any stature; only the degrees of freedom `active` move, by default the preset's."""
-    for name in active or ():
-        require_dof(name)
+def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMAN) -> Bodies:
+    """The bodies that `model` names: people of any stature, one person of a file, or what a URDF describes.
+
+    Only the degrees of freedom `active` move: by default the preset's of a person, all of a URDF. Raises
+    InputError for a file that is none, and for unknown degrees of freedom.
+    """
     usual = USUAL[preset]
-    return Bodies(human, usual, usual if active is None else active)
+    if model == HUMAN:
+        return Bodies(human, usual, choose_active(active, usual, HUMAN_DOFS), dof_names=HUMAN_DOFS)
+    path = Path(model)
+    if path.suffix == PERSON_SUFFIX:
+        measures = read_person(path)
+        chosen = choose_active(active, usual, HUMAN_DOFS)
+        return OneBody(human_of(measures), usual, chosen, (measures.stature, measures.girth))
+    body = read_model(model)
+    return OneBody(body, body.dof_names, choose_active(active, body.dof_names, body.dof_names))
 
 
-def require_dof(name: str) -> None:
-    """InputError unless the human template has this degree of freedom; names what may have been meant."""
-    if name not in HUMAN_DOFS:
-        near = get_close_matches(name, HUMAN_DOFS, n=3)
+def read_model(model: str) -> BodyModel:
+    """One body with all its degrees of freedom; of people, an average one."""
+    if model == HUMAN:
+        return human()
+    path = Path(model)
+    if path.suffix == PERSON_SUFFIX:
+        return human_of(read_person(path))
+    from coordinator.urdf.reading import read_urdf
+
+    return read_urdf(path)
+
+
+def choose_active(
+    wanted: tuple[str, ...] | None, usual: tuple[str, ...], known: tuple[str, ...]
+) -> tuple[str, ...]:
+    """What a user wants to move, `usual` for None; InputError for what is not `known`."""
+    if wanted is None:
+        return usual
+    chosen: list[str] = []
+    for name in wanted:
+        chosen.extend([n for n in usual if n not in ROOT_DOFS] if name == JOINTS else [name])
+    for name in chosen:
+        require_dof(name, usual, known)
+    if not chosen:
+        raise InputError("this body has no joints; leave --dof out to have its place and turn tracked")
+    return tuple(chosen)
+
+
+def require_dof(name: str, usual: tuple[str, ...], known: tuple[str, ...]) -> None:
+    """InputError unless there is this degree of freedom; names what may have been meant."""
+    if name not in known:
+        near = get_close_matches(name, known, n=3)
         meant = f"did you mean {' or '.join(near)}? " if near else ""
-        raise InputError(
-            f"unknown degree of freedom '{name}'; {meant}choose from {', '.join(DEFAULT_ACTIVE + TRUNK)}, "
-            "or any other joint angle of MPEG-4"
-        )
+        rest = ", or any other joint angle of MPEG-4" if len(known) > len(usual) else ""
+        raise InputError(f"unknown degree of freedom '{name}'; {meant}choose from {', '.join(usual)}{rest}")

@@ -133,9 +133,12 @@ def track(  # noqa: PLR0913 one parameter an option
     ] = None,
     noise_lateral: Annotated[float | None, typer.Option(metavar="M", help="And across it.")] = None,
     dof: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="Move only these; hold the rest.")
+        str | None,
+        typer.Option(metavar="NAME,...", help="Move only these, hold the rest; joints: all but the root."),
     ] = None,
-    model: Annotated[str, typer.Option(help="Body to track: human.")] = "human",
+    model: Annotated[
+        str, typer.Option(metavar="human|FILE", help="Body to track: a URDF file, or one of gepf fit.")
+    ] = "human",
     init: Annotated[
         str | None,
         typer.Option(metavar="auto|FILE", help="Pose to start from (default: SEQ/init.json, else auto)."),
@@ -321,19 +324,25 @@ def info(
 
 @app.command()
 def synth(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm or turn.")],
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm, turn, or roam with --model.")],
     out: Annotated[Path, typer.Option("--out", metavar="SEQ", help="New folder for the sequence.")],
     *,
     frames: Annotated[int | None, typer.Option(metavar="N", help="Only the first N frames.")] = None,
     noise_depth: Annotated[float, typer.Option(metavar="M", help="Standard deviation along depth.")] = 0.0,
     noise_lateral: Annotated[float, typer.Option(metavar="M", help="Standard deviation across.")] = 0.0,
-    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    kinect: Annotated[
+        bool, typer.Option("--kinect", help="Noise, steps and gaps as a Kinect has them.")
+    ] = False,
+    model: Annotated[
+        str | None, typer.Option(metavar="human|FILE.urdf", help="Body that roams: all its joints move.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the noise, and of roaming.")] = 0,
 ) -> None:
     """Render a sequence with truth and the start it is meant to be tracked from."""
     from coordinator.synth import synthesise
 
     with on_stderr().steps("rendering") as advance:
-        synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance)
+        synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance, model=model, kinect=kinect)
 
 
 @app.command()

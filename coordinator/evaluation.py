@@ -12,12 +12,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import ROOT_DOFS
 from common.errors import InputError
 from coordinator.track import Track
 from coordinator.truth import Truth
 
-TRANSLATIONS = ROOT_DOFS[:3]
 NEAR_M = 0.10
 LOST_M = 0.30
 LOST_DEG = 30.0
@@ -85,7 +83,7 @@ def compare(track: Track, truth: Truth) -> Errors:
             f"track ({span(track.frame)}) and truth ({span(truth.frame)}) have no frame in common; "
             "give the truth of the same sequence"
         )
-    angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in TRANSLATIONS)
+    angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in truth.slides)
     joints = tuple(n for n in track.joint_names if n in truth.joint_names)
     if not angles and not joints:
         raise InputError("the truth has neither angles nor joints of the track; their names must be the same")

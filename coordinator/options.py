@@ -17,7 +17,7 @@ BASELINES = {"condensation": 1_000, "annealed": 100}  # particles, unless told; 
 METHODS = ("gepf", "gradient", *BASELINES)
 LONE_POINTS = 10_000  # for a single particle, which has time for all: few of 4 000 are on an arm
 PRESETS = ("default", "paper")
-MODELS = ("human",)
+HUMAN = "human"
 AUTOMATIC = "auto"
 
 
@@ -41,7 +41,7 @@ class Job:
     out: Path
     settings: Settings
     pool: Pool
-    model: str = MODELS[0]
+    model: str = HUMAN  # or a file
     active: tuple[str, ...] | None = None  # None for the model's own choice
     init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file if it has one
     frames: str | None = None
@@ -123,8 +123,10 @@ def choose_deadline(milliseconds: float | None, method: str) -> float | None:
 
 
 def choose_model(model: str) -> str:
-    """A body that there is."""
-    return one_of("model", model, MODELS)
+    """The human template or a file that there is."""
+    if model != HUMAN and not Path(model).is_file():
+        raise InputError(f"unknown model '{model}'; give {HUMAN}, a URDF file, or a file of gepf fit")
+    return model
 
 
 def choose_dofs(names: str | None) -> tuple[str, ...] | None:

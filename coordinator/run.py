@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from coordinator.recorder import Recorder, is_complete
 from coordinator.refiner import Refiner
 from coordinator.sources import Source, open_source
 from coordinator.sources.source import check_frames, select_frames
+from coordinator.start import require_start
 from coordinator.start_file import read_start
 from coordinator.summary import summarise
 from coordinator.terms import terms_of
@@ -61,8 +62,9 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     """
     source = open_source(job.sequence)
     numbers = select_frames(source.numbers, job.frames)
-    bodies = choose_bodies(job.active, job.settings.preset)
-    start = choose_start(job.init, source)
+    bodies = choose_bodies(job.active, job.settings.preset, job.model)
+    start = choose_start(job.init, source, bodies.dof_names)
+    require_start(start, bodies)
     truth = read_truth(source.truth) if source.truth else None
     terms = terms_of(job, source.frame(numbers.start), numbers, start)
     if job.resume and is_complete(job.out, terms):
@@ -94,10 +96,12 @@ def tell_resume(run: Run) -> str:
     return f"nothing to resume in {run.job.out}; beginning anew"
 
 
-def choose_start(init: str | None, source: Source) -> Mapping[str, float] | None:
+def choose_start(
+    init: str | None, source: Source, dof_names: Sequence[str] = HUMAN_DOFS
+) -> Mapping[str, float] | None:
     """The pose to start from: of a file, else of the file that comes with the sequence, else to be found."""
     path = source.init if init is None else None if init == AUTOMATIC else Path(init)
-    return None if path is None else read_start(path, HUMAN_DOFS)
+    return None if path is None else read_start(path, dof_names)
 
 
 def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:

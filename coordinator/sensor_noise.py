@@ -23,6 +23,7 @@ class SensorNoise:
 
     depth: float = 0.0
     lateral: float = 0.0
+    kinect: bool = False  # for synthetic images: that of a Kinect on top
 
 
 def measure_noise(frame: DepthFrame) -> SensorNoise:

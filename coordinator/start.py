@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.camera import back_project
+from common.errors import InputError
 from common.frame import SubjectFrame
 from common.settings import RefineSettings
 from coordinator.bodies import Bodies, name_pose, pose_by_name
@@ -58,6 +59,15 @@ class Start:
     def held(self) -> dict[str, float]:
         """Values other than zero of degrees of freedom that do not move."""
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
+
+
+def require_start(given: Mapping[str, float] | None, bodies: Bodies) -> None:
+    """InputError where a start is neither given nor can be found."""
+    if given is None and not bodies.found:
+        raise InputError(
+            "only a person's start is found automatically; give --init FILE with the body's pose in the "
+            "first frame, {degree of freedom: radians or metres}"
+        )
 
 
 def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:

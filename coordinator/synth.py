@@ -1,4 +1,4 @@
-"""Sequences with known truth, rendered from the human template through OpenGL's z-buffer."""
+"""Sequences with known truth, rendered through OpenGL's z-buffer."""
 
 from __future__ import annotations
 
@@ -13,19 +13,24 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import TRANSLATION
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
+from coordinator.chosen_body import read_model
 from coordinator.rendering import DepthRenderer
 from coordinator.scenes import SCENES
 from coordinator.scenes.noise import add_noise
+from coordinator.scenes.roam import FRAMES, roam
 from coordinator.scenes.scene import Scene
 from coordinator.sensor_noise import SensorNoise
 
+ROAM = "roam"
+MOST_FRAMES = 100_000
 DEPTH_SCALE = 10_000.0  # units per metre: steps of 0.1 mm, up to 6.55 m
 
 
-def synthesise(
+def synthesise(  # noqa: PLR0913 one parameter an option
     scene: str,
     out: Path,
     frames: int | None = None,
@@ -33,16 +38,20 @@ def synthesise(
     noise_lateral: float = 0.0,
     seed: int = 0,
     advance: Callable[[int, int], None] | None = None,
+    *,
+    model: str | None = None,
+    kinect: bool = False,
 ) -> None:
     """Write the first `frames` of a scene as a sequence folder with truth and start.
 
-    Noise is Gaussian with the given standard deviations in metres. `advance(done, total)` is called after
-    each frame. The folder appears only when it is whole. Raises InputError for an unknown scene, a number
-    out of range, or a folder that is in use; GepfError where OpenGL does not start.
+    Noise is Gaussian with the given standard deviations in metres, and with `kinect` that of a Kinect on
+    top. Scene `roam` moves the body that `model` names at random, after `seed`. `advance(done, total)` is
+    called after each frame. The folder appears only when it is whole. Raises InputError for an unknown
+    scene, a number out of range, or a folder that is in use; GepfError where OpenGL does not start.
     """
-    noise = checked_noise(noise_depth, noise_lateral)
+    noise = checked_noise(noise_depth, noise_lateral, kinect)
     seed = checked_seed(seed)
-    shown = first_frames(find_scene(scene), frames)
+    shown = find_scene(scene, model, seed, frames)
     out = Path(out)
     with_parent(out)
     unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -58,11 +67,19 @@ def synthesise(
         raise
 
 
-def find_scene(name: str) -> Scene:
-    """The scene of a name; InputError lists the choices."""
+def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> Scene:
+    """The scene of a name, as long as asked for; InputError lists the choices."""
+    if name == ROAM:
+        if model is None:
+            raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
+        if frames is not None and not 1 <= frames <= MOST_FRAMES:
+            raise InputError(f"cannot make {frames} frames; choose from 1 to {MOST_FRAMES}")
+        return roam(read_model(model), seed, frames or FRAMES)
     if name not in SCENES:
-        raise InputError(f"unknown scene '{name}'; choose from {', '.join(SCENES)}")
-    return SCENES[name]()
+        raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, ROAM))}")
+    if model is not None:
+        raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
+    return first_frames(SCENES[name](), frames)
 
 
 def first_frames(scene: Scene, frames: int | None) -> Scene:
@@ -74,12 +91,12 @@ def first_frames(scene: Scene, frames: int | None) -> Scene:
     return Scene(scene.model, scene.camera, scene.fps, scene.poses[:frames], scene.start)
 
 
-def checked_noise(depth: float, lateral: float) -> SensorNoise:
+def checked_noise(depth: float, lateral: float, kinect: bool) -> SensorNoise:
     """Noise, if both standard deviations make sense."""
     for name, value in (("depth", depth), ("lateral", lateral)):
         if not (math.isfinite(value) and 0.0 <= value <= 1.0):
             raise InputError(f"{name} noise of {value} m makes no sense; choose from 0 to 1 metre")
-    return SensorNoise(depth, lateral)
+    return SensorNoise(depth, lateral, kinect)
 
 
 def checked_seed(seed: int) -> int:
@@ -151,6 +168,7 @@ def write_truth(scene: Scene, file: Path) -> None:
         frame=np.arange(len(scene.poses)),
         dof_names=np.array(scene.model.dof_names),
         pose=scene.poses,
+        slides=np.array([scene.model.dof_names[j] for j in np.flatnonzero(scene.model.kinds == TRANSLATION)]),
         joint_names=np.array(scene.model.joint_names),
         joint_positions=joint_positions(scene.model, scene.poses),
     )

@@ -21,7 +21,7 @@ from coordinator.estimate import Estimate
 from coordinator.methods import METHODS
 from coordinator.refiner import Refiner
 from coordinator.sensor_noise import SensorNoise, measure_noise, told
-from coordinator.start import Start, find_start, given_start
+from coordinator.start import Start, find_start, given_start, require_start
 from coordinator.status import judge
 from coordinator.subject import isolate
 from coordinator.tracker_state import TrackerState, carry, load_generator
@@ -38,7 +38,8 @@ class Tracker:
         refiner: Has particles refined, here or elsewhere.
         settings: What to compute.
         bodies: Gives the body that is tracked, by its measures.
-        start: Values of degrees of freedom in the first frame, metres and radians; None to find them.
+        start: Values of degrees of freedom in the first frame, metres and radians; None to find
+            them, which can be done for people only.
         state: Go on from here, where another tracker of the same settings left off.
     """
 
@@ -50,6 +51,7 @@ class Tracker:
         start: Mapping[str, float] | None = None,
         state: TrackerState | None = None,
     ) -> None:
+        require_start(start, bodies)
         self._refiner = refiner
         self._settings = settings
         self._method = METHODS[settings.method]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import ROOT_DOFS
 from coordinator.array_file import read_arrays
 
 
@@ -20,6 +21,7 @@ class Truth:
     joint_positions: NDArray[np.float64]  # (F, J, 3) metres, camera frame
     dof_names: tuple[str, ...]  # empty where the pose is not known
     pose: NDArray[np.float64]  # (F, D) metres and radians
+    slides: tuple[str, ...] = ROOT_DOFS[:3]  # the degrees of freedom that are no angles
 
 
 def read_truth(path: Path) -> Truth:
@@ -31,7 +33,8 @@ def read_truth(path: Path) -> Truth:
     frame = arrays.integers("frame", (count,)) if "frame" in arrays else np.arange(count, dtype=np.int64)
     dof_names = arrays.names("dof_names") if "dof_names" in arrays else ()
     pose = _known(arrays.floats("pose", (count, len(dof_names)))) if dof_names else np.empty((count, 0))
-    return Truth(frame, joint_names, joints, dof_names, pose)
+    slides = ROOT_DOFS[:3] + (arrays.names("slides") if "slides" in arrays else ())
+    return Truth(frame, joint_names, joints, dof_names, pose, slides)
 
 
 def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:

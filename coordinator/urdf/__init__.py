@@ -1,0 +1,1 @@
+"""Articulated bodies as URDF files: read and written."""
