@@ -28,6 +28,10 @@ DEBUG = "GEPF_DEBUG"
 
 app = typer.Typer(help="Tracks a body through depth images, following many pose hypotheses at once.")
 
+model_app = typer.Typer(help="Look at a body that can be tracked, or write it for other programs.")
+app.add_typer(model_app, name="model")
+
+Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a file of gepf fit.")]
 Sequence_ = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded folder or UTD-MHAD .mat file.")]
 Input = Annotated[
     Path,
@@ -258,6 +262,32 @@ def export(
     from coordinator.exports import export_run
 
     export_run(run, form, out)
+
+
+@model_app.command()
+def show(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.png", help="Picture to write.")],
+    model: Model = "human",
+) -> None:
+    """Draw a body at rest from three sides."""
+    from coordinator.chosen_body import read_model
+    from coordinator.options import choose_model
+    from coordinator.pictures.portrait import draw_portrait
+
+    draw_portrait(read_model(choose_model(model)), out)
+
+
+@model_app.command("export")
+def export_model(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.urdf", help="File to write, meshes beside it.")],
+    model: Model = "human",
+) -> None:
+    """Write a body as URDF, with a mesh for every link."""
+    from coordinator.chosen_body import read_model
+    from coordinator.options import choose_model
+    from coordinator.urdf.writing import write_urdf
+
+    write_urdf(read_model(choose_model(model)), out)
 
 
 @app.command()

@@ -148,7 +148,7 @@ def test_a_damaged_folder_is_refused(
     [
         (["--method", "magic"], "unknown method 'magic'; choose from gepf, gradient, condensation, annealed"),
         (["--preset", "best"], "unknown preset 'best'; choose from default, paper"),
-        (["--model", "horse"], "unknown model 'horse'; choose from human"),
+        (["--model", "horse"], "unknown model 'horse'; give human, a URDF file"),
         (["--dof", "r_elbow"], "unknown degree of freedom 'r_elbow'; did you mean r_elbow_flexion"),
         (["--dof", "root_tx,tail"], "unknown degree of freedom 'tail'; choose from root_tx, "),
         (["--dof", ","], "--dof names nothing; give names"),

@@ -57,12 +57,19 @@ def swing(model: BodyModel) -> tuple[Array, Array]:
 
 
 def place_in_view(model: BodyModel, poses: Array) -> Array:
-    """Shift (3,) that brings all poses into the middle of the image, as large as it takes."""
+    """Shift (3,) that brings all poses into the middle of the image."""
     seen = pose_vertices(model, poses[:: max(1, len(poses) // 20)]).reshape(-1, 3)
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    wide = np.max((high - low)[:2] / (CAMERA.width / CAMERA.fx, CAMERA.height / CAMERA.fy))
-    front = max(NEAREST_M, wide / FILLS)
-    if front + high[2] - low[2] > FARTHEST_M:
-        raise InputError(f"{model.name} is {np.max(high - low):.1f} m large; give a body of up to 3 m")
+    shift = fit_in_view(seen, CAMERA)
+    if seen[:, 2].max() + shift[2] > FARTHEST_M:
+        size = np.ptp(seen, axis=0).max()
+        raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
+    return shift
+
+
+def fit_in_view(points: Array, camera: Intrinsics) -> Array:
+    """Shift (3,) that brings points (n, 3) into the middle of the image, as near as they fit."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    wide = np.max((high - low)[:2] / (camera.width / camera.fx, camera.height / camera.fy))
+    front = max(NEAREST_M, float(wide) / FILLS)
     middle: Array = np.array([*(0.5 * (low + high)[:2]), low[2] - front])
     return -middle

@@ -49,7 +49,12 @@ def write_urdf(model: BodyModel, path: Path) -> None:
                 links[frame] = yourdfpy.Link(name=frame)
                 joints.append(fixed_joint(model, j, frame, names))
         robot = yourdfpy.Robot(name=model.name, links=list(links.values()), joints=joints)
-        urdf = yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False)
+        urdf = yourdfpy.URDF(
+            robot,
+            build_scene_graph=False,
+            load_meshes=False,
+            filename_handler=yourdfpy.urdf.filename_handler_null,
+        )
         urdf.write_xml_file(str(path))
     except OSError as error:
         raise InputError(f"cannot write {path} ({error.strerror}); choose another place") from error
