@@ -323,6 +323,8 @@ def test_evaluate_prints_one_object_that_a_program_reads(
         "best_hypothesis_angle_error_deg",
         "best_hypothesis_angle_error_deg_by_dof",
         "mean_joint_error_cm",
+        "within_deviation",
+        "within_two_deviations",
         "pck10",
         "lost_from_frame",
         "frames",

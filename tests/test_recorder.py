@@ -112,6 +112,7 @@ def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) ->
         "hypothesis_pose": ("<f8", (3, 3, 6)),
         "hypothesis_weight": ("<f8", (3, 3)),
         "status": ("<U9", (3,)),
+        "joint_deviation": ("<f8", (3, 2)),
     }
     assert arrays["frame"].tolist() == [4, 5, 6]
     assert arrays["status"].tolist() == ["tracked", "ambiguous", "lost"]
