@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Dims, check_finite, check_indices, check_numbers, pack, unpack
-from common.body import ROTATION, TRANSLATION, BodyModel
-from common.camera import Intrinsics
+from common.body import BodyModel
+from common.bounds import check_camera, check_model, check_poses, check_settings
 from common.errors import ProtocolError
 from common.frame import DepthFrame, SubjectFrame
 from common.refinement import Refined
@@ -30,10 +29,6 @@ from common.wire import (
     decode,
     encode,
 )
-
-MAX_PARTICLES = 100_000  # of one batch
-MAX_ITERATIONS = 1_000
-LARGEST_VALUE = 1e6  # of a model: metres, indices
 
 # Of the arrays of a model and of a reply; a field that is not named here is checked less closely.
 MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
@@ -92,6 +87,8 @@ def decode_frame(payload: bytes) -> SubjectFrame:
     check_indices("picked", picked, 0, frame.depth.size)
     if np.any(picked[1:] <= picked[:-1]):
         raise ProtocolError("picked must be in ascending order")
+    if not np.all(frame.depth.ravel()[picked]):
+        raise ProtocolError("picked points at pixels without depth")
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
@@ -130,14 +127,6 @@ def depth_frame(message: FrameMessage | LiveFrameMessage) -> DepthFrame:
     return DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
 
 
-def check_camera(camera: Intrinsics, depth_scale: float) -> None:
-    """ProtocolError unless the numbers make a camera."""
-    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, depth_scale)
-    check_finite("the camera", np.array(numbers))
-    if min(camera.fx, camera.fy, depth_scale) <= 0.0:
-        raise ProtocolError("focal lengths and depth scale must be above zero")
-
-
 def encode_model(model: BodyModel) -> bytes:
     """A model for the workers, with its hash."""
     values = {field.name: getattr(model, field.name) for field in fields(model)}
@@ -165,33 +154,13 @@ def decode_model(payload: bytes) -> BodyModel:
         dtype, dims = MODEL_ARRAYS.get(name, (array.dtype, array.shape))
         values[name] = unpack(f"the model's {name}", array, dtype, dims, sizes)
     try:
-        check_model(values, sizes)
+        check_model({name: v for name, v in values.items() if isinstance(v, np.ndarray)}, sizes)
         model = BodyModel(**values)  # type: ignore[arg-type]
     except (ValueError, TypeError, KeyError) as error:
         raise ProtocolError(f"the model contradicts itself: {error}") from error
     if model.hash != message.hash:
         raise ProtocolError(f"the model names the hash {message.hash} and has {model.hash}")
     return model
-
-
-def check_model(values: dict[str, object], sizes: dict[str, int]) -> None:
-    """ProtocolError where an index would leave its array, or a number is none."""
-    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
-    for name, value in arrays.items():
-        check_numbers(f"the model's {name}", value)
-        if name != "limits" and np.any(np.abs(value) > LARGEST_VALUE):
-            raise ProtocolError(f"the model's {name} holds values above {LARGEST_VALUE:g}")
-    ranges = {
-        "kinds": (TRANSLATION, ROTATION + 1),
-        "parents": (-1, sizes["D"]),
-        "balls": (0, sizes["D"] - 2),
-        "link_dofs": (-1, sizes["D"]),
-        "triangles": (0, sizes["V"]),
-        "skin_links": (0, sizes["L"]),
-        "joint_links": (0, sizes["L"]),
-    }
-    for name, (least, end) in ranges.items():
-        check_indices(f"the model's {name}", arrays[name], least, end)
 
 
 def encode_request(request: RefineRequest) -> bytes:
@@ -209,22 +178,10 @@ def encode_request(request: RefineRequest) -> bytes:
 def decode_request(payload: bytes) -> RefineRequest:
     """A batch, or ProtocolError."""
     message = decode(payload, RequestMessage)
-    sizes: dict[str, int] = {}
-    poses = unpack("poses", message.poses, "<f8", ("N", "D"), sizes)
-    if not 0 < sizes["N"] <= MAX_PARTICLES:
-        raise ProtocolError(f"a batch has 1 to {MAX_PARTICLES} poses, this one {sizes['N']}")
-    check_finite("poses", poses)
+    poses = unpack("poses", message.poses, "<f8", ("N", "D"), {})
+    check_poses(poses)
     check_settings(message.settings)
     return RefineRequest(message.run, message.frame, message.model, message.settings, poses)
-
-
-def check_settings(settings: RefineSettings) -> None:
-    """ProtocolError for numbers that no refinement can be done with."""
-    for name, value in msgspec.structs.asdict(settings).items():
-        if isinstance(value, float):
-            check_finite(f"setting {name}", value)
-        elif isinstance(value, int) and not 0 <= value <= MAX_ITERATIONS:
-            raise ProtocolError(f"setting {name} is {value}, expected 0 to {MAX_ITERATIONS}")
 
 
 def encode_refined(refined: Refined) -> bytes:
@@ -246,6 +203,8 @@ def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
         dtype, dims = REPLY_ARRAYS.get(name, ("<f8", ("N", "D", "D")[: max(1, len(array.shape))]))
         values[name] = unpack(f"the reply's {name}", array, dtype, dims, {"N": count, "D": dofs})
         (check_finite if name == "poses" else check_numbers)(f"the reply's {name}", values[name])
+    if np.any(values["log_likelihood"] == np.inf):
+        raise ProtocolError("the reply's log_likelihood holds values above all others")
     return Refined(**values)
 
 

@@ -22,6 +22,7 @@ Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
 Name = Annotated[str, msgspec.Meta(max_length=200)]
 Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
+FEW = msgspec.Meta(max_length=50)  # fields of a map
 Hash = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
 RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
 
@@ -68,9 +69,9 @@ class ModelMessage(Message, frozen=True, tag="model"):
     """A BodyModel: its texts, lists of names and arrays by field."""
 
     hash: Hash
-    texts: dict[str, Name]
-    names: dict[str, Names]
-    arrays: dict[str, Array]
+    texts: Annotated[dict[str, Name], FEW]
+    names: Annotated[dict[str, Names], FEW]
+    arrays: Annotated[dict[str, Array], FEW]
 
 
 class RequestMessage(Message, frozen=True, tag="request"):
@@ -86,7 +87,7 @@ class RequestMessage(Message, frozen=True, tag="request"):
 class ReplyMessage(Message, frozen=True, tag="reply"):
     """Refined particles: arrays by field."""
 
-    arrays: dict[str, Array]
+    arrays: Annotated[dict[str, Array], FEW]
 
 
 class RefusalMessage(Message, frozen=True, tag="refusal"):
