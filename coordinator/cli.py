@@ -26,10 +26,22 @@ if TYPE_CHECKING:
 DONE, FAILED, INPUT_AT_FAULT = 0, 1, 2
 DEBUG = "GEPF_DEBUG"
 
-app = typer.Typer(help="Tracks a body through depth images, following many pose hypotheses at once.")
+TRACKING, LOOKING, PREPARING, HOSTS = "Track", "Look, compare, export", "Sequences and bodies", "Many hosts"
+EXAMPLES = """A first run:
 
-model_app = typer.Typer(help="Look at a body that can be tracked, or write it for other programs.")
-app.add_typer(model_app, name="model")
+gepf info recording/
+
+gepf track recording/ --out run/
+
+gepf report run/
+
+Options that are always the same can stand in gepf.toml, in a table for each command.
+"""
+
+app = typer.Typer(epilog=EXAMPLES)
+
+model_app = typer.Typer(help="Draw a body, or write it as URDF.")
+app.add_typer(model_app, name="model", rich_help_panel=PREPARING)
 
 Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a file of gepf fit.")]
 Sequence_ = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded folder or UTD-MHAD .mat file.")]
@@ -88,6 +100,10 @@ def say(message: str) -> None:
 def gepf(
     context: typer.Context,
     *,
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Options of the commands (default: gepf.toml, if it is here)."),
+    ] = None,
     debug: Annotated[
         bool, typer.Option("--debug", help="Show where an error arose; so does GEPF_DEBUG=1.")
     ] = False,
@@ -100,9 +116,13 @@ def gepf(
         os.environ[DEBUG] = "1"
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
+    else:
+        from coordinator.config_file import use_config
+
+        use_config(context, config)
 
 
-@app.command()
+@app.command(rich_help_panel=TRACKING)
 def demo(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the demo (default: gepf-demo).")
@@ -116,7 +136,7 @@ def demo(
     run_demo(out, on_stderr(), connect_workers)
 
 
-@app.command()
+@app.command(rich_help_panel=TRACKING)
 def track(  # noqa: PLR0913 one parameter an option
     sequence: Input,
     out: Results,
@@ -203,7 +223,7 @@ def track(  # noqa: PLR0913 one parameter an option
         track_stream(job, on_stderr(), connect_workers)
 
 
-@app.command()
+@app.command(rich_help_panel=HOSTS)
 def publish(  # noqa: PLR0913 one parameter an option
     sequence: Sequence_,
     key: Annotated[str, typer.Option(metavar="KEY", help="Where, e.g. camera/depth.")],
@@ -234,7 +254,7 @@ def publish(  # noqa: PLR0913 one parameter an option
     publish_sequence(Broadcast(sequence, key, reached, rate, frames), on_stderr())
 
 
-@app.command()
+@app.command(rich_help_panel=LOOKING)
 def evaluate(
     run: Run,
     truth: Annotated[Path, typer.Option("--truth", metavar="FILE", help="Truth of the sequence, truth.npz.")],
@@ -250,7 +270,7 @@ def evaluate(
     sys.stdout.write(msgspec.json.format(msgspec.json.encode(result)).decode() + "\n")
 
 
-@app.command()
+@app.command(rich_help_panel=LOOKING)
 def export(
     run: Run,
     form: Annotated[
@@ -290,7 +310,7 @@ def export_model(
     write_urdf(read_model(choose_model(model)), out)
 
 
-@app.command()
+@app.command(rich_help_panel=LOOKING)
 def view(
     run: Run,
     *,
@@ -313,7 +333,7 @@ def view(
     serve_run(run, sequence, port, on_stderr(), browser=browser)
 
 
-@app.command()
+@app.command(rich_help_panel=LOOKING)
 def report(
     run: Run,
     out: Annotated[
@@ -328,7 +348,7 @@ def report(
     on_stderr().say(f"the report is in {page}")
 
 
-@app.command()
+@app.command(rich_help_panel=PREPARING)
 def info(
     sequence: Sequence_,
     *,
@@ -352,7 +372,7 @@ def info(
     sys.stdout.write(msgspec.json.encode(facts).decode() + "\n" if as_json else lines)
 
 
-@app.command()
+@app.command(rich_help_panel=PREPARING)
 def synth(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm, turn, or roam with --model.")],
     out: Annotated[Path, typer.Option("--out", metavar="SEQ", help="New folder for the sequence.")],
@@ -375,7 +395,7 @@ def synth(
         synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance, model=model, kinect=kinect)
 
 
-@app.command()
+@app.command(rich_help_panel=HOSTS)
 def certificates(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; what is good in it stays.")],
     *,
@@ -401,7 +421,7 @@ def certificates(
     say(f"new in {out}: {', '.join(new) or 'nothing, all are there and good'}; keep ca.key to yourself")
 
 
-@app.command()
+@app.command(rich_help_panel=HOSTS)
 def router(
     listen: Annotated[str, Listen],
     *,
