@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 STAMP := .venv/.installed
-PACKAGES := common worker coordinator benchmarks tests
+PACKAGES := common worker coordinator gepf benchmarks examples tests
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-slow chaos check format bench real-people images images-test lock clean clean-kernels

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.comparison import Comparison, compare_people, compare_skinned
-from benchmarks.direct import DirectRefiner
 from benchmarks.sequences import Recording
 from common.settings import Settings
 from coordinator.bodies import REFERENCE_STATURE, Bodies
@@ -22,6 +21,7 @@ from coordinator.sources.source import check_frames
 from coordinator.start import GIRTHS
 from coordinator.summary import count_status
 from coordinator.tracker import Tracker
+from gepf.direct import DirectRefiner
 from worker.cli import load_kernel
 
 

@@ -9,6 +9,7 @@ from common.body import ROOT_DOFS, BodyModel
 from common.errors import InputError
 from coordinator.bodies import Bodies, OneBody
 from coordinator.models.human import DEFAULT_ACTIVE, human, human_of
+from coordinator.models.measures import Measures
 from coordinator.models.mpeg4 import JOINT_ANGLES
 from coordinator.options import HUMAN
 from coordinator.person_file import read_person
@@ -36,11 +37,20 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
         return Bodies(human, usual, choose_active(active, usual, HUMAN_DOFS), dof_names=HUMAN_DOFS)
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
-        measures = read_person(path)
-        chosen = choose_active(active, usual, HUMAN_DOFS)
-        return OneBody(human_of(measures), usual, chosen, (measures.stature, measures.girth))
-    body = read_model(model)
-    return OneBody(body, body.dof_names, choose_active(active, body.dof_names, body.dof_names))
+        return person(read_person(path), active, preset)
+    return bodies_of(read_model(model), active)
+
+
+def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> Bodies:
+    """One person who was measured."""
+    usual = USUAL[preset]
+    chosen = choose_active(active, usual, HUMAN_DOFS)
+    return OneBody(human_of(measures), usual, chosen, (measures.stature, measures.girth))
+
+
+def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
+    """One body that is given with all its degrees of freedom; all of them move unless told."""
+    return OneBody(model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
 
 
 def read_model(model: str) -> BodyModel:

@@ -11,7 +11,12 @@ from coordinator.runtime import PoolOptions, ZenohRefiner
 
 def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
     """Start local workers, one per core unless told otherwise, and let others join; a context manager."""
-    options = PoolOptions(
+    return ZenohRefiner(pool_options(pool), show.say)
+
+
+def pool_options(pool: Pool) -> PoolOptions:
+    """What the runtime makes of a pool."""
+    return PoolOptions(
         local_workers=count_cores() if pool.workers is None else pool.workers,
         listen=(pool.listen,) if pool.listen else (),
         connect=(pool.connect,) if pool.connect else (),
@@ -19,7 +24,6 @@ def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
         worker_timeout=pool.worker_timeout,
         deadline=pool.deadline,
     )
-    return ZenohRefiner(options, show.say)
 
 
 def count_cores() -> int:

@@ -18,6 +18,7 @@ COPY LICENSE README.md constraints.txt pyproject.toml ./
 COPY docker/finish.sh docker/
 COPY common common
 COPY coordinator coordinator
+COPY gepf gepf
 COPY worker worker
 # Where packages come through a mirror or proxy: its pip.conf and, at /run/secrets/ca, its authority.
 RUN --mount=type=secret,id=pip,target=/etc/pip.conf --mount=type=secret,id=ca \

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.direct import DirectRefiner
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import pose_vertices
@@ -19,6 +18,7 @@ from coordinator.options import choose_settings
 from coordinator.rendering import DepthRenderer
 from coordinator.scenes.arm import MOVING, arm
 from coordinator.tracker import RECORDED, Tracker
+from gepf.direct import DirectRefiner
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
 FRAMES = 6

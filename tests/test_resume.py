@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import coordinator.pool
-from benchmarks.direct import DirectRefiner
 from common.errors import NoWorkers
 from common.settings import preset
 from coordinator.bodies import Bodies
@@ -25,6 +24,7 @@ from coordinator.start import Start
 from coordinator.tracker import Tracker
 from coordinator.tracker_state import Carried, TrackerState
 from coordinator.traffic import Traffic
+from gepf.direct import DirectRefiner
 from tests.test_cli import StillWorkers, _no_pictures, sequence, workers  # noqa: F401 fixtures
 from tests.test_tracker import STANDING, empty, shown
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from PIL import Image
 from pypcd4.pypcd4 import Encoding
 
-from benchmarks.direct import DirectRefiner
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.errors import InputError
@@ -30,6 +29,7 @@ from coordinator.sources.source import check_frames
 from coordinator.sources.tum_rgbd import CAMERAS, NOMINAL
 from coordinator.sources.utd_mhad import KINECT
 from coordinator.tracker import Tracker
+from gepf.direct import DirectRefiner
 from tests.recordings import (
     FPS,
     WRITERS,

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.direct import DirectRefiner
 from common.camera import Intrinsics, back_project
 from common.errors import InputError
 from common.frame import DepthFrame
@@ -23,6 +22,7 @@ from coordinator.rendering import DepthRenderer
 from coordinator.status import judge
 from coordinator.subject import CLEARANCE, isolate
 from coordinator.tracker import Tracker
+from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]
 

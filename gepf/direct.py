@@ -1,4 +1,4 @@
-"""Refinement in this process, without the bus: for benchmarks and tests that measure the tracker alone."""
+"""Refinement in this process, without the bus."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from worker.observation import Observation, observe
 
 
 class DirectRefiner:
-    """Fills the coordinator's port with the worker's kernel."""
+    """Fills the coordinator's port with the worker's kernel, on one core."""
 
     def __init__(self) -> None:
         self._observation: Observation | None = None

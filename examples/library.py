@@ -1,0 +1,30 @@
+"""Track a recording from Python and print what is known of one joint.
+
+python examples/library.py SEQ [FRAMES]
+"""
+
+from __future__ import annotations
+
+import sys
+from itertools import islice
+
+from gepf import Tracker, open_source
+
+
+def main(path: str, frames: int | None = None) -> None:
+    """A line for each frame: how sure the tracker is, the right wrist, and how many hypotheses there are."""
+    source = open_source(path)
+    with Tracker(workers=None, start=source.init) as tracker:  # workers=2 for two processes
+        for frame in islice(source, frames):
+            estimate = tracker.track(frame)
+            wrist = tracker.model.joint_names.index("right_wrist")
+            x, y, z = estimate.joint_positions[wrist]
+            give = tracker.joint_deviation(estimate)[wrist]
+            print(
+                f"frame {estimate.frame}, {estimate.status}: right wrist at {x:.2f} {y:.2f} {z:.2f} m, "
+                f"give or take {give:.2f} m; {len(estimate.hypothesis_weight)} hypotheses"
+            )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else None)

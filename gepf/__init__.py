@@ -1,0 +1,38 @@
+"""Track a body through depth images from Python: create a Tracker, feed it depth, get hypotheses.
+
+with Tracker(workers=2) as tracker:
+    for frame in open_source("recording/"):
+        estimate = tracker.track(frame)
+
+What is not named here is internal. Faults of the input raise InputError, all others another GepfError.
+"""
+
+from __future__ import annotations
+
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.errors import GepfError, InputError
+from common.frame import DepthFrame
+from common.settings import Settings, preset
+from coordinator.estimate import Estimate
+from coordinator.models.measures import Measures
+from coordinator.options import Pool
+from coordinator.sources import ArraySource, Source, open_source
+from gepf.tracker import Tracker
+
+__all__ = [
+    "ArraySource",
+    "BodyModel",
+    "DepthFrame",
+    "Estimate",
+    "GepfError",
+    "InputError",
+    "Intrinsics",
+    "Measures",
+    "Pool",
+    "Settings",
+    "Source",
+    "Tracker",
+    "open_source",
+    "preset",
+]

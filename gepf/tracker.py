@@ -1,0 +1,153 @@
+"""The tracker that users of the library hold: it brings its own workers, or has none."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from common.body import BodyModel
+from common.errors import InputError
+from common.frame import DepthFrame
+from common.settings import Settings, preset
+from coordinator.bodies import Bodies
+from coordinator.chosen_body import bodies_of, choose_bodies, person
+from coordinator.estimate import Estimate
+from coordinator.models.measures import Measures
+from coordinator.options import HUMAN, Pool, choose_model
+from coordinator.pool import pool_options
+from coordinator.recorded import deviation_of
+from coordinator.refiner import Refiner
+from coordinator.runtime import ZenohRefiner
+from coordinator.security import TlsFiles, choose_security
+from coordinator.sources.arrays import camera_of, whole_depth
+from coordinator.sources.camera_file import DEFAULT_FPS
+from coordinator.start_file import read_start
+from coordinator.tracker import Tracker as Following
+from gepf.direct import DirectRefiner
+
+log = logging.getLogger("gepf")
+
+Body = str | Path | Measures | BodyModel
+Workers = int | str | Pool
+Start = Mapping[str, float] | str | Path
+
+
+class Tracker:
+    """Follows one body through depth frames.
+
+    Args:
+        model: "human" for a person of any stature, a URDF file, a file of `gepf fit`, a person's measures,
+            or any body with all its degrees of freedom.
+        settings: What to compute; None for `preset("default")`.
+        workers: Who refines: None for this process, on one core; a number of local worker processes; the
+            endpoint of a router where workers are; or a Pool. The results are the same, bit for bit.
+        start: Values of degrees of freedom in the first frame, metres and radians, or a file of them; None
+            to find them, which can be done for people only.
+        active: Degrees of freedom to track, None for the usual ones.
+        camera: Matrix (3, 3), fx 0 cx, 0 fy cy, 0 0 1 in pixels; needed to track arrays only.
+        depth_scale: Units per metre of arrays of whole numbers.
+
+    A context manager: at its end, or with `close`, the workers that it started end. Raises InputError for
+    what cannot be tracked.
+    """
+
+    def __init__(
+        self,
+        model: Body = HUMAN,
+        settings: Settings | None = None,
+        workers: Workers | None = None,
+        start: Start | None = None,
+        *,
+        active: tuple[str, ...] | None = None,
+        camera: ArrayLike | None = None,
+        depth_scale: float | None = None,
+    ) -> None:
+        settings = settings or preset("default")
+        bodies = bodies_to_track(model, active, settings.preset)
+        given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
+        self._camera, self._depth_scale = camera, depth_scale
+        self._frames = 0
+        self._stack = ExitStack()
+        self._following = Following(self._open(workers), settings, bodies, given)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the workers that were started, and leave the pool."""
+        self._stack.close()
+
+    @property
+    def model(self) -> BodyModel:
+        """The body that is tracked, with the names of its degrees of freedom; there after the first frame."""
+        return self._following.model
+
+    def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
+        """Follow the body into the next frame.
+
+        Args:
+            depth: A frame of a source, or an array (H, W): metres as float, or whole numbers in units of
+                `depth_scale`; 0 or NaN where nothing was measured.
+            time_s: When an array was taken, seconds; None for 30 a second.
+
+        Raises InputError if the first frame shows nothing, or an array is no depth image.
+        """
+        frame = depth if isinstance(depth, DepthFrame) else self._frame_of(np.asarray(depth), time_s)
+        self._frames += 1
+        return self._following.track(frame)
+
+    def joint_deviation(self, estimate: Estimate) -> NDArray[np.float64]:
+        """Expected distance (J,) of an estimate's joints from the true ones, metres; NaN where it is lost."""
+        return deviation_of(self.model, estimate)
+
+    def _open(self, workers: Workers | None) -> Refiner:
+        if workers is None:
+            return DirectRefiner()
+        return self._stack.enter_context(ZenohRefiner(pool_options(choose_workers(workers)), log.info))
+
+    def _frame_of(self, depth: NDArray[np.generic], time_s: float | None) -> DepthFrame:
+        """An array as the next frame."""
+        if self._camera is None:
+            raise InputError("an array does not tell its camera; give Tracker(camera=...) its matrix")
+        if depth.ndim != 2 or 0 in depth.shape:
+            raise InputError(f"depth has shape {depth.shape}; give rows of columns (H, W)")
+        units, scale = whole_depth(depth, self._depth_scale, "depth")
+        camera = camera_of(np.asarray(self._camera), depth.shape[1], depth.shape[0], "camera")
+        when = self._frames / DEFAULT_FPS if time_s is None else time_s
+        return DepthFrame(self._frames, when, units, scale, camera)
+
+
+def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:
+    """The bodies that `model` stands for."""
+    match model:
+        case Measures():
+            return person(model, active, preset_name)
+        case BodyModel():
+            return bodies_of(model, active)
+        case _:
+            return choose_bodies(active, preset_name, choose_model(str(model)))
+
+
+def choose_workers(workers: Workers) -> Pool:
+    """A pool from its short forms; InputError for one that nobody could join."""
+    match workers:
+        case Pool():
+            return workers
+        case str():
+            return Pool(0, connect=workers, security=choose_security(None, workers, TlsFiles()))
+        case _ if workers < 1:
+            raise InputError(f"workers={workers} would refine nothing; give None, 1 or more, or a Pool")
+        case _:
+            return Pool(workers)
