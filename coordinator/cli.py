@@ -43,21 +43,48 @@ app = typer.Typer(epilog=EXAMPLES)
 model_app = typer.Typer(help="Draw a body, or write it as URDF.")
 app.add_typer(model_app, name="model", rich_help_panel=PREPARING)
 
+INPUT, METHOD, WORKERS, SECURITY, OUTPUT = "Input", "Method", "Workers", "Security", "Output"
+FORMATS = "Open3D or TUM folder, stereo pairs, PLY or PCD clouds, RealSense .bag, numpy .npz, UTD-MHAD .mat"
+
 Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a file of gepf fit.")]
-Sequence_ = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded folder or UTD-MHAD .mat file.")]
+Sequence_ = Annotated[Path, typer.Argument(metavar="SEQ", help=f"{FORMATS}.")]
 Input = Annotated[
     Path,
-    typer.Argument(metavar="SEQ", help="Recorded folder, UTD-MHAD .mat file, or zenoh:KEY for live input."),
+    typer.Argument(metavar="SEQ", help=f"{FORMATS}; or zenoh:KEY for live input."),
 ]
-Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="New folder for the results.")]
-Listen = typer.Option(metavar="ENDPOINT", help="Let others' workers join, e.g. tls/0.0.0.0:7447.")
+Results = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="New folder for the results.", rich_help_panel=OUTPUT)
+]
+Listen = typer.Option(
+    metavar="ENDPOINT", help="Let others' workers join, e.g. tls/0.0.0.0:7447.", rich_help_panel=WORKERS
+)
 TlsCa = Annotated[
-    Path | None, typer.Option("--tls-ca", metavar="FILE", help="Certificate of who signs all certificates.")
+    Path | None,
+    typer.Option(
+        "--tls-ca",
+        metavar="FILE",
+        help="Certificate of who signs all certificates.",
+        rich_help_panel=SECURITY,
+    ),
 ]
-TlsCert = Annotated[Path | None, typer.Option("--tls-cert", metavar="FILE", help="Our own certificate.")]
-TlsKey = Annotated[Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's key.")]
+TlsCert = Annotated[
+    Path | None,
+    typer.Option("--tls-cert", metavar="FILE", help="Our own certificate.", rich_help_panel=SECURITY),
+]
+TlsKey = Annotated[
+    Path | None,
+    typer.Option("--tls-key", metavar="FILE", help="The certificate's key.", rich_help_panel=SECURITY),
+]
 Insecure = Annotated[
-    bool, typer.Option("--insecure", help="Listen without encryption, to whoever connects, on any network.")
+    bool,
+    typer.Option(
+        "--insecure",
+        help="Listen without encryption, to whoever connects, on any network.",
+        rich_help_panel=SECURITY,
+    ),
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show no progress; errors stay.", rich_help_panel=OUTPUT)
 ]
 Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
 
@@ -127,13 +154,15 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the demo (default: gepf-demo).")
     ] = None,
+    *,
+    quiet: Quiet = False,
 ) -> None:
     """Track an arm behind heavy noise: a table of errors, and pictures."""
     from coordinator.demo import run_demo
     from coordinator.pool import connect_workers
 
     end_as_interrupted()
-    run_demo(out, on_stderr(), connect_workers)
+    run_demo(out, on_stderr(quiet=quiet), connect_workers)
 
 
 @app.command(rich_help_panel=TRACKING)
@@ -142,56 +171,114 @@ def track(  # noqa: PLR0913 one parameter an option
     out: Results,
     *,
     method: Annotated[
-        str, typer.Option(help="gepf (many hypotheses), gradient (one), condensation or annealed.")
+        str,
+        typer.Option(
+            help="gepf (many hypotheses), gradient (one), condensation or annealed.", rich_help_panel=METHOD
+        ),
     ] = "gepf",
-    preset: Annotated[str, typer.Option(help="default, or paper (its constants to the letter).")] = "default",
+    preset: Annotated[
+        str, typer.Option(help="default, or paper (its constants to the letter).", rich_help_panel=METHOD)
+    ] = "default",
     particles: Annotated[
-        int | None, typer.Option(metavar="N", help="Particles a frame; of annealed in each of its 10 layers.")
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Particles a frame; of annealed in each of its 10 layers.",
+            rich_help_panel=METHOD,
+        ),
     ] = None,
-    points: Annotated[int | None, typer.Option(metavar="N", help="Observed points a frame, at most.")] = None,
+    points: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Observed points a frame, at most.", rich_help_panel=METHOD),
+    ] = None,
     noise_depth: Annotated[
         float | None,
         typer.Option(
-            metavar="M", help="The camera's noise along depth (default: measured in the first frame)."
+            metavar="M",
+            help="The camera's noise along depth (default: measured in the first frame).",
+            rich_help_panel=METHOD,
         ),
     ] = None,
-    noise_lateral: Annotated[float | None, typer.Option(metavar="M", help="And across it.")] = None,
+    noise_lateral: Annotated[
+        float | None, typer.Option(metavar="M", help="And across it.", rich_help_panel=METHOD)
+    ] = None,
     dof: Annotated[
         str | None,
-        typer.Option(metavar="NAME,...", help="Move only these, hold the rest; joints: all but the root."),
+        typer.Option(
+            metavar="NAME,...",
+            help="Move only these, hold the rest; joints: all but the root.",
+            rich_help_panel=INPUT,
+        ),
     ] = None,
     model: Annotated[
-        str, typer.Option(metavar="human|FILE", help="Body to track: a URDF file, or one of gepf fit.")
+        str,
+        typer.Option(
+            metavar="human|FILE",
+            help="Body to track: a URDF file, or one of gepf fit.",
+            rich_help_panel=INPUT,
+        ),
     ] = "human",
     init: Annotated[
         str | None,
-        typer.Option(metavar="auto|FILE", help="Pose to start from (default: SEQ/init.json, else auto)."),
+        typer.Option(
+            metavar="auto|FILE",
+            help="Pose to start from (default: SEQ/init.json, else auto).",
+            rich_help_panel=INPUT,
+        ),
     ] = None,
-    frames: Annotated[str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.")] = None,
-    seed: Annotated[int, typer.Option(help="Of all randomness: the same seed gives the same bytes.")] = 0,
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.", rich_help_panel=INPUT)
+    ] = None,
+    seed: Annotated[
+        int,
+        typer.Option(help="Of all randomness: the same seed gives the same bytes.", rich_help_panel=METHOD),
+    ] = 0,
     workers: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Local workers (default: one per core); 0 for those of others."),
+        typer.Option(
+            metavar="N",
+            help="Local workers (default: one per core); 0 for those of others.",
+            rich_help_panel=WORKERS,
+        ),
     ] = None,
     listen: Annotated[str | None, Listen] = None,
     connect: Annotated[
-        str | None, typer.Option(metavar="ENDPOINT", help="Join a router where others' workers are.")
+        str | None,
+        typer.Option(
+            metavar="ENDPOINT", help="Join a router where others' workers are.", rich_help_panel=WORKERS
+        ),
     ] = None,
     worker_timeout: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Give up after so long without any worker (default: wait)."),
+        typer.Option(
+            metavar="SECONDS",
+            help="Give up after so long without any worker (default: wait).",
+            rich_help_panel=WORKERS,
+        ),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the run in --out, if there is one.")
+        bool,
+        typer.Option(
+            "--resume", help="Go on with the run in --out, if there is one.", rich_help_panel=OUTPUT
+        ),
     ] = False,
     deadline: Annotated[
         float | None,
-        typer.Option(metavar="MS", help="Do with the particles that are refined so long after a frame came."),
+        typer.Option(
+            metavar="MS",
+            help="Do with the particles that are refined so long after a frame came.",
+            rich_help_panel=METHOD,
+        ),
     ] = None,
     tls_ca: TlsCa = None,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     insecure: Insecure = False,
+    quiet: Quiet = False,
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="Print the summary at the end, one JSON object.", rich_help_panel=OUTPUT),
+    ] = False,
 ) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
     from coordinator.options import (
@@ -218,9 +305,13 @@ def track(  # noqa: PLR0913 one parameter an option
 
     end_as_interrupted()
     if live_key(sequence) is None:
-        track_sequence(job, on_stderr(), connect_workers)
+        track_sequence(job, on_stderr(quiet=quiet), connect_workers)
     else:
-        track_stream(job, on_stderr(), connect_workers)
+        track_stream(job, on_stderr(quiet=quiet), connect_workers)
+    if as_json:
+        from coordinator.recorder import SUMMARY_FILE
+
+        sys.stdout.write((out / SUMMARY_FILE).read_text(encoding="utf-8"))
 
 
 @app.command(rich_help_panel=HOSTS)
@@ -242,6 +333,7 @@ def publish(  # noqa: PLR0913 one parameter an option
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     insecure: Insecure = False,
+    quiet: Quiet = False,
 ) -> None:
     """Publish a recorded sequence in real time, as a camera would: input for gepf track zenoh:KEY."""
     from coordinator.options import choose_pool
@@ -251,7 +343,7 @@ def publish(  # noqa: PLR0913 one parameter an option
     security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
     end_as_interrupted()
     reached = choose_pool(None, listen, connect, security)
-    publish_sequence(Broadcast(sequence, key, reached, rate, frames), on_stderr())
+    publish_sequence(Broadcast(sequence, key, reached, rate, frames), on_stderr(quiet=quiet))
 
 
 @app.command(rich_help_panel=LOOKING)
@@ -322,15 +414,16 @@ def view(
     ] = None,
     port: Annotated[int, typer.Option(help="Of the viewer's page; the next one is used, too.")] = 9090,
     browser: Annotated[bool, typer.Option(help="Open a browser here.")] = True,
+    quiet: Quiet = False,
 ) -> None:
     """Show a run on a time line: points, model, hypotheses, residuals, angles, status."""
     from coordinator.viewing import save_run, serve_run
 
     if save is not None:
-        save_run(run, sequence, save, on_stderr())
+        save_run(run, sequence, save, on_stderr(quiet=quiet))
         return
     end_as_interrupted()
-    serve_run(run, sequence, port, on_stderr(), browser=browser)
+    serve_run(run, sequence, port, on_stderr(quiet=quiet), browser=browser)
 
 
 @app.command(rich_help_panel=LOOKING)
@@ -339,13 +432,15 @@ def report(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Page to write (default: DIR/report.html).")
     ] = None,
+    *,
+    quiet: Quiet = False,
 ) -> None:
     """Write one HTML page about a run: animation, angles and how sure they are, timings, settings."""
     from coordinator.report import write_report
 
     page = out or run / "report.html"
     write_report(run, page)
-    on_stderr().say(f"the report is in {page}")
+    on_stderr(quiet=quiet).say(f"the report is in {page}")
 
 
 @app.command(rich_help_panel=PREPARING)
@@ -370,10 +465,17 @@ def info(
             raise InputError(f"cannot write {picture}: {error.strerror}; choose another file") from error
     lines = "".join(f"{name:<12} {value}\n" for name, value in facts.items())
     sys.stdout.write(msgspec.json.encode(facts).decode() + "\n" if as_json else lines)
+    if sys.stdout.isatty() and not as_json:
+        from rich.console import Console
+
+        from coordinator.pictures.blocks import in_blocks
+
+        console = Console()
+        console.print(in_blocks(thumbnail(middle), console.width))
 
 
 @app.command(rich_help_panel=PREPARING)
-def synth(
+def synth(  # noqa: PLR0913 one parameter an option
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm, turn, or roam with --model.")],
     out: Annotated[Path, typer.Option("--out", metavar="SEQ", help="New folder for the sequence.")],
     *,
@@ -387,11 +489,12 @@ def synth(
         str | None, typer.Option(metavar="human|FILE.urdf", help="Body that roams: all its joints move.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the noise, and of roaming.")] = 0,
+    quiet: Quiet = False,
 ) -> None:
     """Render a sequence with truth and the start it is meant to be tracked from."""
     from coordinator.synth import synthesise
 
-    with on_stderr().steps("rendering") as advance:
+    with on_stderr(quiet=quiet).steps("rendering") as advance:
         synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance, model=model, kinect=kinect)
 
 
@@ -447,13 +550,13 @@ def end_as_interrupted() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
-def on_stderr() -> Show:
-    """Progress for people."""
+def on_stderr(*, quiet: bool = False) -> Show:
+    """Progress for people, unless they want none."""
     from rich.console import Console
 
     from coordinator.progress import show_on
 
-    return show_on(Console(stderr=True))
+    return show_on(Console(stderr=True, quiet=quiet))
 
 
 if __name__ == "__main__":

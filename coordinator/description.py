@@ -8,7 +8,6 @@ import numpy as np
 from PIL import Image
 
 from common.frame import DepthFrame
-from coordinator.pictures.shading import shade_depth
 from coordinator.sources import Source, find_format
 
 SAMPLED = 10  # frames, evenly spread, from which the range of depth is told
@@ -46,4 +45,6 @@ def depth_range(source: Source) -> tuple[float | None, float | None]:
 
 def thumbnail(frame: DepthFrame) -> Image.Image:
     """A frame as a person likes to see depth."""
+    from coordinator.pictures.shading import shade_depth
+
     return Image.fromarray(shade_depth(frame.metres(), frame.intrinsics).astype(np.uint8))

@@ -144,7 +144,7 @@ def write_results(
 
 def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:
     """Pictures of a finished run."""
-    from coordinator.pictures import draw_run
+    from coordinator.pictures.run import draw_run
 
     track = read_track(run.job.out)
     show.say("drawing pictures")

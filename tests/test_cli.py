@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import coordinator.chosen_body
-import coordinator.pictures
+import coordinator.pictures.run
 import coordinator.pool
 from common.body import BodyModel
 from common.errors import BusError
@@ -71,7 +72,7 @@ class StillWorkers:
 
 @pytest.fixture(autouse=True)
 def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coordinator.pictures, "draw_run", lambda *_: [])
+    monkeypatch.setattr(coordinator.pictures.run, "draw_run", lambda *_: [])
     monkeypatch.setattr(coordinator.chosen_body, "human", one_human)
     monkeypatch.delenv("GEPF_DEBUG", raising=False)
 
@@ -155,6 +156,32 @@ def test_a_run_leaves_files_and_says_nothing_on_stdout(
     out, err = capsys.readouterr()
     assert out == ""
     assert "frame 5 of 5" in err
+
+
+def test_quiet_and_json_leave_a_program_what_it_reads(
+    tracked: Tracked, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Stdout is the summary as it is in the run's folder; nothing at all is on stderr."""
+    _, summary = tracked("--quiet", "--json")
+    out, err = capsys.readouterr()
+    assert json.loads(out) == summary
+    assert err == ""
+
+
+def test_quiet_keeps_errors(sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line says why, as ever."""
+    assert main(["track", str(sequence), "--out", str(tmp_path / "x"), "-q", "--particles", "0"]) == 2
+    assert capsys.readouterr().err == "gepf: --particles 0 is too small; give 1 or more\n"
+
+
+def test_a_shell_completes_commands() -> None:
+    """As the shell asks, by typer's variables."""
+    asked = {**os.environ, "_GEPF_COMPLETE": "complete_bash", "COMP_WORDS": "gepf tr", "COMP_CWORD": "1"}
+    code = "from coordinator.cli import main; main([])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=asked, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == ["track"]
 
 
 def test_a_frame_without_depth_is_lost_and_the_run_goes_on(tracked: Tracked) -> None:

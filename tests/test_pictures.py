@@ -19,11 +19,10 @@ from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import DepthFrame
 from common.kinematics import joint_positions
-from coordinator.pictures import draw_run
 from coordinator.pictures.animation import encode_gif
 from coordinator.pictures.hypotheses import half_turn, most_varying
 from coordinator.pictures.overlay import MODEL_COLOUR, STATUS_COLOURS, Painter
-from coordinator.pictures.run import shown_at
+from coordinator.pictures.run import draw_run, shown_at
 from coordinator.pictures.shading import contours, lambert, shade_depth
 from coordinator.pictures.sheet import spread, tile
 from coordinator.pictures.view import View, around
