@@ -1,0 +1,65 @@
+"""The paper's experiments with the baselines beside them: python -m benchmarks.paper.
+
+Every row is a method with a number of particles, under some noise, for some seeds. All runs happen in
+processes of their own, with the kernel in the tracker's process; each is kept as soon as it is done, so that
+a benchmark that was broken off goes on. Lines on stderr, tables on stdout, numbers in a JSON file, pictures
+in docs/. Exit code 1 if a run crashed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from coordinator.local_workers import THREADS
+
+ROOT = Path(__file__).parent.parent.parent
+RESULT = ROOT / "benchmarks" / "results" / "paper.json"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print the tables, keep the numbers."""
+    chosen = parse(arguments)
+    os.environ.update(dict.fromkeys(THREADS, "1"))  # read when numpy is loaded, which is below
+    from benchmarks.paper.measure import Choice, measure
+    from common.errors import InputError
+
+    try:
+        return measure(Choice(**vars(chosen)))
+    except InputError as error:
+        sys.stderr.write(f"paper: {error}\n")
+        return 2
+
+
+def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The command line. What is measured only in part is kept only where asked."""
+    parser = argparse.ArgumentParser("python -m benchmarks.paper", description=__doc__)
+    add = parser.add_argument
+    add("--quick", action="store_true", help="two seeds at the most")
+    add("--only", nargs="+", metavar="NAME", help="only these rows or parts: heavy, curves, gradient-paper")
+    add("--processes", type=int, default=os.cpu_count() or 1, metavar="N", help="default: one per core")
+    add(
+        "--runs",
+        type=Path,
+        default=ROOT / "runs" / "paper",
+        metavar="DIR",
+        help="finished runs; default: runs/paper",
+    )
+    add("--pictures", type=Path, metavar="DIR", help="default: docs, or what is measured in part, runs/paper")
+    add("--out", type=Path, metavar="FILE", help=f"default: {RESULT.name} in benchmarks/results")
+    chosen = parser.parse_args(arguments)
+    if chosen.processes < 1:
+        parser.error(f"--processes {chosen.processes} is too small; give 1 or more")
+    whole = not (chosen.only or chosen.quick)
+    if chosen.out is None and whole:
+        chosen.out = RESULT
+    if chosen.pictures is None:
+        chosen.pictures = ROOT / "docs" if whole else chosen.runs
+    return chosen
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,181 @@
+"""What one noisy frame can tell about the moving angles at best: a Cramer-Rao bound from the renderer.
+
+The noise is that of `gepf synth`: a pixel reads the exact depth image at a place displaced by Gaussian
+noise, plus Gaussian noise along depth, independently of all others. So its reading z has the density
+
+    p(z) = sum over pixels q of g_lateral(q) N(z; d(q), depth noise)
+
+with d the rendered depth near it, and nothing is read with the weight of the empty pixels. The Fisher
+information of angles i, j is the sum over pixels and readings of (dp/di) (dp/dj) / p, the derivatives from
+central differences of rendered images. It counts everything that the picture holds: depth, slopes, the
+outline against the background (frayed by the lateral noise) and the arm's outline against the body.
+
+What is not counted: that a picked point's neighbours were not picked. The points that a tracker picks are
+treated as drawn independently from all that is measured (a Poisson process), so they tell their share of
+the measured pixels' information; pixels that measured nothing count in the whole image alone. The lateral
+noise is as wide in pixels everywhere as at the shoulder's depth. The body but for the moving angles, its
+shape, and the noise are known exactly, as they are to the tracker. An estimator with a bias, such as one
+that knows joint limits, may do better than the bound; one that does not see the whole image will not
+reach it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.rendering import DepthRenderer
+from coordinator.scenes.noise import SensorNoise
+from coordinator.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+
+STEP = np.radians(1.5)  # of the central differences: a hand moves by a few pixels
+LEVELS_PER_DEVIATION, REACH = 2.0, 4.0  # of the readings that are summed over
+EXPECTED_ABSOLUTE = np.sqrt(2.0 / np.pi)  # of a Gaussian with standard deviation 1
+LEAST = 1e-12  # densities below it tell nothing
+
+
+class Bound(msgspec.Struct, frozen=True):
+    """Least mean absolute error in degrees, by angle and over all."""
+
+    points: int | None  # None for every pixel, the empty ones included
+    by_angle_deg: dict[str, float]
+    mean_deg: float
+
+
+def informations(
+    scene: Scene, active: Sequence[str], noise: SensorNoise, frames: Sequence[int]
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Fisher information of the angles in single frames, 1/rad^2.
+
+    Returns:
+        That of all measured pixels (F, A, A), that of all pixels (F, A, A), and how many measure
+        something (F,).
+    """
+    measured, everything, counts = [], [], []
+    with DepthRenderer(scene.camera) as renderer:
+        for frame in frames:
+            near, far, count = information(renderer, scene, active, noise, frame)
+            measured.append(near)
+            everything.append(far)
+            counts.append(count)
+    return np.array(measured), np.array(everything), np.array(counts)
+
+
+def information(
+    renderer: DepthRenderer, scene: Scene, active: Sequence[str], noise: SensorNoise, frame: int
+) -> tuple[Array, Array, int]:
+    """The same of one frame."""
+    pose, dofs = scene.poses[frame], [scene.model.dof(name) for name in active]
+    steps = STEP * np.eye(len(pose))[dofs]
+    images = [exact_depth(renderer, scene, p) for p in (pose, *(pose + steps), *(pose - steps))]
+    window = moving_window(images, noise, scene)
+    cut = [image[window] for image in images]
+    width = noise.lateral * scene.camera.fx / shoulder_depth(scene, pose)
+    levels = readings(cut, noise)
+    measured, nothing = np.zeros((len(dofs),) * 2), np.zeros((len(dofs),) * 2)
+    for level in levels:
+        measured += gather([density(image, level, noise.depth, width) for image in cut])
+    nothing += gather([gaussian_filter((image <= 0.0).astype(float), width) for image in cut])
+    spacing = levels[1] - levels[0]
+    return measured * spacing, measured * spacing + nothing, int(np.sum(images[0] > 0.0))
+
+
+def exact_depth(renderer: DepthRenderer, scene: Scene, pose: Array) -> Array:
+    """Depth (H, W) in metres."""
+    vertices = pose_vertices(scene.model, pose[None])[0]
+    return renderer.depth(vertices, scene.model.triangles).astype(np.float64)
+
+
+def moving_window(images: Sequence[Array], noise: SensorNoise, scene: Scene) -> tuple[slice, slice]:
+    """Rows and columns that differ between images, and as far around as lateral noise carries them."""
+    changed = np.any([image != images[0] for image in images[1:]], axis=0)
+    rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+    nearest = images[0][images[0] > 0.0].min()
+    reach = int(np.ceil(REACH * noise.lateral * scene.camera.fx / nearest))
+    return slice(max(0, rows[0] - reach), rows[-1] + reach + 1), slice(
+        max(0, columns[0] - reach), columns[-1] + reach + 1
+    )
+
+
+def shoulder_depth(scene: Scene, pose: Array) -> float:
+    """Depth of the right shoulder in metres."""
+    joint = scene.model.joint_names.index("right_shoulder")
+    return float(joint_positions(scene.model, pose[None])[0, joint, 2])
+
+
+def readings(images: Sequence[Array], noise: SensorNoise) -> Array:
+    """Depths (K,) in metres that cover all that a noisy pixel may read."""
+    depths = np.concatenate([image[image > 0.0] for image in images])
+    low, high = depths.min() - REACH * noise.depth, depths.max() + REACH * noise.depth
+    return np.arange(low, high, noise.depth / LEVELS_PER_DEVIATION)
+
+
+def density(image: Array, level: float, depth_noise: float, width: float) -> Array:
+    """Density (H, W) of every pixel's reading at one depth, 1/m."""
+    off = (level - image) / depth_noise
+    sharp = np.where(image > 0.0, np.exp(-0.5 * off * off) / (depth_noise * np.sqrt(2.0 * np.pi)), 0.0)
+    blurred: Array = gaussian_filter(sharp, width)
+    return blurred
+
+
+def gather(densities: Sequence[Array]) -> Array:
+    """Sum (A, A) over pixels of p_i p_j / p, from p and its values after steps ahead and back."""
+    count = (len(densities) - 1) // 2
+    here = densities[0]
+    told = here > LEAST
+    change = np.array(
+        [(densities[1 + a] - densities[1 + count + a])[told] / (2.0 * STEP) for a in range(count)]
+    )
+    gathered: Array = (change / here[told]) @ change.T
+    return gathered
+
+
+def bound_of_frames(
+    measured: Array, everything: Array, counts: NDArray[np.int64], active: Sequence[str], points: int | None
+) -> Bound:
+    """What single frames allow on average, from so many picked points or (None) from all pixels."""
+    told = everything if points is None else measured * np.minimum(1.0, points / counts)[:, None, None]
+    return as_bound(np.linalg.inv(told), active, points)
+
+
+def as_bound(covariances: Array, active: Sequence[str], points: int | None) -> Bound:
+    """Mean absolute errors of Gaussians with covariances (F, A, A) in rad^2."""
+    deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    by_angle = np.degrees(EXPECTED_ABSOLUTE * deviations).mean(axis=0)
+    named = dict(zip(active, by_angle.round(3).tolist(), strict=True))
+    return Bound(points, named, round(float(by_angle.mean()), 3))
+
+
+def smoothed(told: Array, acceleration: Array, *, ahead: bool) -> Array:
+    """Covariances (F, A, A) when all frames so far, or (`ahead`) all frames, are known, rad^2.
+
+    For a motion of constant velocity but for independent Gaussian accelerations of the given standard
+    deviations (A,) a frame, and information `told` (F, A, A) in each: a Kalman filter's covariances, and
+    those of a Rauch-Tung-Striebel smoother.
+    """
+    frames, count = told.shape[:2]
+    eye, zero = np.eye(count), np.zeros((count, count))
+    move = np.block([[eye, eye], [zero, eye]])
+    kick = np.vstack([0.5 * np.diag(acceleration), np.diag(acceleration)])
+    wandering = kick @ kick.T
+    predicted, filtered = np.empty((frames, 2 * count, 2 * count)), np.empty((frames, 2 * count, 2 * count))
+    state = np.eye(2 * count)  # a radian: nothing is known at first
+    for frame in range(frames):
+        predicted[frame] = state
+        seen = np.linalg.inv(state)
+        seen[:count, :count] += told[frame]
+        filtered[frame] = np.linalg.inv(seen)
+        state = move @ filtered[frame] @ move.T + wandering
+    if not ahead:
+        return filtered[:, :count, :count]
+    for frame in range(frames - 2, -1, -1):
+        gain = filtered[frame] @ move.T @ np.linalg.inv(predicted[frame + 1])
+        filtered[frame] += gain @ (filtered[frame + 1] - predicted[frame + 1]) @ gain.T
+    return filtered[:, :count, :count]

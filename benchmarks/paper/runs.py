@@ -1,0 +1,89 @@
+"""One run: a scene with noise, tracked in this process, and its errors frame by frame."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.direct import DirectRefiner
+from benchmarks.paper.footage import Footage
+from benchmarks.paper.matrix import Row
+from common.body import BodyModel
+from common.kinematics import joint_positions
+from coordinator.chosen_body import choose_bodies
+from coordinator.estimate import Estimate
+from coordinator.evaluation import TRANSLATIONS, angle_error_deg, best_hypothesis, positions
+from coordinator.tracker import Tracker
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A row of the table with one seed, which is that of the noise and of the tracker."""
+
+    row: Row
+    seed: int
+
+
+class Run(msgspec.Struct, frozen=True):
+    """What came of a job: F frames, A angles, J joints."""
+
+    row: str
+    seed: int
+    angles: tuple[str, ...]
+    joints: tuple[str, ...]
+    reported_deg: list[list[float]]  # (F, A) of the reported pose
+    best_deg: list[list[float]]  # (F, A) of the hypothesis whose mean is least
+    joint_cm: list[list[float]]  # (F, J) of the reported pose
+    hypotheses: list[int]  # (F,)
+    ms: list[float]  # (F,) of processor time; making the frame does not count
+
+
+def run(job: Job, footage: Footage) -> Run:
+    """Track a row's frames, starting where the scene says."""
+    row = job.row
+    settings = row.settings(job.seed)
+    bodies = choose_bodies(row.active, settings.preset)
+    tracker = Tracker(DirectRefiner(), settings, bodies, footage.start)
+    estimates, ms = [], []
+    for frame in footage.frames(row.noise, job.seed, row.frames):
+        began = time.process_time()
+        estimates.append(tracker.track(frame))
+        ms.append(1e3 * (time.process_time() - began))
+    return score(job, tracker.model, estimates, footage, ms)
+
+
+def score(job: Job, model: BodyModel, estimates: list[Estimate], footage: Footage, ms: list[float]) -> Run:
+    """Hold the estimates against the scene's own poses."""
+    full, poses = footage.scene.model, footage.scene.poses[: len(estimates)]
+    angles = tuple(name for name in model.dof_names if name not in TRANSLATIONS)
+    mine, theirs = positions(model.dof_names, angles), positions(full.dof_names, angles)
+    reported = np.array([e.pose for e in estimates])[:, mine]
+    joints = np.array([e.joint_positions for e in estimates])
+    apart = np.linalg.norm(joints - joint_positions(full, poses), axis=-1)
+    best = [
+        best_hypothesis(e.hypothesis_pose[None][..., mine], truth[None])[0]
+        for e, truth in zip(estimates, poses[:, theirs], strict=True)
+    ]
+    return Run(
+        row=job.row.name,
+        seed=job.seed,
+        angles=angles,
+        joints=full.joint_names,
+        reported_deg=rounded(angle_error_deg(reported, poses[:, theirs])),
+        best_deg=rounded(np.array(best)),
+        joint_cm=rounded(100.0 * apart),
+        hypotheses=[len(e.hypothesis_weight) for e in estimates],
+        ms=[round(spent, 2) for spent in ms],
+    )
+
+
+def rounded(errors: Array) -> list[list[float]]:
+    """Errors to four decimals."""
+    found: list[list[float]] = np.round(errors, 4).tolist()
+    return found
