@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 PACKAGES := common worker coordinator gepf benchmarks examples tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow chaos check format bench real-people images images-test lock clean clean-kernels
+.PHONY: help setup demo test test-slow chaos check format bench paper ablation real-people images images-test lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -43,6 +43,12 @@ format: setup ## rewrite the code in the house's format
 
 bench: setup ## one particle's cost beside small_gicp's and Open3D's ICP
 	$(BIN)/python -m benchmarks.kernel
+
+paper: setup ## the paper's experiments and the baselines beside them: tables, numbers, pictures in docs/
+	$(BIN)/python -m benchmarks.paper
+
+ablation: setup ## each setting of preset default alone (needs ../shared/data)
+	$(BIN)/python -m benchmarks.ablation
 
 real-people: setup ## real and skinned people, scored (needs ../shared/data)
 	$(BIN)/python -m benchmarks.real_people

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from benchmarks.choices import settings_with
 from benchmarks.forks import Crash, run_forked
-from benchmarks.report import Report, Results, report
+from benchmarks.report import Results, report
 from benchmarks.scores import score_recording
 from benchmarks.sequences import Recording, choose, find_recordings
 from benchmarks.tables import accuracy_cells, show
@@ -74,7 +74,7 @@ def describe(result: Tracked | Crash) -> str:
     return f"raw {raw}  offset removed {offset_removed}  {scored.ms_per_frame:6.1f} ms{lost}"
 
 
-def keep(result: Report, path: Path) -> None:
+def keep(result: msgspec.Struct, path: Path) -> None:
     """Write the numbers."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = msgspec.json.format(msgspec.json.encode(result), indent=2)

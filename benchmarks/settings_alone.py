@@ -97,7 +97,7 @@ def measure(choice: Choice) -> int:
     for trial, result in finished:
         found[trial] = result
         console.print(f"{len(found):3} of {len(trials)}  {name_of(trial)}  {describe(result)}")
-    result = Ablation(
+    ablation = Ablation(
         settings=PRESETS["default"],
         versions=versions(),
         machine=machine(),
@@ -105,9 +105,9 @@ def measure(choice: Choice) -> int:
         effects=[gather(change, found) for change in (None, *changes)],
         crashes={name_of(t): r.error for t, r in found.items() if isinstance(r, Crash)},
     )
-    Console(width=None if sys.stdout.isatty() else WIDTH).print(effect_table(result))
-    keep(result, choice.out)
-    return 1 if result.crashes else 0
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(effect_table(ablation))
+    keep(ablation, choice.out)
+    return 1 if ablation.crashes else 0
 
 
 def choose_changes(only: Sequence[str] | None) -> list[str]:

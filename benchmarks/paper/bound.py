@@ -30,8 +30,8 @@ from scipy.ndimage import gaussian_filter
 
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.rendering import DepthRenderer
-from coordinator.scenes.noise import SensorNoise
 from coordinator.scenes.scene import Scene
+from coordinator.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 
@@ -142,7 +142,8 @@ def bound_of_frames(
 ) -> Bound:
     """What single frames allow on average, from so many picked points or (None) from all pixels."""
     told = everything if points is None else measured * np.minimum(1.0, points / counts)[:, None, None]
-    return as_bound(np.linalg.inv(told), active, points)
+    covariances = np.asarray(np.linalg.inv(told), dtype=np.float64)
+    return as_bound(covariances, active, points)
 
 
 def as_bound(covariances: Array, active: Sequence[str], points: int | None) -> Bound:

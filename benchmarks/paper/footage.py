@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame
-from coordinator.scenes.noise import SensorNoise, add_noise
+from coordinator.scenes.noise import add_noise
 from coordinator.scenes.scene import Scene
+from coordinator.sensor_noise import SensorNoise
 from coordinator.synth import DEPTH_SCALE, find_scene, render, to_units
 
 

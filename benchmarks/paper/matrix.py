@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.scenes.arm import MOVING
-from coordinator.scenes.noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 SEEDS, QUICK_SEEDS = 10, 2
@@ -100,7 +101,7 @@ TURNS = [
 ROWS = [*CLEAN, *HEAVY_ROWS, *MODERATE_ROWS, *CURVES, *TURNS]
 
 
-def choose(only: list[str] | None, quick: bool) -> list[Row]:
+def choose(only: Sequence[str] | None, quick: bool) -> list[Row]:
     """All rows, or those of a name or part; with two seeds at the most if quick. InputError if unknown."""
     for name in only or ():
         if not any(name in (row.name, row.part) for row in ROWS):

@@ -9,7 +9,7 @@ import msgspec
 from benchmarks.paper.bound import Bound
 from benchmarks.paper.scores import RowScore
 from benchmarks.timing import machine
-from coordinator.scenes.noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise
 from coordinator.summary import versions
 
 

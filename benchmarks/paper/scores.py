@@ -12,7 +12,7 @@ from benchmarks.paper.matrix import Row
 from benchmarks.paper.runs import Run
 from common.settings import Settings
 from coordinator.evaluation import Errors, lost_from
-from coordinator.scenes.noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 
