@@ -27,7 +27,7 @@ from benchmarks.tracking import prepare, track
 from common.errors import InputError
 from common.settings import PRESETS, Settings
 from coordinator.bodies import Bodies
-from coordinator.summary import versions
+from coordinator.versions import versions
 
 WHOLE = "all of preset default"
 

@@ -35,10 +35,9 @@ from coordinator.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 
-STEP = np.radians(1.5)  # of the central differences: a hand moves by a few pixels
+STEP = np.radians(1.0)  # of the central differences: a hand moves by a few pixels, less than the noise
 LEVELS_PER_DEVIATION, REACH = 2.0, 4.0  # of the readings that are summed over
 EXPECTED_ABSOLUTE = np.sqrt(2.0 / np.pi)  # of a Gaussian with standard deviation 1
-LEAST = 1e-12  # densities below it tell nothing
 
 
 class Bound(msgspec.Struct, frozen=True):
@@ -126,14 +125,14 @@ def density(image: Array, level: float, depth_noise: float, width: float) -> Arr
 
 
 def gather(densities: Sequence[Array]) -> Array:
-    """Sum (A, A) over pixels of p_i p_j / p, from p and its values after steps ahead and back."""
+    """Fisher information (A, A) summed over pixels, from the density and those after steps ahead and back.
+
+    It is 4 r_i r_j of the root's derivatives, which stay bounded where the density itself is next to nothing.
+    """
     count = (len(densities) - 1) // 2
-    here = densities[0]
-    told = here > LEAST
-    change = np.array(
-        [(densities[1 + a] - densities[1 + count + a])[told] / (2.0 * STEP) for a in range(count)]
-    )
-    gathered: Array = (change / here[told]) @ change.T
+    roots = [np.sqrt(one) for one in densities]
+    slopes = np.array([(roots[1 + a] - roots[1 + count + a]).ravel() for a in range(count)]) / (2.0 * STEP)
+    gathered: Array = 4.0 * slopes @ slopes.T
     return gathered
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame
+from coordinator.scenes import SCENES
 from coordinator.scenes.noise import add_noise
 from coordinator.scenes.scene import Scene
 from coordinator.sensor_noise import SensorNoise
-from coordinator.synth import DEPTH_SCALE, find_scene, render, to_units
+from coordinator.synth import DEPTH_SCALE, render, to_units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,5 +39,5 @@ class Footage:
 
 def shoot(scene: str) -> Footage:
     """Render all of a scene."""
-    found = find_scene(scene)
+    found = SCENES[scene]()
     return Footage(found, np.array([depth.astype(np.float32) for depth in render(found)]))

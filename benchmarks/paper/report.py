@@ -10,7 +10,7 @@ from benchmarks.paper.bound import Bound
 from benchmarks.paper.scores import RowScore
 from benchmarks.timing import machine
 from coordinator.sensor_noise import SensorNoise
-from coordinator.summary import versions
+from coordinator.versions import versions
 
 
 class Bounds(msgspec.Struct, frozen=True):

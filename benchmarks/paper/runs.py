@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from benchmarks.direct import DirectRefiner
 from benchmarks.paper.footage import Footage
 from benchmarks.paper.matrix import Row
-from common.body import BodyModel
+from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
 from coordinator.chosen_body import choose_bodies
 from coordinator.estimate import Estimate
-from coordinator.evaluation import TRANSLATIONS, angle_error_deg, best_hypothesis, positions
+from coordinator.evaluation import angle_error_deg, best_hypothesis, positions
 from coordinator.tracker import Tracker
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def run(job: Job, footage: Footage) -> Run:
 def score(job: Job, model: BodyModel, estimates: list[Estimate], footage: Footage, ms: list[float]) -> Run:
     """Hold the estimates against the scene's own poses."""
     full, poses = footage.scene.model, footage.scene.poses[: len(estimates)]
-    angles = tuple(name for name in model.dof_names if name not in TRANSLATIONS)
+    angles = tuple(name for name in model.dof_names if name not in ROOT_DOFS[:3])
     mine, theirs = positions(model.dof_names, angles), positions(full.dof_names, angles)
     reported = np.array([e.pose for e in estimates])[:, mine]
     joints = np.array([e.joint_positions for e in estimates])
