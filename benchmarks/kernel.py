@@ -47,7 +47,7 @@ def main() -> int:
     cases = [
         measure(standing(POINTS, noise, SEED), label, name)
         for label, noise in NOISES.items()
-        for name in ("default",)
+        for name in ("default", "paper")
     ]
     result = {
         "machine": machine("numpy", "scipy", "numba", "small_gicp"),

@@ -30,6 +30,7 @@ from worker.gauss_newton import (
     lay_out_equations,
     minimise,
     normal_equations,
+    solve_along_chains,
     subtree_moments,
 )
 from worker.observation import BLOCK, Observation, observe
@@ -323,6 +324,17 @@ def test_minimising_matches(name: str) -> None:
         assert np.abs(pose - start).max() > 0.05
         assert settings.rest_weight == 0.0 or factors.unexplained > 10
         np.testing.assert_allclose(pose, plain_path.minimise(model, factors, POINTS, settings), atol=1e-7)
+
+
+def test_what_nothing_determines_stays() -> None:
+    """Without damping: steps of a singular system are finite, solve it, and leave the undetermined alone."""
+    jacobian = np.random.default_rng(0).normal(size=(3, 5)) * [1.0, 1.0, 0.0, 1.0, 1.0]
+    gram, target = jacobian.T @ jacobian, jacobian.T @ np.array([0.3, -0.2, 0.1])
+    step = target.copy()
+    solve_along_chains(np.arange(-1, 4), gram.copy(), step)
+    assert step[2] == 0.0
+    assert np.abs(step).max() < 100.0
+    np.testing.assert_allclose(gram @ step, target, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", SETTINGS)

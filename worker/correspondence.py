@@ -35,6 +35,7 @@ class Search(NamedTuple):
     between: Points  # (K,) squared distances of the leaves' centres
     closest: NDArray[np.int32]  # (P,) which of them
     squared: Points  # (P,)
+    weights: NDArray[np.float64]  # (P,)
 
 
 def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
@@ -50,6 +51,7 @@ def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
         np.empty(leaves, dtype=np.float32),
         np.empty(points, dtype=np.int32),
         np.empty(points, dtype=np.float32),
+        np.empty(points),
     )
 
 

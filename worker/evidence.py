@@ -46,7 +46,8 @@ class Rules(NamedTuple):
 def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evidence:
     """The observation in the metric of the noise."""
     stretch = np.float32(settings.noise_lateral / settings.noise_depth)
-    points = observation.points * np.array([1.0, 1.0, stretch], dtype=np.float32)
+    points = observation.points.copy()
+    points[:, 2] *= stretch
     camera = observation.camera
     return Evidence(
         np.ascontiguousarray(points.T),

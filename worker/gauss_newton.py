@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 LIMIT_SHARE = 0.002  # weight of a squared radian outside a ball's limits, for each point
+SINGULAR = 1e-13  # of the largest entry on the diagonal
 CONVERGED = 1e-4  # radians and metres: a step below it ends the loop
 
 
@@ -142,10 +143,12 @@ def solve_along_chains(parents: Indices, gram: Array, step: Array) -> None:
 
     Degrees of freedom that lie on different branches share no moved link, so their entries are zero and stay
     zero in gram = L^T L with L lower triangular, which is found from the tips to the root along the
-    ancestors of each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5).
+    ancestors of each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5). Where gram is singular
+    what nothing determines stays where it is.
     """
+    least = SINGULAR * np.max(np.diag(gram))
     for k in range(len(parents) - 1, -1, -1):
-        gram[k, k] = np.sqrt(gram[k, k])
+        gram[k, k] = np.sqrt(gram[k, k]) if gram[k, k] > least else np.inf
         i = parents[k]
         while i >= 0:
             gram[k, i] /= gram[k, k]

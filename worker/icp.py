@@ -175,17 +175,25 @@ def collect(visible: Indices, surface: Surface, evidence: Evidence, rules: Rules
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_points(visible: int, evidence: Evidence, rules: Rules, search: Search, pulls: Array) -> int:
     """Fill pulls with the observed points' part; gives the number of those that are far off."""
-    unexplained, shrink, points = 0, 1.0 / rules.stretch, evidence.points
-    squared, closest = search.squared, search.closest
+    shrink, points, closest, weights = 1.0 / rules.stretch, evidence.points, search.closest, search.weights
+    unexplained = weigh(search.squared, evidence.count, rules.outlier_squared, weights)
     pulls[:visible] = 0.0
     for i in range(evidence.count):
-        weight = robust_weight(squared[i], rules.outlier_squared)
-        m = closest[i]
+        weight, m = weights[i], closest[i]
         pulls[m, 0] += weight * points[0, i]
         pulls[m, 1] += weight * points[1, i]
         pulls[m, 2] += weight * points[2, i] * shrink
         pulls[m, 3] += weight
-        unexplained += weight < 0.5
+    return unexplained
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def weigh(squared: NDArray[np.float32], count: int, scale_squared: float, weights: Array) -> int:
+    """Fill weights (count,) of points by their squared distances; gives the number that are far off."""
+    unexplained = 0
+    for i in range(count):
+        weights[i] = robust_weight(np.float64(squared[i]), scale_squared)
+        unexplained += weights[i] < 0.5
     return unexplained
 
 
