@@ -38,7 +38,10 @@ def make_certificates(
     The folder also gets `workers.txt`, the workers that are let in, and `router.json5`, what a Zenoh
     router is to be started with that sees the folder under `mount`.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make folder {folder}: {error.strerror}; choose another --out") from error
     lifetime = dt.timedelta(days=days)
     signer = find_authority(folder, lifetime)
     hosts = (*USUAL_HOSTS, socket.gethostname(), *hosts)

@@ -412,7 +412,9 @@ def view(
     save: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a .rrd file for the rerun viewer instead.")
     ] = None,
-    port: Annotated[int, typer.Option(help="Of the viewer's page; the next one is used, too.")] = 9090,
+    port: Annotated[
+        int, typer.Option(min=1, max=65534, help="Of the viewer's page; the next one is used, too.")
+    ] = 9090,
     browser: Annotated[bool, typer.Option(help="Open a browser here.")] = True,
     quiet: Quiet = False,
 ) -> None:

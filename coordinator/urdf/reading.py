@@ -84,7 +84,9 @@ def load(path: Path, **what: bool) -> yourdfpy.URDF:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{path} is no URDF that can be read ({type(error).__name__}: {error})") from error
+        raise InputError(
+            f"{path} is no URDF that can be read ({type(error).__name__}: {error}); check the file"
+        ) from error
 
 
 def find_mesh(fname: str, path: Path) -> str:
