@@ -9,7 +9,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.direct import DirectRefiner
 from benchmarks.paper.footage import Footage
 from benchmarks.paper.matrix import Row
 from common.body import ROOT_DOFS, BodyModel
@@ -18,6 +17,7 @@ from coordinator.chosen_body import choose_bodies
 from coordinator.estimate import Estimate
 from coordinator.evaluation import angle_error_deg, best_hypothesis, positions
 from coordinator.tracker import Tracker
+from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]
 
