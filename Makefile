@@ -41,8 +41,9 @@ format: setup ## rewrite the code in the house's format
 	$(BIN)/ruff check --fix $(PACKAGES)
 	$(BIN)/ruff format $(PACKAGES)
 
-bench: setup ## one particle's cost beside small_gicp's and Open3D's ICP
+bench: setup ## costs of a particle beside other ICPs, and of the service beside a process pool and Ray
 	$(BIN)/python -m benchmarks.kernel
+	$(BIN)/python -m benchmarks.service
 
 paper: setup ## the paper's experiments and the baselines beside them: tables, numbers, pictures in docs/
 	$(BIN)/python -m benchmarks.paper

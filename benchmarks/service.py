@@ -81,6 +81,8 @@ def overhead(particles: int, rounds: int) -> dict[str, Any]:
             calls["ray"] = stack.enter_context(ray_tasks(2))
         except ImportError:
             sys.stderr.write("service: Ray is not installed and is left out; pip install ray\n")
+        except Exception as error:  # noqa: BLE001 - Ray raises a bare one when its processes start too slowly
+            sys.stderr.write(f"service: Ray does not start and is left out: {error}\n")
         times = in_turns({name: partial(call, depth, poses) for name, call in calls.items()}, rounds)
     median = {name: float(np.median(spent)) for name, spent in times.items()}
     return {

@@ -50,6 +50,14 @@ class Kernel(Generic[O]):
     refine: Refine[O]
 
 
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """A request and what it asks for."""
+
+    request: Request
+    asked: RefineRequest
+
+
 class Service(Generic[O]):
     """One worker on the bus."""
 
@@ -58,7 +66,7 @@ class Service(Generic[O]):
         self._name = name
         self._kernel = kernel
         self._memory: Memory[O] = Memory()
-        self._turns: Turns[Request] = Turns()
+        self._turns: Turns[Batch] = Turns()
         self._over: SimpleQueue[str] = SimpleQueue()  # runs
         self._requests: Requests | None = None
         self._stopped = False
@@ -71,9 +79,9 @@ class Service(Generic[O]):
         self._bus.announce(keys.worker_alive(self._name))  # last: from now on there will be requests
         if self._stopped:
             return
-        while (request := self._next(self._requests)) is not None:
-            with request:
-                self.serve(request)
+        while (batch := self._next(self._requests)) is not None:
+            with batch.request:
+                self.serve(batch)
 
     def stop(self) -> None:
         """End `run`; may be called from another thread."""
@@ -81,39 +89,48 @@ class Service(Generic[O]):
         if self._requests is not None:
             self._requests.close()
 
-    def _next(self, requests: Requests) -> Request | None:
-        """The request whose turn it is; None when there will be no more."""
+    def _next(self, requests: Requests) -> Batch | None:
+        """The batch whose turn it is; None when there will be no more."""
         while True:
             arrived = requests.receive(wait=not self._turns)
             if arrived is None:
                 return None
             for request in arrived:
-                self._turns.put(run_of(request), request)
+                self._admit(request)
             self._drop_what_is_over()
             if self._turns:
                 return self._turns.take()
 
+    def _admit(self, request: Request) -> None:
+        """Have a request wait for its turn, or refuse it if it makes no sense."""
+        try:
+            asked = decode_request(request.payload)
+        except ProtocolError as error:
+            with request:
+                refuse(request, str(error))
+        else:
+            self._turns.put(asked.run, Batch(request, asked))
+
     def _drop_what_is_over(self) -> None:
         """Nobody waits for the requests of a run that is gone."""
         while not self._over.empty():
-            for request in self._turns.forget(self._over.get()):
-                with request:
+            for batch in self._turns.forget(self._over.get()):
+                with batch.request:
                     log.info("dropped a request: its run is gone")
 
-    def serve(self, request: Request) -> None:
-        """Answer one request, if need be with the reason why it cannot be done."""
+    def serve(self, batch: Batch) -> None:
+        """Answer one batch, if need be with the reason why it cannot be done."""
         try:
-            payload = self.answer(request.payload)
+            payload = self.answer(batch.asked)
         except ProtocolError as error:
-            refuse(request, str(error))
+            refuse(batch.request, str(error))
         except Exception as error:  # noqa: BLE001 - no request may end the worker
-            refuse(request, f"could not refine: {type(error).__name__}: {error}")
+            refuse(batch.request, f"could not refine: {type(error).__name__}: {error}")
         else:
-            request.reply(payload)
+            batch.request.reply(payload)
 
-    def answer(self, payload: bytes) -> bytes:
+    def answer(self, request: RefineRequest) -> bytes:
         """Refine a batch. Raises ProtocolError for a request that cannot be served."""
-        request = decode_request(payload)
         memory: RunMemory[O] = self._memory.of(request.run)
         model = memory.models.find(request.model_hash, lambda: self._fetch_model(request))
         if request.poses.shape[1] != len(model.dof_names):
@@ -157,14 +174,6 @@ class Service(Generic[O]):
         if payload is None:
             raise ProtocolError(f"nobody has {name}")
         return payload
-
-
-def run_of(request: Request) -> str:
-    """The run that a request is of; empty if it makes no sense."""
-    try:
-        return decode_request(request.payload).run
-    except ProtocolError:
-        return ""
 
 
 def refuse(request: Request, reason: str) -> None:
