@@ -229,6 +229,10 @@ def track(  # noqa: PLR0913 one parameter an option
     frames: Annotated[
         str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.", rich_help_panel=INPUT)
     ] = None,
+    color: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Draw results over these colour frames.", rich_help_panel=INPUT),
+    ] = None,
     seed: Annotated[
         int,
         typer.Option(help="Of all randomness: the same seed gives the same bytes.", rich_help_panel=METHOD),
@@ -296,7 +300,9 @@ def track(  # noqa: PLR0913 one parameter an option
     settings = tell_noise(settings, noise_depth, noise_lateral)
     security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
     pool = choose_pool(workers, listen, connect, security, worker_timeout, choose_deadline(deadline, method))
-    job = Job(sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames, resume)
+    job = Job(
+        sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames, resume, color
+    )
 
     from coordinator.live_run import track_stream
     from coordinator.pool import connect_workers

@@ -75,7 +75,11 @@ def check_live(job: Job) -> str:
     key = live_key(job.sequence)
     if key is None:
         raise InputError(f"'{job.sequence}' is no live input; give zenoh:KEY")
-    for option, given in (("--frames", job.frames is not None), ("--resume", job.resume)):
+    for option, given in (
+        ("--frames", job.frames is not None),
+        ("--resume", job.resume),
+        ("--color", job.colour is not None),
+    ):
         if given:
             raise InputError(f"{option} is for recorded sequences; leave it out with live input")
     if job.pool.listen is None and job.pool.connect is None:

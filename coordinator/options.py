@@ -46,6 +46,7 @@ class Job:
     init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file if it has one
     frames: str | None = None
     resume: bool = False
+    colour: Path | None = None  # frames to draw results over
 
 
 def choose_settings(

@@ -19,6 +19,7 @@ from coordinator.recorded import Recorded
 from coordinator.recorder import Recorder, is_complete
 from coordinator.refiner import Refiner
 from coordinator.sources import Source, open_source
+from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import check_frames, select_frames
 from coordinator.start import require_start
 from coordinator.start_file import read_start
@@ -52,6 +53,7 @@ class Run:
     bodies: Bodies
     start: Mapping[str, float] | None
     recorder: Recorder
+    colours: ColourFolder | None = None
 
 
 def track_sequence(job: Job, show: Show, connect: Connect) -> None:
@@ -66,6 +68,7 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     start = choose_start(job.init, source, bodies.dof_names)
     require_start(start, bodies)
     truth = read_truth(source.truth) if source.truth else None
+    colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
     terms = terms_of(job, source.frame(numbers.start), numbers, start)
     if job.resume and is_complete(job.out, terms):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
@@ -73,7 +76,7 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     with show.steps("reading frames") as advance:
         check_frames(source, numbers, advance)
     with Recorder(job.out, terms, resume=job.resume) as recorder:
-        run = Run(job, source, numbers, bodies, start, recorder)
+        run = Run(job, source, numbers, bodies, start, recorder, colours)
         meter = show.frames(len(numbers), recorder.frames)
         if job.resume:
             show.say(tell_resume(run))
@@ -148,5 +151,5 @@ def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:
 
     track = read_track(run.job.out)
     show.say("drawing pictures")
-    files = draw_run(run.source, model, track, run.job.out, truth)
+    files = draw_run(run.source, model, track, run.job.out, truth, run.colours)
     show.say(f"{len(track.frame)} frames and {len(files)} pictures are in {run.job.out}")

@@ -49,9 +49,11 @@ class Painter:
         self._fine = view.resized(FINER)
         self._renderer = DepthRenderer(self._fine.intrinsics) if opengl else None
 
-    def paint(self, frame: DepthFrame, shown: Shown, title: str | None = None) -> Image.Image:
-        """The picture of a frame, RGB, of the view's size."""
-        canvas = self._paint_depth(frame)
+    def paint(
+        self, frame: DepthFrame, shown: Shown, title: str | None = None, colour: Image.Image | None = None
+    ) -> Image.Image:
+        """The picture of a frame, RGB, of the view's size; over its colour image, if there is one."""
+        canvas = self._paint_depth(frame) if colour is None else self._paint_colour(colour)
         canvas = self._paint_model(canvas, shown.pose)
         picture = Image.fromarray(canvas.astype(np.uint8))
         self._draw_skeletons(picture, shown)
@@ -70,6 +72,13 @@ class Painter:
         size = (self._fine.width, self._fine.height)
         picture = Image.fromarray(colours.astype(np.uint8)).resize(size, Image.Resampling.BILINEAR)
         return np.asarray(picture, dtype=np.float32)
+
+    def _paint_colour(self, colour: Image.Image) -> Colours:
+        view = self.view
+        x, y = colour.width / view.camera.width, colour.height / view.camera.height
+        box = (view.left * x, view.top * y, (view.left + view.columns) * x, (view.top + view.rows) * y)
+        size = (self._fine.width, self._fine.height)
+        return np.asarray(colour.resize(size, Image.Resampling.BILINEAR, box=box), dtype=np.float32)
 
     def _paint_model(self, canvas: Colours, pose: Array) -> Colours:
         vertices = pose_vertices(self.model, pose[None])[0]

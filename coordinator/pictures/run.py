@@ -20,6 +20,7 @@ from coordinator.pictures.overlay import Painter, Shown
 from coordinator.pictures.sheet import spread, tile
 from coordinator.pictures.view import around
 from coordinator.rendering import DepthRenderer
+from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 from coordinator.track import Track
 from coordinator.truth import Truth
@@ -33,16 +34,21 @@ logger = logging.getLogger(__name__)
 
 
 def draw_run(
-    source: Source, model: BodyModel, track: Track, out: Path, truth: Truth | None = None
+    source: Source,
+    model: BodyModel,
+    track: Track,
+    out: Path,
+    truth: Truth | None = None,
+    colours: ColourFolder | None = None,
 ) -> list[Path]:
     """Write overlay.gif, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
 
     `model` is the body that was tracked, with the track's degrees of freedom. Without OpenGL it is drawn as
-    its vertices, and a warning says so.
+    its vertices, and a warning says so. With `colours`, overlay and sheet are drawn over these.
     """
     files = [out / ANIMATION_FILE, out / SHEET_FILE, out / HYPOTHESES_FILE]
     chosen = spread(len(track.frame), ANIMATION_FRAMES)
-    pictures = paint(source, model, track, chosen)
+    pictures = paint(source, model, track, chosen, colours)
     write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
     write_sheet(pictures, files[1])
     draw_hypotheses(track, truth, files[2])
@@ -52,11 +58,18 @@ def draw_run(
     return files
 
 
-def paint(source: Source, model: BodyModel, track: Track, chosen: list[int]) -> list[Image.Image]:
+def paint(
+    source: Source, model: BodyModel, track: Track, chosen: list[int], colours: ColourFolder | None = None
+) -> list[Image.Image]:
     """Pictures of the track's frames at positions `chosen`."""
     view = around(track, source.intrinsics, *PICTURE_SIZE)
     with closing(Painter(model, view, opengl=opengl_starts())) as painter:
-        return [painter.paint(source.frame(int(track.frame[f])), shown_at(track, f)) for f in chosen]
+        return [
+            painter.paint(
+                source.frame(number), shown_at(track, f), colour=colours.frame(number) if colours else None
+            )
+            for f, number in zip(chosen, track.frame[chosen].tolist(), strict=True)
+        ]
 
 
 def write_animation(pictures: list[Image.Image], seconds_each: float, file: Path) -> None:
