@@ -86,7 +86,7 @@ class Tracker:
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame. InputError if nothing is seen in the first."""
         clock = Stopwatch()
-        subject = isolate(frame, self._whereabouts(), self._settings.points)
+        subject = isolate(frame, self.surface(), self._settings.points)
         clock.lap("isolate")
         if subject is None:
             return self._carry_on(frame, clock)
@@ -101,7 +101,7 @@ class Tracker:
         def refine(poses: Array) -> Refined:
             nonlocal answered
             clock.lap("draw")
-            refined = self._refiner.refine(self.model, poses, self._rules)
+            refined = self._refiner.refine(self.model, poses, self.rules)
             clock.lap("refine")
             answered = min(answered, len(refined.answered))
             return replace(refined, poses=natural_angles(self.model, refined.poses))
@@ -112,15 +112,15 @@ class Tracker:
         clock.lap("merge")
         return self._report(frame, self._belief, clock.laps, answered)
 
-    def _whereabouts(self) -> Array | None:
-        """Surface (V, 3) in the reported pose, near which the subject must be."""
+    def surface(self) -> Array | None:
+        """Surface (V, 3) in the reported pose, near which the subject is; None before the first frame."""
         if self._belief is None:
             return None
         surface: Array = pose_vertices(self.model, self._belief.reported[None])[0]
         return surface
 
     @property
-    def _rules(self) -> RefineSettings:
+    def rules(self) -> RefineSettings:
         """How particles are refined: the settings, for the noise that was found at the start."""
         return told(self._settings.refine, self.start.noise)
 
@@ -156,7 +156,7 @@ class Tracker:
         return Estimate(
             frame=frame.number,
             time_s=frame.time_s,
-            status=judge(residual, self._rules.noise_depth, weights[:RECORDED], joints[1:]),
+            status=judge(residual, self.rules.noise_depth, weights[:RECORDED], joints[1:]),
             pose=found.reported,
             joint_positions=joints[0],
             hypothesis_pose=shown,
