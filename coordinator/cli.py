@@ -320,6 +320,34 @@ def track(  # noqa: PLR0913 one parameter an option
         sys.stdout.write((out / SUMMARY_FILE).read_text(encoding="utf-8"))
 
 
+@app.command(rich_help_panel=TRACKING)
+def fit(
+    sequence: Sequence_,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.json", help="Measures to write.")],
+    *,
+    init: Annotated[
+        str | None,
+        typer.Option(metavar="auto|FILE", help="Pose to start from (default: SEQ/init.json, else auto)."),
+    ] = None,
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Frames to track (default: the first 90).")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of all randomness.")] = 0,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Local workers (default: one per core).")
+    ] = None,
+) -> None:
+    """Measure a person in a few frames: track, then fit stature, girth and the lengths of limbs."""
+    from coordinator.fit_run import FitJob, fit_sequence
+    from coordinator.options import choose_pool, choose_settings
+    from coordinator.pool import connect_workers
+
+    settings = choose_settings("gepf", "default", None, None, seed)
+    end_as_interrupted()
+    job = FitJob(sequence, out, settings, choose_pool(workers, None, None), init, frames)
+    fit_sequence(job, on_stderr(), connect_workers)
+
+
 @app.command(rich_help_panel=HOSTS)
 def publish(  # noqa: PLR0913 one parameter an option
     sequence: Sequence_,
