@@ -63,6 +63,7 @@ def seen(measures: Measures) -> tuple[list[Posed], Array]:
     return frames, joint_positions(model, poses)
 
 
+@pytest.mark.slow
 def test_a_person_of_other_proportions_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Short upper arms and long thighs are found, and the joints come nearer to the truth."""
     monkeypatch.setattr(coordinator.fitting, "FITTED", ("upper_arm", "thigh"))
