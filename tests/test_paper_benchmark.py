@@ -50,7 +50,7 @@ def test_more_frames_never_tell_less() -> None:
 def test_rows_are_chosen_by_name_or_part_and_an_unknown_one_is_told() -> None:
     """`--only heavy` is a part, names differ, and nonsense names the parts."""
     assert len({row.name for row in ROWS}) == len(ROWS)
-    assert {row.part for row in choose(["heavy"], quick=True)} == {"heavy"}
-    assert max(row.seeds for row in choose(None, quick=True)) == 2
+    assert {row.part for row in choose(["heavy"], seeds=2)} == {"heavy"}
+    assert max(row.seeds for row in choose(None, seeds=2)) == 2
     with pytest.raises(InputError, match="name a part"):
-        choose(["nonsense"], quick=False)
+        choose(["nonsense"], seeds=None)

@@ -17,6 +17,7 @@ from pathlib import Path
 from coordinator.local_workers import THREADS
 
 ROOT = Path(__file__).parent.parent.parent
+QUICK_SEEDS = 2
 RESULT = ROOT / "benchmarks" / "results" / "paper.json"
 
 
@@ -38,7 +39,13 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """The command line. What is measured only in part is kept only where asked."""
     parser = argparse.ArgumentParser("python -m benchmarks.paper", description=__doc__)
     add = parser.add_argument
-    add("--quick", action="store_true", help="two seeds at the most")
+    add("--quick", dest="seeds", action="store_const", const=QUICK_SEEDS, help="the same as --seeds 2")
+    add(
+        "--seeds",
+        type=int,
+        metavar="N",
+        help="so many seeds at the most; default: what each row has, 10 or less",
+    )
     add("--only", nargs="+", metavar="NAME", help="only these rows or parts: heavy, curves, gradient-paper")
     add("--processes", type=int, default=os.cpu_count() or 1, metavar="N", help="default: one per core")
     add(
@@ -53,7 +60,9 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     chosen = parser.parse_args(arguments)
     if chosen.processes < 1:
         parser.error(f"--processes {chosen.processes} is too small; give 1 or more")
-    whole = not (chosen.only or chosen.quick)
+    if chosen.seeds is not None and chosen.seeds < 1:
+        parser.error(f"--seeds {chosen.seeds} is too small; give 1 or more")
+    whole = not (chosen.only or chosen.seeds)
     if chosen.out is None and whole:
         chosen.out = RESULT
     if chosen.pictures is None:

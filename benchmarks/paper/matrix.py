@@ -12,7 +12,7 @@ from coordinator.scenes.arm import MOVING
 from coordinator.sensor_noise import SensorNoise
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
-SEEDS, QUICK_SEEDS = 10, 2
+SEEDS = 10
 CURVE_SEEDS, CURVE_FRAMES, CURVE_POINTS = 2, 110, 1000
 ARM_FRAMES, TURN_FRAMES = 176, 180
 POINTS = 10_000  # observed points a frame, in the paper
@@ -101,11 +101,11 @@ TURNS = [
 ROWS = [*CLEAN, *HEAVY_ROWS, *MODERATE_ROWS, *CURVES, *TURNS]
 
 
-def choose(only: Sequence[str] | None, quick: bool) -> list[Row]:
-    """All rows, or those of a name or part; with two seeds at the most if quick. InputError if unknown."""
+def choose(only: Sequence[str] | None, seeds: int | None) -> list[Row]:
+    """All rows, or those of a name or part, with so many seeds at the most. InputError if unknown."""
     for name in only or ():
         if not any(name in (row.name, row.part) for row in ROWS):
             parts = ", ".join(dict.fromkeys(row.part for row in ROWS))
             raise InputError(f"no row '{name}'; name a part ({parts}) or a row such as {ROWS[0].name}")
     wanted = [row for row in ROWS if only is None or row.name in only or row.part in only]
-    return [replace(row, seeds=min(row.seeds, QUICK_SEEDS)) for row in wanted] if quick else wanted
+    return wanted if seeds is None else [replace(row, seeds=min(row.seeds, seeds)) for row in wanted]

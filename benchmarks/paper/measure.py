@@ -34,7 +34,7 @@ class Choice:
     """What to measure."""
 
     only: Sequence[str] | None
-    quick: bool
+    seeds: int | None  # at the most
     processes: int
     runs: Path
     pictures: Path
@@ -43,7 +43,7 @@ class Choice:
 
 def measure(choice: Choice) -> int:
     """Exit code: 1 if a run crashed. InputError for what makes no sense, before anything is run."""
-    rows = choose(choice.only, quick=choice.quick)
+    rows = choose(choice.only, choice.seeds)
     console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     console.print("rendering, loading kernels")
     footages = {scene: shoot(scene) for scene in dict.fromkeys(row.scene for row in rows)}

@@ -15,7 +15,7 @@ from benchmarks.paper.footage import Footage
 from benchmarks.paper.runs import Job, Run
 from coordinator.atomic_file import write_atomically
 
-CODE = ("common", "coordinator", "worker")
+CODE = ("common", "coordinator", "gepf", "worker")
 
 
 class Shelf:
