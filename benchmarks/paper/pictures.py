@@ -58,7 +58,7 @@ def draw_noise(runs: Mapping[str, Sequence[Run]], file: Path) -> None:
             axes.plot(errors[:, a], color=COLOURS[a], linewidth=1.1, label=LABELS.get(angle, angle))
         axes.set(title=f"{title}, mean {errors.mean():.1f} degrees", ylabel="degrees", ylim=(0.0, 100.0))
         mark_close(axes)
-    panels[0].legend(loc="upper right", ncols=4, fontsize=8)
+    panels[-1].legend(loc="upper right", ncols=4, fontsize=8)
     panels[-1].set_xlabel("frame (shaded: the arm is close to the body)")
     save(figure, file)
 
