@@ -21,7 +21,7 @@ def track(sequence: Path, out: Path, endpoint: str, *options: str) -> int:
     """Run the command line in this process, with workers of others; gives its exit code."""
     body = decode_model((sequence / BODY).read_bytes())
     vars(coordinator.chosen_body)["human"] = lambda *_: body
-    pictures = ModuleType("coordinator.pictures")
+    pictures = ModuleType("coordinator.pictures.run")
     vars(pictures)["draw_run"] = lambda *_: []
     sys.modules[pictures.__name__] = pictures
     pool = ("--workers", "0", "--listen", endpoint)
