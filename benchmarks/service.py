@@ -3,7 +3,7 @@
 One frame of 512 KB and N particles go to two workers whose kernel takes no time, so all that is measured is
 encode, publish, dispatch, gather; beside it, in turns, the same by a process pool with shared memory and by
 Ray. Then what the coordinator does by itself (draw, merge, record), how two real workers compare with one,
-and how near to the ideal 8, 64 and 256 workers come that only wait the kernel's time.
+how near to the ideal 8, 64 and 256 workers come that only wait the kernel's time, and a worker's start.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from benchmarks.coordinator_alone import coordinator_stages
 from benchmarks.scatter_peers import Frame, process_pool, ray_tasks
 from benchmarks.standing import standing
 from benchmarks.timing import machine
+from benchmarks.worker_start import worker_start
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -45,6 +46,7 @@ WAIT = 0.0065  # seconds a particle, about the kernel's time
 SHARE = 10  # particles for each waiting worker
 PER_PROCESS = 16
 CROWDS = (8, 64, 256)
+STARTS = 5
 POINTS = 5_000
 RESULT = Path(__file__).parent / "results" / "service.json"
 
@@ -63,6 +65,7 @@ def main() -> int:
         "coordinator_ms": coordinator_stages(chosen.rounds),
         "two_workers": two_workers(max(5, chosen.rounds // 6)),
         "crowds": [crowd(count) for count in CROWDS],
+        "worker_start": worker_start(STARTS),
     }
     chosen.out.write_text(json.dumps(result, indent=2) + "\n")
     sys.stdout.write(json.dumps(result, indent=2) + "\n")

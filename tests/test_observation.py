@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from common.camera import Intrinsics, back_project, project
 from common.frame import DepthFrame, SubjectFrame
-from worker.observation import BLOCK, Observation, nearest_subject_pixels, observe
+from worker.observation import BLOCK, Observation, observe
+from worker.silhouette import nearest_subject_pixels
 
 CAMERA = Intrinsics(40, 30, 35.0, 36.0, 18.2, 14.9)
 

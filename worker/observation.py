@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
 from worker.neighbourhoods import neighbourhoods
+from worker.silhouette import nearest_subject_pixels
 
 TILE = 16  # points that are searched for together
 BLOCK = 64  # points that share a list of candidates
@@ -62,11 +62,3 @@ def pad_to_blocks(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points filled up to whole blocks with copies of the last."""
     missing = -len(points) % BLOCK
     return np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])
-
-
-def nearest_subject_pixels(depth: NDArray[np.float32]) -> NDArray[np.int32]:
-    """Row and column (2, H, W) of the nearest pixel with depth; its own where there is none."""
-    if not depth.any():
-        return np.indices(depth.shape, dtype=np.int32)
-    found: NDArray[np.int32] = distance_transform_edt(depth == 0, return_distances=False, return_indices=True)
-    return found
