@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 PACKAGES := common worker coordinator gepf benchmarks examples tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow chaos check format bench paper ablation real-people images images-test lock clean clean-kernels
+.PHONY: help setup demo test test-slow chaos fuzz check format bench paper ablation real-people images images-test lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -29,6 +29,9 @@ chaos: setup ## workers disturbed all the time, coordinators killed, two runs on
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.resume_kills
 	$(BIN)/python -m tests.two_runs
+
+fuzz: setup ## hostile messages against the decoders, a live worker and a live coordinator
+	$(BIN)/python -m tests.fuzz
 
 check: setup ## lint, format, types, walls, images' recipes
 	$(BIN)/ruff check $(PACKAGES)

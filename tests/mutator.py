@@ -1,0 +1,132 @@
+"""Makes hostile messages of honest ones: cut, flipped, spliced, nested, of other types, sizes and numbers."""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeVar
+
+import msgpack  # type: ignore[import-untyped]
+
+INTEGERS = (0, 1, -1, 2**7, 2**31 - 1, -(2**31), 2**53, 2**63 - 1, 2**64 - 1)
+FLOATS = (0.0, -0.0, 1e-320, 1e-300, -1.0, 1e6, 1e300, float("inf"), float("-inf"), float("nan"))
+TEXTS = ("", "*", "**", "a/b", "\x00", "é" * 40, "<f8", "|O", "<f4", "x" * 300, "gepf", "__class__")
+HUGE = (b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff\xff\xff", b"\xdb\xff\xff\xff\xff", b"\xc6\xff\xff\xff\xff")
+
+
+T = TypeVar("T")
+
+
+class Mutator:
+    """Makes hostile messages of honest ones; the same seed makes the same ones."""
+
+    def __init__(self, seed: int, others: Sequence[bytes]) -> None:
+        self._others = others
+        self._rng = random.Random(seed)
+        self._ways = (
+            self._flip,
+            self._truncate,
+            self._splice,
+            self._enlarge,
+            self._nest,
+            *3 * (self._alter,),
+        )
+
+    def mutate(self, payload: bytes) -> bytes:
+        """A message, mutated once or a few times."""
+        for _ in range(self._rng.randrange(1, 4)):
+            payload = self._one_of(self._ways)(payload)
+        return payload
+
+    def _flip(self, payload: bytes) -> bytes:
+        """Change some bytes, mostly near the beginning, where the structure is."""
+        content = bytearray(payload)
+        end = len(content) if self._rng.random() < 0.3 else min(len(content), 400)
+        for _ in range(self._rng.randrange(1, 6) if content else 0):
+            content[self._rng.randrange(end)] = self._rng.randrange(256)
+        return bytes(content)
+
+    def _truncate(self, payload: bytes) -> bytes:
+        """Cut the end off, or add some."""
+        end = self._rng.randint(0, len(payload))
+        return payload[:end] if self._rng.random() < 0.7 else payload + payload[:end]
+
+    def _splice(self, payload: bytes) -> bytes:
+        """Put a piece of another message in."""
+        other = self._one_of(self._others)
+        start, end = sorted(self._rng.randint(0, len(other)) for _ in range(2))
+        at = self._rng.randint(0, len(payload))
+        return payload[:at] + other[start:end] + payload[at + self._rng.randrange(40) :]
+
+    def _enlarge(self, payload: bytes) -> bytes:
+        """Claim that something is four thousand million entries long."""
+        at = self._rng.randint(0, min(len(payload), 600))
+        return payload[:at] + self._one_of(HUGE) + payload[at + 1 :]
+
+    def _nest(self, payload: bytes) -> bytes:
+        """Put something deep in."""
+        at = self._rng.randint(0, len(payload))
+        deep = self._one_of((b"\x91", b"\x81\xa1x")) * self._rng.randrange(1, 20_000)
+        return payload[:at] + deep + payload[at:]
+
+    def _alter(self, payload: bytes) -> bytes:
+        """Change a value of a message that stays well formed: another type, size, shape or number."""
+        try:
+            content = msgpack.unpackb(payload, strict_map_key=False)
+            holder, key = self._one_of(list(places_of(content)))
+            holder[key] = self._other(holder[key])
+            return bytes(msgpack.packb(content))
+        except (ValueError, TypeError, IndexError, RecursionError):  # it has been mutated before
+            return self._flip(payload)
+
+    def _other(self, value: object) -> object:
+        """Another value, mostly of the same type."""
+        if self._rng.random() < 0.15:
+            return self._one_of((None, True, [], {}, b"", "", 0, 0.5, [1, 2], {"a": 1}, b"\x00" * 24))
+        choices: Sequence[object] = (0,)
+        match value:
+            case bytes():
+                choices = (self._other_bytes(value),)
+            case int():
+                near = (n for n in (value + 1, value - 1, value * 2) if -(2**63) <= n < 2**64)
+                choices = (*INTEGERS, *near)
+            case float():
+                choices = (*FLOATS, value * 1e3, -value)
+            case str():
+                choices = (*TEXTS, value + "x", value[:-1])
+            case list():
+                choices = (value[:-1], value + value[:1])
+            case dict():
+                choices = (self._other_map(value),)
+        return self._one_of(choices)
+
+    def _other_map(self, value: dict[Any, Any]) -> dict[Any, Any]:
+        """A map with a field less, or one more."""
+        if value and self._rng.random() < 0.5:
+            gone = self._one_of(list(value))
+            return {name: held for name, held in value.items() if name != gone}
+        return {**value, self._one_of(TEXTS): 0}
+
+    def _other_bytes(self, value: bytes) -> bytes:
+        """An array's bytes with a number in it that is none, or huge, or an index beyond."""
+        number = (
+            struct.pack("<d", self._one_of(FLOATS))
+            if self._rng.random() < 0.5
+            else struct.pack("<Q", self._one_of(INTEGERS) % 2**64)
+        )
+        at = 8 * self._rng.randrange(max(1, len(value) // 8))
+        changed = value[:at] + number + value[at + 8 :]
+        return changed[: len(value)] if self._rng.random() < 0.9 else changed + number
+
+    def _one_of(self, choices: Sequence[T]) -> T:
+        return self._rng.choice(choices)
+
+
+def places_of(content: Any) -> Iterator[tuple[Any, Any]]:
+    """Every (holder, key) within lists and maps, so that holder[key] is a value."""
+    items = content.items() if isinstance(content, dict) else enumerate(content)
+    for key, value in list(items):
+        yield content, key
+        if isinstance(value, dict | list):
+            yield from places_of(value)
