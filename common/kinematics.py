@@ -34,9 +34,10 @@ def link_transforms(model: BodyModel, poses: Array) -> Array:
 
 def pose_vertices(model: BodyModel, poses: Array) -> Array:
     """Surface vertices (N, V, 3) in the camera frame, for poses (N, D)."""
-    t_links = link_transforms(model, poses)
-    blended = np.einsum("nvkij,vk->nvij", t_links[:, model.skin_links], model.skin_weights)
-    posed: Array = np.einsum("nvij,vj->nvi", blended[..., :3], model.vertices) + blended[..., 3]
+    posed = np.empty((len(poses), *model.vertices.shape))
+    blend_each(
+        model.vertices, model.skin_links, model.skin_weights, copied(link_transforms(model, poses)), posed
+    )
     return posed
 
 
@@ -78,22 +79,8 @@ def natural_angles(model: BodyModel, poses: Array) -> Array:
     Rx(a) Ry(b) Rz(c) is also Rx(a + pi) Ry(pi - b) Rz(c + pi). Where no limit tells them apart, angles stay.
     """
     natural = copied(poses)
-    for start in model.balls:
-        ball = slice(start, start + 3)
-        low, high = model.limits[ball].T
-        angles = poses[:, ball]
-        flipped = angles * [1.0, -1.0, 1.0] + np.pi
-        for other in (angles, flipped):
-            near = (other + np.pi) % (2.0 * np.pi) - np.pi
-            better = _excess(near, low, high) < _excess(natural[:, ball], low, high) - 1e-9
-            natural[:, ball] = np.where(better[:, None], near, natural[:, ball])
+    choose_branch_each(model.balls, model.limits, natural)
     return natural
-
-
-def _excess(angles: Array, low: Array, high: Array) -> Array:
-    """Sum (N,) of how far angles (N, 3) lie outside of their limits."""
-    excess: Array = np.abs(angles - np.clip(angles, low, high)).sum(axis=1)
-    return excess
 
 
 def copied(values: Array) -> Array:
@@ -159,6 +146,46 @@ def chain_each(
     """`chain` for poses (N, D) into out (N, D, 3, 4)."""
     for n in range(len(poses)):
         chain(kinds, parents, axes, points, poses[n], out[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def blend_each(vertices: Array, links: Indices, weights: Array, transforms: Array, out: Array) -> None:
+    """Fill out (N, V, 3) with vertices (V, 3) blended over their links' T_camera_rest (N, L, 3, 4)."""
+    for n in range(len(out)):
+        for v in range(len(vertices)):
+            for a in range(3):
+                total = 0.0
+                for k in range(links.shape[1]):
+                    t = transforms[n, links[v, k], a]
+                    moved = t[0] * vertices[v, 0] + t[1] * vertices[v, 1] + t[2] * vertices[v, 2] + t[3]
+                    total += weights[v, k] * moved
+                out[n, v, a] = total
+
+
+@numba.njit(cache=True, nogil=True)
+def choose_branch_each(balls: Indices, limits: Array, poses: Array) -> None:
+    """`natural_angles` of poses (N, D) in place."""
+    near, best = np.empty(3), np.empty(3)
+    for n in range(len(poses)):
+        for start in balls:
+            angles, low, high = poses[n, start : start + 3], limits[start:, 0], limits[start:, 1]
+            best[:] = angles
+            for flip in range(2):
+                for a in range(3):
+                    turned = angles[a] if flip == 0 else np.pi + (-angles[a] if a == 1 else angles[a])
+                    near[a] = (turned + np.pi) % (2.0 * np.pi) - np.pi
+                if excess(near, low, high) < excess(best, low, high) - 1e-9:
+                    best[:] = near
+            angles[:] = best
+
+
+@numba.njit(cache=True, nogil=True)
+def excess(angles: Array, low: Array, high: Array) -> float:
+    """Sum of how far angles (3,) lie outside of their limits."""
+    total = 0.0
+    for a in range(3):
+        total += abs(angles[a] - min(max(angles[a], low[a]), high[a]))
+    return total
 
 
 @numba.njit(cache=True, nogil=True)
@@ -302,6 +329,10 @@ def turn_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: 
     for start in balls:
         handed = handedness(axes[start : start + 3])
         for n in range(len(steps)):
-            before = euler_matrix(handed * origins[n, start : start + 3])
-            after = euler_matrix(handed * poses[n, start : start + 3])
-            steps[n, start : start + 3] = handed * rotation_vector(after @ before.T)
+            ball_turn(handed, origins[n, start : start + 3], poses[n, start : start + 3], steps[n, start:])
+
+
+@numba.njit(cache=True, nogil=True)
+def ball_turn(handed: float, before: Array, after: Array, out: Array) -> None:
+    """Fill the first three of out with the rotation vector that leads from angles (3,) to others."""
+    out[:3] = handed * rotation_vector(euler_matrix(handed * after) @ euler_matrix(handed * before).T)

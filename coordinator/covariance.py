@@ -34,11 +34,8 @@ def estimate_covariances(
         reduction: Share by which every covariance shrinks each frame.
     """
     covariances = np.array(inherited)
-    for m in range(len(merged)):
-        members = np.flatnonzero(group == m)
-        if len(members) > 1:
-            spread = difference(
-                model, np.broadcast_to(merged[m], (len(members), merged.shape[1])), before[members]
-            )
-            covariances[m] = spread.T @ spread / len(members)
+    spread = difference(model, merged[group], before)
+    for m in np.flatnonzero(np.bincount(group, minlength=len(merged)) > 1):
+        members = spread[group == m]
+        covariances[m] = members.T @ members / len(members)
     return covariances * (1.0 - reduction)

@@ -21,7 +21,7 @@ from coordinator.belief import Belief
 from coordinator.covariance import estimate_covariances
 from coordinator.merging import merge
 from coordinator.motion import draw_noise, propagate
-from coordinator.proposals import explore
+from coordinator.proposals import explore, spread_out
 from coordinator.resampling import systematic
 
 Array = NDArray[np.float64]
@@ -90,10 +90,15 @@ def scatter(
     rng: np.random.Generator,
 ) -> Array:
     """Step 3: particles (N, D), moved by the motion model and spread by their ancestors' covariance."""
-    noise = draw_noise(past.covariances, ancestors, rng)
+    noise = draw_noise(past.covariances, ancestors, rng, who_spreads(ancestors, settings))
     velocities = settings.velocity_share * past.velocities[ancestors]
     if settings.explore:
         noise, velocities = explore(model, noise, velocities, ancestors, settings, rng)
-    if settings.particles == 1:
-        noise = np.zeros_like(noise)
     return propagate(model, past.poses[ancestors], velocities, noise)
+
+
+def who_spreads(ancestors: NDArray[np.int64], settings: FilterSettings) -> NDArray[np.bool_]:
+    """Which particles (N,) keep the noise of their ancestor's covariance; a lone one has none."""
+    if settings.explore:
+        return spread_out(ancestors)
+    return np.full(len(ancestors), settings.particles > 1)

@@ -98,7 +98,7 @@ def until_interrupted(recorder: Recorder) -> Iterator[None]:
 
 
 def follow(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect) -> None:
-    """Track whatever frame is the newest; each is durable before the next begins."""
+    """Track whatever frame is the newest; each is recorded before the next begins."""
     with connect(run.job.pool, show) as refiner, meter:
         refiner.listen(run.key, run.frames.receive)
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
-from common.kinematics import difference
+from common.kinematics import ball_turn, copied, handedness
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
-def merge(
-    model: BodyModel, poses: Array, log_likelihood: Array, angle: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def merge(model: BodyModel, poses: Array, log_likelihood: Array, angle: float) -> tuple[Indices, Indices]:
     """Group refined particles that differ by less than `angle` in every rotation.
 
     Particles are taken from the likeliest down; each joins the first representative that is near enough,
@@ -29,24 +29,55 @@ def merge(
         The representatives (M,) as indices of particles, likeliest first, and for each particle the
         place (N,) of its representative among them.
     """
-    representatives: list[int] = []
-    group = np.empty(len(poses), dtype=np.int64)
-    for n in np.argsort(-log_likelihood, kind="stable"):
-        near = _near(model, poses[n], poses[representatives], angle)
-        group[n] = near[0] if len(near) else len(representatives)
-        if not len(near):
-            representatives.append(int(n))
-    return np.array(representatives, dtype=np.int64), group
+    turning = model.kinds == ROTATION
+    turning[(model.balls[:, None] + np.arange(3)).ravel()] = False
+    order = np.argsort(-log_likelihood, kind="stable")
+    chosen, group = np.empty_like(order), np.empty_like(order)
+    count = join_in_order(
+        order, copied(poses), angle, np.flatnonzero(turning), model.axes, model.balls, chosen, group
+    )
+    return chosen[:count], group
 
 
-def _near(model: BodyModel, pose: Array, others: Array, angle: float) -> NDArray[np.int64]:
-    """Which other poses (M, D) differ by less than `angle` in every rotation, in order.
+@numba.njit(cache=True, nogil=True)
+def join_in_order(
+    order: Indices,
+    poses: Array,
+    angle: float,
+    hinges: Indices,
+    axes: Array,
+    balls: Indices,
+    chosen: Indices,
+    group: Indices,
+) -> int:
+    """Fill chosen and group (N,) as `merge` gives them; the number of representatives."""
+    count = 0
+    for n in order:
+        group[n] = count
+        for m in range(count):
+            if is_near(poses[n], poses[chosen[m]], angle, hinges, axes, balls):
+                group[n] = m
+                break
+        if group[n] == count:
+            chosen[count] = n
+            count += 1
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def is_near(pose: Array, other: Array, angle: float, hinges: Indices, axes: Array, balls: Indices) -> bool:
+    """Whether two poses (D,) differ by less than `angle` in every rotation.
 
     Single axes tell most apart already, by a subtraction; balls need matrices.
     """
-    rotations = model.kinds == ROTATION
-    hinges = rotations.copy()
-    hinges[(model.balls[:, None] + np.arange(3)).ravel()] = False
-    likely = np.flatnonzero(np.all(np.abs(others - pose)[:, hinges] < angle, axis=1))
-    steps = difference(model, np.broadcast_to(pose, (len(likely), len(pose))), others[likely])
-    return likely[np.all(np.abs(steps[:, rotations]) < angle, axis=1)]
+    for j in hinges:
+        if not abs(other[j] - pose[j]) < angle:
+            return False
+    turn = np.empty(3)
+    for start in balls:
+        ball_turn(
+            handedness(axes[start : start + 3]), pose[start : start + 3], other[start : start + 3], turn
+        )
+        if not np.max(np.abs(turn)) < angle:
+            return False
+    return True

@@ -16,13 +16,22 @@ def propagate(model: BodyModel, poses: Array, velocities: Array, noise: Array) -
     return retract(model, retract(model, poses, velocities), noise)
 
 
-def draw_noise(covariances: Array, ancestors: NDArray[np.int64], rng: np.random.Generator) -> Array:
+def draw_noise(
+    covariances: Array,
+    ancestors: NDArray[np.int64],
+    rng: np.random.Generator,
+    spread: NDArray[np.bool_] | None = None,
+) -> Array:
     """Gaussian noise (N, D), each with its ancestor's covariance (M, D, D), drawn in particle order.
 
-    The square root is symmetric, so covariances of low rank are drawn from exactly.
+    The square root is symmetric, so covariances of low rank are drawn from exactly. Particles that are not to
+    be `spread` (N,) get none, and their ancestors need no root.
     """
     standard = rng.standard_normal((len(ancestors), covariances.shape[1]))
-    values, vectors = np.linalg.eigh(covariances)
-    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]  # (M, D, D)
-    drawn: Array = np.einsum("nij,nj->ni", roots[ancestors], standard)
-    return drawn
+    noise = np.zeros_like(standard)
+    spread = np.ones(len(ancestors), dtype=np.bool_) if spread is None else spread
+    parents, place = np.unique(ancestors[spread], return_inverse=True)
+    values, vectors = np.linalg.eigh(covariances[parents])
+    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    noise[spread] = np.einsum("nij,nj->ni", roots[place], standard[spread])
+    return noise

@@ -7,6 +7,8 @@ leave the others to the descent.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,23 +27,31 @@ def explore(
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
     """Noise and velocities (N, D). Children take turns: predicted, resting, one limb far, spread."""
-    limbs = find_limbs(model)
+    limbs = limbs_of(model)
     far = np.where(model.kinds == ROTATION, np.deg2rad(settings.limb_deviation_deg), 0.02)
     standard = rng.standard_normal(noise.shape)
-    which = rng.integers(len(limbs), size=len(noise))
-    noise, velocities = noise.copy(), velocities.copy()
-    for n in range(len(noise)):
-        turn = n - int(np.searchsorted(ancestors, ancestors[n]))
-        if turn == 0:
-            noise[n] = 0.0
-        elif turn == 1:
-            noise[n] = 0.0
-            velocities[n] = 0.0
-        elif turn % 4 != 0:
-            limb = limbs[which[n]]
-            noise[n] = 0.0
-            noise[n, limb] = far[limb] * standard[n, limb]
-    return noise, velocities
+    limb = limbs[rng.integers(len(limbs), size=len(noise))]
+    turn = turns(ancestors)[:, None]
+    thrown = (turn > 1) & (turn % 4 != 0)
+    noise = np.where(thrown & limb, far * standard, np.where(spread_out(ancestors)[:, None], noise, 0.0))
+    return noise, np.where(turn == 1, 0.0, velocities)
+
+
+def turns(ancestors: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Which of its ancestor's children each particle is, from 0 on; ancestors (N,) ascend."""
+    return np.arange(len(ancestors)) - np.searchsorted(ancestors, ancestors)
+
+
+def spread_out(ancestors: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which particles (N,) keep the noise of their ancestor's covariance in full."""
+    turn = turns(ancestors)
+    return (turn > 0) & (turn % 4 == 0)
+
+
+@lru_cache(maxsize=16)
+def limbs_of(model: BodyModel) -> NDArray[np.bool_]:
+    """Which degrees of freedom belong to each limb, (K, D)."""
+    return np.array([np.isin(np.arange(len(model.kinds)), limb) for limb in find_limbs(model)])
 
 
 def find_limbs(model: BodyModel) -> list[NDArray[np.int64]]:

@@ -1,10 +1,11 @@
-"""A run's folder: results made durable frame by frame, and its final files written whole at the end."""
+"""A run's folder: results kept frame by frame, and its final files written whole at the end."""
 
 from __future__ import annotations
 
 import fcntl
 import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -65,8 +66,10 @@ class Recorder:
         self.frames = len(self.past.estimates) if self.past else 0
         self._start = self.past.state.start if self.past else None
         os.ftruncate(self._log, self.past.end if self.past else 0)
+        self._disk = ThreadPoolExecutor(1)
+        self._syncing: Future[None] = self._disk.submit(os.fdatasync, self._log)
         if self.past:
-            append_records(self._log, [Resumed()])
+            self._write([Resumed()])
 
     def __enter__(self) -> Self:
         return self
@@ -75,6 +78,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Give the folder free; without a frame, leave no trace of the run."""
+        self._disk.shutdown()
         if not self.frames or (self._finished and error is None):
             (self.folder / LOG_FILE).unlink(missing_ok=True)
         os.close(self._log)
@@ -82,21 +86,30 @@ class Recorder:
             _remove_empty(self._made)
 
     def append(self, estimate: Estimate, state: TrackerState, traffic: Traffic, seconds: float) -> None:
-        """Make one frame's result durable, and what the tracker knew after it.
+        """Write one frame's result, and what the tracker knew after it.
 
-        `traffic` and `seconds` are those since this recorder was opened.
+        It is there for readers, and survives this process, when this returns. It survives a loss of power
+        some milliseconds later, and surely when the next frame is appended or the results are read; so the
+        disk works while the workers do. `traffic` and `seconds` are those since this recorder was opened.
         """
         records: list[Record] = [] if self.frames else [Opening(self._terms)]
         if state.start is not self._start:
             records.append(Began(state.start))
         if self.past:
             traffic, seconds = traffic.after(self.past.traffic), seconds + self.past.seconds
-        append_records(self._log, [*records, Entry(estimate, state.carried, traffic, seconds)])
+        self._write([*records, Entry(estimate, state.carried, traffic, seconds)])
         self._start = state.start
         self.frames += 1
 
+    def _write(self, records: Sequence[Record]) -> None:
+        """Append records when those before them are safe from a loss of power, and begin to make these so."""
+        self._syncing.result()
+        append_records(self._log, records)
+        self._syncing = self._disk.submit(os.fdatasync, self._log)
+
     def read(self) -> Recorded | None:
         """Everything recorded so far, as it stands in the log; None before the first frame."""
+        self._syncing.result()
         return read_log(self.folder / LOG_FILE)
 
     def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> None:

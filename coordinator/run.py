@@ -108,7 +108,7 @@ def choose_start(
 
 
 def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:
-    """Track frame after frame; each is durable before the next begins."""
+    """Track frame after frame; each is recorded before the next begins."""
     recorder = run.recorder
     with connect(run.job.pool, show) as refiner, meter:
         state = recorder.past.state if recorder.past else None

@@ -6,7 +6,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.camera import project
 from common.frame import DepthFrame, SubjectFrame
+
+Array = NDArray[np.float64]
+Window = tuple[int, int, int, int]
 
 CLEARANCE = 0.8  # metres around the subject in which there is nothing else
 
@@ -23,19 +27,44 @@ def isolate(frame: DepthFrame, around: NDArray[np.float64] | None, points: int) 
     Returns:
         The crop, or None where nothing of the subject was measured.
     """
-    mask = frame.depth > 0 if around is None else _near(frame, around)
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if len(rows) == 0:
-        return None
-    top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
-    depth = np.where(mask, frame.depth, 0)[top:bottom, left:right].astype(np.uint16)
-    height, width = frame.depth.shape
-    camera = frame.intrinsics.crop(int(left), int(top), int(right - left), int(bottom - top))
-    return SubjectFrame(
-        frame=DepthFrame(frame.number, frame.time_s, np.ascontiguousarray(depth), frame.depth_scale, camera),
-        picked=pick(depth, points),
-        view=(-int(left), -int(top), int(width - left), int(height - top)),
+    low, high = np.full(3, -np.inf), np.full(3, np.inf)
+    if around is not None:
+        low, high = around.min(axis=0) - CLEARANCE, around.max(axis=0) + CLEARANCE
+    window, camera = find_window(frame, low, high), frame.intrinsics
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+    kept = np.zeros(frame.depth.shape, dtype=np.uint16)
+    left, top, right, bottom = keep_within(
+        frame.depth, np.float32(frame.depth_scale), lens, low, high, window, kept
     )
+    if left >= right:
+        return None
+    depth = np.ascontiguousarray(kept[top:bottom, left:right])
+    height, width = frame.depth.shape
+    return SubjectFrame(
+        frame=DepthFrame(
+            frame.number,
+            frame.time_s,
+            depth,
+            frame.depth_scale,
+            camera.crop(left, top, right - left, bottom - top),
+        ),
+        picked=pick(depth, points),
+        view=(-left, -top, width - left, height - top),
+    )
+
+
+def find_window(frame: DepthFrame, low: Array, high: Array) -> Window:
+    """Left, top, right and bottom of the pixels in which a box from low (3,) to high (3,) can be seen."""
+    height, width = frame.depth.shape
+    if not low[2] > 0.0:
+        return 0, 0, width, height
+    corners = np.array(
+        [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
+    seen = project(corners, frame.intrinsics)
+    left, top = np.maximum(0, np.floor(seen.min(axis=0)).astype(int))
+    right, bottom = np.minimum((width, height), np.ceil(seen.max(axis=0)).astype(int) + 1)
+    return int(left), int(top), max(int(left), int(right)), max(int(top), int(bottom))
 
 
 def pick(depth: NDArray[np.uint16], points: int) -> NDArray[np.uint32]:
@@ -46,31 +75,29 @@ def pick(depth: NDArray[np.uint16], points: int) -> NDArray[np.uint32]:
     return measured.astype(np.uint32)
 
 
-def _near(frame: DepthFrame, around: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which pixels (H, W) with depth lie in the bounding box of points (V, 3) enlarged by the clearance."""
-    low, high = around.min(axis=0) - CLEARANCE, around.max(axis=0) + CLEARANCE
-    camera = frame.intrinsics
-    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-    near = np.empty(frame.depth.shape, dtype=np.bool_)
-    mark_within(frame.depth, np.float32(frame.depth_scale), lens, low, high, near)
-    return near
-
-
 @numba.njit(cache=True, nogil=True)
-def mark_within(
+def keep_within(
     depth: NDArray[np.uint16],
     scale: np.float32,
     lens: tuple[float, float, float, float],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    out: NDArray[np.bool_],
-) -> None:
-    """Mark the pixels (H, W) that have depth and whose point lies in the box from low (3,) to high (3,)."""
+    low: Array,
+    high: Array,
+    window: Window,
+    kept: NDArray[np.uint16],
+) -> Window:
+    """Copy to kept (H, W) the pixels of a window whose point lies in the box from low (3,) to high (3,).
+
+    Gives left, top, right and bottom of what was kept.
+    """
     fx, fy, cx, cy = lens
-    for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            out[v, u] = False
+    left, top, right, bottom = depth.shape[1], depth.shape[0], 0, 0
+    for v in range(window[1], window[3]):
+        for u in range(window[0], window[2]):
             if depth[v, u] > 0:
                 z = np.float32(depth[v, u]) / scale
                 x, y = (u - cx) / fx * z, (v - cy) / fy * z
-                out[v, u] = low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]
+                if low[2] <= z <= high[2] and low[0] <= x <= high[0] and low[1] <= y <= high[1]:
+                    kept[v, u] = depth[v, u]
+                    left, right = min(left, u), max(right, u + 1)
+                    top, bottom = min(top, v), max(bottom, v + 1)
+    return left, top, right, bottom
