@@ -5,6 +5,7 @@ The kernels check no index and no overflow of their own; within these bounds the
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -66,6 +67,7 @@ def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> No
         raise ProtocolError(f"{what} holds values above {largest:g}")
 
 
+@lru_cache(maxsize=64)  # a run's are always the same
 def check_settings(settings: RefineSettings) -> None:
     """ProtocolError for numbers that no refinement can be done with."""
     for name, value in msgspec.structs.asdict(settings).items():

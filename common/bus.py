@@ -260,16 +260,24 @@ class Asker:
         self._querier = querier
 
     def ask(self, payload: bytes, on_reply: Payload, on_refusal: Payload, on_end: Callable[[], None]) -> None:
-        """Send a request. `on_end` is called last, whatever becomes of it, and may be all that is called."""
+        """Send a request. It ends with an answer, or else `on_end` is called."""
+        answered = False
 
         def receive(reply: zenoh.Reply) -> None:
+            nonlocal answered
             if reply.ok is not None:
                 on_reply(reply.ok.payload.to_bytes())
+                answered = True
             elif reply.err is not None:
                 on_refusal(reply.err.payload.to_bytes())
+                answered = True
+
+        def end() -> None:
+            if not answered:
+                on_end()
 
         with mapped("asking a worker"):
-            self._querier.get(handlers.Callback(receive, drop=on_end, indirect=False), payload=payload)
+            self._querier.get(handlers.Callback(receive, drop=end, indirect=False), payload=payload)
 
     def close(self) -> None:
         """No more requests."""

@@ -45,7 +45,8 @@ def turns(ancestors: NDArray[np.int64]) -> NDArray[np.int64]:
 def spread_out(ancestors: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which particles (N,) keep the noise of their ancestor's covariance in full."""
     turn = turns(ancestors)
-    return (turn > 0) & (turn % 4 == 0)
+    spread: NDArray[np.bool_] = (turn > 0) & (turn % 4 == 0)
+    return spread
 
 
 @lru_cache(maxsize=16)

@@ -29,7 +29,8 @@ def isolate(frame: DepthFrame, around: NDArray[np.float64] | None, points: int) 
     """
     low, high = np.full(3, -np.inf), np.full(3, np.inf)
     if around is not None:
-        low, high = around.min(axis=0) - CLEARANCE, around.max(axis=0) + CLEARANCE
+        across = np.ascontiguousarray(around.T)  # numpy is slow along short rows
+        low, high = across.min(axis=1) - CLEARANCE, across.max(axis=1) + CLEARANCE
     window, camera = find_window(frame, low, high), frame.intrinsics
     lens = (camera.fx, camera.fy, camera.cx, camera.cy)
     kept = np.zeros(frame.depth.shape, dtype=np.uint16)
@@ -91,11 +92,13 @@ def keep_within(
     """
     fx, fy, cx, cy = lens
     left, top, right, bottom = depth.shape[1], depth.shape[0], 0, 0
+    across = (np.arange(depth.shape[1]) - cx) / fx
     for v in range(window[1], window[3]):
+        down = (v - cy) / fy
         for u in range(window[0], window[2]):
             if depth[v, u] > 0:
                 z = np.float32(depth[v, u]) / scale
-                x, y = (u - cx) / fx * z, (v - cy) / fy * z
+                x, y = across[u] * z, down * z
                 if low[2] <= z <= high[2] and low[0] <= x <= high[0] and low[1] <= y <= high[1]:
                     kept[v, u] = depth[v, u]
                     left, right = min(left, u), max(right, u + 1)

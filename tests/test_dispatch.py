@@ -57,11 +57,11 @@ TWO_AT_WORK: Table = [
     (0.0, B, []),
     (
         0.0,
-        JobStarted(20),
-        [Send(0, "a", 0, 5), Send(1, "b", 5, 10), Send(2, "a", 10, 15), Send(3, "b", 15, 20)],
+        JobStarted(40),
+        [Send(0, "a", 0, 10), Send(1, "b", 10, 20), Send(2, "a", 20, 30), Send(3, "b", 30, 40)],
     ),
 ]
-ONE_AT_WORK: Table = [(0.0, A, []), (0.0, JobStarted(10), [Send(0, "a", 0, 5), Send(1, "a", 5, 10)])]
+ONE_AT_WORK: Table = [(0.0, A, []), (0.0, JobStarted(20), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)])]
 
 
 def test_calm() -> None:
@@ -69,11 +69,11 @@ def test_calm() -> None:
     dispatch = play(
         [
             *TWO_AT_WORK,
-            (0.1, Replied(1), [Accept(1, 5)]),
+            (0.1, Replied(1), [Accept(1, 10)]),
             (0.1, Ended(1), []),
             (0.1, Replied(0), [Accept(0, 0)]),
-            (0.2, Replied(3), [Accept(3, 15)]),
-            (0.2, Replied(2), [Accept(2, 10), Done()]),
+            (0.2, Replied(3), [Accept(3, 30)]),
+            (0.2, Replied(2), [Accept(2, 20), Done()]),
             (0.2, Ended(2), []),
         ]
     )
@@ -115,12 +115,12 @@ def test_killed_worker() -> None:
         [
             *TWO_AT_WORK,
             (0.1, Replied(0), [Accept(0, 0)]),
-            (0.1, WorkerLeft("b"), [Send(4, "a", 5, 10)]),
+            (0.1, WorkerLeft("b"), [Send(4, "a", 10, 20)]),
             (0.1, Ended(1), []),
             (0.1, Replied(3), []),
-            (0.2, Replied(2), [Accept(2, 10), Send(5, "a", 15, 20)]),
-            (0.3, Replied(4), [Accept(4, 5)]),
-            (0.4, Replied(5), [Accept(5, 15), Done()]),
+            (0.2, Replied(2), [Accept(2, 20), Send(5, "a", 30, 40)]),
+            (0.3, Replied(4), [Accept(4, 10)]),
+            (0.4, Replied(5), [Accept(5, 30), Done()]),
         ]
     )
     assert dispatch.counts.batches_sent_again == 2
@@ -132,9 +132,9 @@ def test_ended_without_answer() -> None:
         [
             *TWO_AT_WORK,
             (0.1, Replied(0), [Accept(0, 0)]),
-            (0.1, Ended(1), [Send(4, "a", 5, 10)]),
+            (0.1, Ended(1), [Send(4, "a", 10, 20)]),
             (0.1, Ended(3), []),
-            (0.15, Replied(2), [Accept(2, 10), Send(5, "a", 15, 20)]),
+            (0.15, Replied(2), [Accept(2, 20), Send(5, "a", 30, 40)]),
         ]
     )
 
@@ -146,7 +146,7 @@ def test_lone_worker_is_asked_again_after_a_pause() -> None:
             *ONE_AT_WORK,
             (1.0, Ended(0), []),
             (1.0 + PAUSE / 2, Ticked(), []),
-            (1.0 + PAUSE, Ticked(), [Send(2, "a", 0, 5)]),
+            (1.0 + PAUSE, Ticked(), [Send(2, "a", 0, 10)]),
         ]
     )
 
@@ -159,9 +159,9 @@ def test_all_workers_lost_and_one_back() -> None:
             (0.1, Replied(0), [Accept(0, 0)]),
             (0.2, WorkerLeft("a"), []),
             (9.0, Ticked(), []),
-            (9.1, A, [Send(2, "a", 5, 10)]),
+            (9.1, A, [Send(2, "a", 10, 20)]),
             (9.2, Replied(1), []),
-            (9.3, Replied(2), [Accept(2, 5), Done()]),
+            (9.3, Replied(2), [Accept(2, 10), Done()]),
         ]
     )
 
@@ -172,12 +172,12 @@ def test_slow_tail_is_sent_again() -> None:
         [
             *TWO_AT_WORK,
             (0.1, Replied(0), [Accept(0, 0)]),
-            (0.1, Replied(2), [Accept(2, 10)]),
-            (0.1, Replied(1), [Accept(1, 5)]),
+            (0.1, Replied(2), [Accept(2, 20)]),
+            (0.1, Replied(1), [Accept(1, 10)]),
             (0.29, Ticked(), []),
-            (0.31, Ticked(), [Send(4, "a", 15, 20)]),
+            (0.31, Ticked(), [Send(4, "a", 30, 40)]),
             (9.0, Ticked(), []),
-            (9.1, Replied(4), [Accept(4, 15), Done()]),
+            (9.1, Replied(4), [Accept(4, 30), Done()]),
             (9.2, Replied(3), []),
         ]
     )
@@ -189,9 +189,9 @@ def test_nothing_is_late_in_a_hurry() -> None:
     table: Table = [
         *TWO_AT_WORK,
         (1e-4, Replied(0), [Accept(0, 0)]),
-        (1e-4, Replied(2), [Accept(2, 10)]),
+        (1e-4, Replied(2), [Accept(2, 20)]),
         (LATE_LEAST * 0.9, Ticked(), []),
-        (LATE_LEAST * 1.1, Ticked(), [Send(4, "a", 5, 10)]),
+        (LATE_LEAST * 1.1, Ticked(), [Send(4, "a", 10, 20)]),
     ]
     play(table)
 
@@ -202,12 +202,12 @@ def test_frozen_worker_gets_no_more() -> None:
         [
             *TWO_AT_WORK,
             (0.1, Replied(0), [Accept(0, 0)]),
-            (0.1, Replied(2), [Accept(2, 10)]),
-            (0.5, Ticked(), [Send(4, "a", 5, 10)]),
-            (0.6, Replied(4), [Accept(4, 5), Send(5, "a", 15, 20)]),
-            (0.7, Replied(5), [Accept(5, 15), Done()]),
-            (0.7, JobStarted(20), [Send(6, "a", 0, 5), Send(7, "a", 5, 10)]),
-            (0.8, Replied(1), [Send(8, "b", 10, 15)]),
+            (0.1, Replied(2), [Accept(2, 20)]),
+            (0.5, Ticked(), [Send(4, "a", 10, 20)]),
+            (0.6, Replied(4), [Accept(4, 10), Send(5, "a", 30, 40)]),
+            (0.7, Replied(5), [Accept(5, 30), Done()]),
+            (0.7, JobStarted(40), [Send(6, "a", 0, 10), Send(7, "a", 10, 20)]),
+            (0.8, Replied(1), [Send(8, "b", 20, 30)]),
             (0.8, Ended(3), []),
         ]
     )
@@ -315,10 +315,10 @@ def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
 
 @pytest.mark.parametrize(
     ("particles", "workers", "sizes"),
-    [(20, 1, [10, 10]), (20, 2, [5, 5, 5, 5]), (20, 3, [6, 7, 7]), (1, 8, [1])],
+    [(20, 1, [10, 10]), (20, 2, [10, 10]), (22, 2, [5, 6, 5, 6]), (20, 3, [6, 7, 7]), (1, 8, [1])],
 )
 def test_split_of_usual_jobs(particles: int, workers: int, sizes: list[int]) -> None:
-    """Two batches for each worker where they stay large enough, else one."""
+    """As few as may be, and as many for each worker."""
     assert [stop - start for start, stop in split(particles, workers)] == sizes
 
 
