@@ -1,4 +1,4 @@
-"""How a job is split into batches: as few as may be, as each costs a trip; none so large that its loss hurts."""
+"""How a job is split into batches: as few as may be, as each costs a trip; but a lost one must not hurt."""
 
 from __future__ import annotations
 
