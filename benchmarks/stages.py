@@ -11,8 +11,8 @@ from benchmarks.standing import Case
 from common.kinematics import chain
 from common.settings import RefineSettings
 from worker.evidence import lay_out_evidence, lay_out_rules
-from worker.gauss_newton import Descent, clamp, minimise
-from worker.icp import assess, collect, correspond, lay_out_room
+from worker.gauss_newton import Descent, clamp, extend, minimise
+from worker.icp import assess, collect, correspond, follow, lay_out_room
 from worker.surface import lay_out
 from worker.visibility import pose_surface, visible_vertices
 
@@ -48,14 +48,19 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
     damping = rules.damping + rules.damping_share * evidence.count
     if rules.keep_limits:
         clamp(skeleton, pose)
-    known = 0
-    for _ in range(rules.icp_iterations):
+    known, visible, before = 0, room.sight.visible, pose.copy()
+    for k in range(rules.icp_iterations):
         clock.lap("")
-        chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
-        pose_surface(surface, room.transforms, skeleton.link_dofs, room.sight.posed)
-        clock.lap("pose")
-        visible = visible_vertices(room.sight, surface.triangles)
-        clock.lap("visibility")
+        if k % rules.look_every == 0:
+            chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
+            pose_surface(surface, room.transforms, skeleton.link_dofs, room.sight.posed)
+            clock.lap("pose")
+            visible = visible_vertices(room.sight, surface.triangles)
+            clock.lap("visibility")
+        else:
+            follow(pose, visible, skeleton, surface, room)
+            clock.lap("pose")
+        before[:] = pose
         known = correspond(visible, known, surface, evidence, rules, room)
         clock.lap("closest points")
         unexplained = collect(visible, surface, evidence, rules, room)
@@ -63,6 +68,10 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         stiffness = rules.rest_weight * unexplained
         descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)
         minimise(skeleton, pose, descent, room.equations)
+        if rules.overstep > 0.0 and k < rules.icp_iterations - 1:
+            extend(skeleton, before, rules.overstep, pose)
+            if rules.keep_limits:
+                clamp(skeleton, pose)
         clock.lap("solve")
     assess(pose, known, skeleton, surface, evidence, rules, room)
     clock.lap("likelihood")

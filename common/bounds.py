@@ -28,6 +28,7 @@ LARGEST_PIXEL = 1e6  # of a camera's focal lengths and centre
 LARGEST_SETTING = 1e6
 POSITIVE_SETTINGS = {"noise_depth", "noise_lateral", "likelihood_scale"}
 SMALLEST_POSITIVE = 1e-6
+LARGEST_OVERSTEP = 10.0  # beyond it the descent cannot but fly apart
 
 
 def check_camera(camera: Intrinsics, depth_scale: float) -> None:
@@ -77,6 +78,9 @@ def check_settings(settings: RefineSettings) -> None:
             check_range(f"setting {name}", value, least, LARGEST_SETTING)
         elif isinstance(value, int) and not 0 <= value <= MAX_ITERATIONS:
             raise ProtocolError(f"setting {name} is {value}, expected 0 to {MAX_ITERATIONS}")
+    check_range("setting overstep", settings.overstep, 0.0, LARGEST_OVERSTEP)
+    if settings.look_every < 1:
+        raise ProtocolError(f"setting look_every is {settings.look_every}, expected 1 or more")
 
 
 def check_model(arrays: dict[str, NDArray[Any]], sizes: dict[str, int]) -> None:

@@ -21,6 +21,8 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     outlier_distance: float = 0.0  # residuals beyond it lose influence; 0 gives all points full weight
     free_space_weight: float = 0.0  # of model points seen where nothing was observed
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
+    overstep: float = 0.0  # share of each iteration's motion that is added to it, but for the last
+    look_every: int = 1  # iterations, after which it is looked again which model points are visible
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -57,7 +59,10 @@ PRESETS = {
         preset="default",
         points=4_000,
         refine=RefineSettings(
-            icp_iterations=6,
+            icp_iterations=3,
+            gauss_newton_iterations=2,
+            overstep=2.0,
+            look_every=3,
             damping_share=0.0003,
             rest_weight=0.0005,
             keep_limits=True,

@@ -295,10 +295,20 @@ def refine(
 ) -> tuple[Array, float, float]:
     """Steps 4a-4d, as often as asked, and then 5."""
     pose = clamp(model, pose) if settings.keep_limits else pose
-    for _ in range(settings.icp_iterations):
-        posed, visible = see(model, pose)
+    visible = np.empty(0, dtype=np.int64)
+    for k in range(settings.icp_iterations):
+        posed, seen = see(model, pose)
+        visible = seen if k % settings.look_every == 0 else visible
         if len(visible) == 0:
             break
         factors = collect(model, pose, posed, visible, subject, settings)
-        pose = minimise(model, factors, len(subject.picked), settings)
+        moved = minimise(model, factors, len(subject.picked), settings)
+        pose = moved if k == settings.icp_iterations - 1 else extend(model, pose, moved, settings)
     return pose, *assess(model, pose, subject, settings)
+
+
+def extend(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
+    """The pose (D,) moved on by a share of the motion that led there from another."""
+    step = settings.overstep * difference(model, before[None], pose[None])
+    further = retract(model, pose[None], step)[0]
+    return clamp(model, further) if settings.keep_limits else further

@@ -33,6 +33,8 @@ class Rules(NamedTuple):
 
     icp_iterations: int
     gauss_newton_iterations: int
+    overstep: float
+    look_every: int
     damping: float
     damping_share: float
     rest_weight: float
@@ -69,6 +71,8 @@ def lay_out_rules(settings: RefineSettings) -> Rules:
     return Rules(
         settings.icp_iterations,
         settings.gauss_newton_iterations,
+        settings.overstep,
+        settings.look_every,
         settings.damping,
         settings.damping_share,
         settings.rest_weight,

@@ -22,7 +22,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.kinematics import apply_step, carry_axes, chain, euler_matrix, handedness, rotation_vector
+from common.kinematics import (
+    apply_step,
+    ball_turn,
+    carry_axes,
+    chain,
+    euler_matrix,
+    handedness,
+    rotation_vector,
+)
 from worker.surface import Skeleton, Surface
 
 Array = NDArray[np.float64]
@@ -135,6 +143,16 @@ def minimise(skeleton: Skeleton, pose: Array, descent: Descent, equations: Equat
             clamp(skeleton, pose)
         if np.max(np.abs(step)) < CONVERGED:
             break
+
+
+@numba.njit(cache=True, nogil=True)
+def extend(skeleton: Skeleton, before: Array, share: float, pose: Array) -> None:
+    """Move pose (D,) on in place by a share of the motion that led there from `before`."""
+    step = pose - before
+    for start in skeleton.balls:
+        handed = handedness(skeleton.axes[start : start + 3])
+        ball_turn(handed, before[start : start + 3], pose[start : start + 3], step[start:])
+    apply_step(skeleton.axes, skeleton.balls, share * step, pose)
 
 
 @numba.njit(cache=True, nogil=True)

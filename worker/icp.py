@@ -1,5 +1,8 @@
 """Refine particles by articulated ICP: steps 4a-4d, two or three times, and then step 5.
 
+Closest points hold the model back: iterations lead the same way with ever shorter steps. So preset `default`
+goes on by twice of each iteration's motion (but the last's), and looks once which points are visible.
+
 A particle's result depends on its own pose, the model, the observation and the settings; never on the
 batch it came in.
 """
@@ -19,11 +22,19 @@ from common.settings import RefineSettings
 from worker.correspondence import Search, closest_again, closest_points, lay_out_search
 from worker.evidence import Evidence, Rules, lay_out_evidence, lay_out_rules
 from worker.free_space import pull_into_silhouette
-from worker.gauss_newton import Descent, Equations, add_correspondences, clamp, lay_out_equations, minimise
+from worker.gauss_newton import (
+    Descent,
+    Equations,
+    add_correspondences,
+    clamp,
+    extend,
+    lay_out_equations,
+    minimise,
+)
 from worker.likelihood import robust_cost, robust_weight
 from worker.observation import Observation
 from worker.surface import Skeleton, Surface, lay_out
-from worker.visibility import View, lay_out_view, pose_surface, visible_vertices
+from worker.visibility import View, lay_out_view, pose_some, pose_surface, visible_vertices
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -91,16 +102,24 @@ def refine_particle(
     damping = rules.damping + rules.damping_share * evidence.count
     if rules.keep_limits:
         clamp(skeleton, pose)
-    known = 0
-    for _ in range(rules.icp_iterations):
-        visible = look(pose, skeleton, surface, room)  # 4a, 4b
+    known, visible, before = 0, room.sight.visible, pose.copy()
+    for k in range(rules.icp_iterations):
+        if k % rules.look_every == 0:
+            visible = look(pose, skeleton, surface, room)  # 4a, 4b
+        else:
+            follow(pose, visible, skeleton, surface, room)
         if len(visible) == 0:
             break
+        before[:] = pose
         known = correspond(visible, known, surface, evidence, rules, room)  # 4c
         unexplained = collect(visible, surface, evidence, rules, room)
         stiffness = rules.rest_weight * unexplained
         descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)
         minimise(skeleton, pose, descent, room.equations)  # 4d
+        if rules.overstep > 0.0 and k < rules.icp_iterations - 1:
+            extend(skeleton, before, rules.overstep, pose)
+            if rules.keep_limits:
+                clamp(skeleton, pose)
     return assess(pose, known, skeleton, surface, evidence, rules, room)  # 5
 
 
@@ -110,6 +129,13 @@ def look(pose: Array, skeleton: Skeleton, surface: Surface, room: Room) -> Indic
     chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
     pose_surface(surface, room.transforms, skeleton.link_dofs, room.sight.posed)
     return visible_vertices(room.sight, surface.triangles)
+
+
+@numba.njit(cache=True, nogil=True)
+def follow(pose: Array, visible: Indices, skeleton: Skeleton, surface: Surface, room: Room) -> None:
+    """Move the vertices that were seen last to where they are in the pose, in room.sight.posed."""
+    chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
+    pose_some(visible, surface, room.transforms, skeleton.link_dofs, room.sight.posed)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -49,16 +49,38 @@ def pose_surface(surface: Surface, transforms: Array, link_dofs: Indices, posed:
     """Fill posed (V, 3) with the vertices in the camera frame, blended over their links' T_camera_rest."""
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     for v in range(len(posed)):
-        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-        px = py = pz = 0.0
-        for k in range(links.shape[1]):
-            weight = weights[v, k]
-            if weight > 0.0:
-                t = link_dofs[links[v, k]]  # -1, what nothing moves, is the last
-                px += weight * moved_along(transforms, t, 0, x, y, z)
-                py += weight * moved_along(transforms, t, 1, x, y, z)
-                pz += weight * moved_along(transforms, t, 2, x, y, z)
-        posed[v, 0], posed[v, 1], posed[v, 2] = px, py, pz
+        pose_vertex(v, vertices, links, weights, transforms, link_dofs, posed)
+
+
+@numba.njit(cache=True, nogil=True)
+def pose_some(some: Indices, surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
+    """As `pose_surface`, for some of the vertices."""
+    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
+    for v in some:
+        pose_vertex(v, vertices, links, weights, transforms, link_dofs, posed)
+
+
+@numba.njit(cache=True, nogil=True)
+def pose_vertex(
+    v: int,
+    vertices: Array,
+    links: Indices,
+    weights: Array,
+    transforms: Array,
+    link_dofs: Indices,
+    posed: Array,
+) -> None:
+    """Fill posed[v]."""
+    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+    px = py = pz = 0.0
+    for k in range(links.shape[1]):
+        weight = weights[v, k]
+        if weight > 0.0:
+            t = link_dofs[links[v, k]]  # -1, what nothing moves, is the last
+            px += weight * moved_along(transforms, t, 0, x, y, z)
+            py += weight * moved_along(transforms, t, 1, x, y, z)
+            pz += weight * moved_along(transforms, t, 2, x, y, z)
+    posed[v, 0], posed[v, 1], posed[v, 2] = px, py, pz
 
 
 @numba.njit(cache=True, nogil=True)
