@@ -26,6 +26,9 @@ LARGEST_LENGTH = 1e3  # metres, in a model
 LARGEST_POSE = 1e5  # metres or radians
 LARGEST_PIXEL = 1e6  # of a camera's focal lengths and centre
 LARGEST_SETTING = 1e6
+LARGEST_LOG_LIKELIHOOD = 1e100
+MOST_PIXELS = 2**26  # that may be drawn to see what is in front
+MOST_WORK = 1e13  # of a request: points compared, pixels drawn and products summed; some 20 minutes
 POSITIVE_SETTINGS = {"noise_depth", "noise_lateral", "likelihood_scale"}
 SMALLEST_POSITIVE = 1e-6
 LARGEST_OVERSTEP = 10.0  # beyond it the descent cannot but fly apart
@@ -66,6 +69,30 @@ def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> No
     """ProtocolError if there is a value beyond plus or minus `largest`."""
     if array.size and max(-array.min(), array.max()) > largest:
         raise ProtocolError(f"{what} holds values above {largest:g}")
+
+
+def check_refined(arrays: dict[str, NDArray[np.float64]]) -> None:
+    """ProtocolError unless these can be refined particles; where nothing was observed some are infinite."""
+    for name, array in arrays.items():
+        check_numbers(f"the reply's {name}", array)
+    check_finite("the reply's poses", arrays["poses"])
+    check_magnitude("the reply's poses", arrays["poses"], LARGEST_POSE)
+    log_likelihood = arrays["log_likelihood"]
+    check_magnitude(
+        "the reply's log_likelihood", log_likelihood[log_likelihood != -np.inf], LARGEST_LOG_LIKELIHOOD
+    )
+    if np.any(arrays["residual"] < 0.0):
+        raise ProtocolError("the reply's residual holds values below zero")
+
+
+def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> None:
+    """ProtocolError if refining poses of shape (N, D) on so many points could take for ever."""
+    count, dofs = poses
+    looks = count * (settings.icp_iterations + 1)
+    steps = count * settings.icp_iterations * settings.gauss_newton_iterations
+    work = looks * (points * vertices + MOST_PIXELS) + steps * dofs**3
+    if work > MOST_WORK:
+        raise ProtocolError(f"the request asks for up to {work:.0e} steps of work, expected {MOST_WORK:.0e}")
 
 
 @lru_cache(maxsize=64)  # a run's are always the same

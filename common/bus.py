@@ -209,12 +209,15 @@ class Requests:
         self._closed = False
 
     def receive(self, *, wait: bool) -> list[Request] | None:
-        """All that has come, or the first that comes if there is none and `wait`; None after the end."""
+        """What has come, or the first that comes if there is none and `wait`; None after the end."""
         arrived = []
         try:
             if wait and not self._closed:
                 arrived.append(Request(self._waiting.recv()))
-            while not self._closed and (query := self._waiting.try_recv()) is not None:
+            while not self._closed and len(arrived) < WAITING_REQUESTS:
+                query = self._waiting.try_recv()
+                if query is None:
+                    break
                 arrived.append(Request(query))
         except zenoh.ZError:
             return arrived or None
@@ -260,17 +263,18 @@ class Asker:
         self._querier = querier
 
     def ask(self, payload: bytes, on_reply: Payload, on_refusal: Payload, on_end: Callable[[], None]) -> None:
-        """Send a request. It ends with an answer, or else `on_end` is called."""
+        """Send a request. It ends with an answer, of several the first one, or else `on_end` is called."""
         answered = False
 
         def receive(reply: zenoh.Reply) -> None:
             nonlocal answered
+            if answered:
+                return
+            answered = True
             if reply.ok is not None:
                 on_reply(reply.ok.payload.to_bytes())
-                answered = True
             elif reply.err is not None:
                 on_refusal(reply.err.payload.to_bytes())
-                answered = True
 
         def end() -> None:
             if not answered:

@@ -10,9 +10,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Dims, check_finite, check_indices, check_numbers, pack, unpack
+from common.arrays import Dims, check_finite, check_indices, pack, unpack
 from common.body import BodyModel
-from common.bounds import check_camera, check_model, check_poses, check_settings
+from common.bounds import check_camera, check_model, check_poses, check_refined, check_settings
 from common.errors import ProtocolError
 from common.frame import DepthFrame, SubjectFrame
 from common.refinement import Refined
@@ -202,9 +202,7 @@ def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
     for name, array in message.arrays.items():
         dtype, dims = REPLY_ARRAYS.get(name, ("<f8", ("N", "D", "D")[: max(1, len(array.shape))]))
         values[name] = unpack(f"the reply's {name}", array, dtype, dims, {"N": count, "D": dofs})
-        (check_finite if name == "poses" else check_numbers)(f"the reply's {name}", values[name])
-    if np.any(values["log_likelihood"] == np.inf):
-        raise ProtocolError("the reply's log_likelihood holds values above all others")
+    check_refined(values)
     return Refined(**values)
 
 
@@ -214,8 +212,9 @@ def encode_refusal(reason: str) -> bytes:
 
 
 def decode_refusal(payload: bytes) -> str:
-    """The reason of a refusal, or ProtocolError."""
-    return decode(payload, RefusalMessage).reason
+    """The reason of a refusal without what a terminal would act on, or ProtocolError."""
+    reason = decode(payload, RefusalMessage).reason
+    return "".join(letter if letter.isprintable() else " " for letter in reason)
 
 
 def check_fields(what: str, given: set[str], expected: set[str]) -> None:

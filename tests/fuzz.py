@@ -180,10 +180,7 @@ class Villain:
             on_refusal=lambda answer: self._answers.put(("refused", answer)),
             on_end=lambda: self._answers.put(("ended", b"")),
         )
-        first = self._answers.get(timeout=2 * LONGEST)
-        if first[0] != "ended":
-            self._answers.get(timeout=2 * LONGEST)
-        return first
+        return self._answers.get(timeout=2 * LONGEST)
 
 
 def fuzz_worker(count: int, seed: int) -> Report:

@@ -36,7 +36,7 @@ from tests.test_service import (  # noqa: F401 a fixture
 )
 from worker.service import Kernel, Service
 from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
-from worker.turns import Turns
+from worker.turns import MOST, Turns
 
 
 @given(st.lists(st.sampled_from("abc"), max_size=30))
@@ -71,6 +71,17 @@ def test_a_run_that_comes_waits_for_one_request_of_each_other() -> None:
     assert not turns
     with pytest.raises(IndexError):
         turns.take()
+
+
+def test_who_asks_for_most_makes_room() -> None:
+    """However many requests come, so many wait at most, and those of another run are served all the same."""
+    turns: Turns[str] = Turns()
+    assert turns.put("calm", "calm 0") is None
+    gone = [turns.put("flood", f"flood {number}") for number in range(MOST + 9)]
+    assert [each for each in gone if each is not None] == [f"flood {number}" for number in range(10)]
+    assert len(turns.forget("flood")) == MOST - 1
+    assert turns.take() == "calm 0"
+    assert [turns.put(str(number), str(number)) for number in range(MOST + 1)][-1] == "0"
 
 
 def test_memory_is_bounded_by_run_and_freed() -> None:

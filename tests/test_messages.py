@@ -52,7 +52,7 @@ def tiny_refined() -> Refined:
     """A reply of the right shape, whatever fields it has."""
     letters = {"N": COUNT, "D": DOFS}
     shapes = {name: tuple(letters[str(d)] for d in dims) for name, (_, dims) in messages.REPLY_ARRAYS.items()}
-    return Refined(**{name: np.random.default_rng(0).normal(size=shape) for name, shape in shapes.items()})
+    return Refined(**{name: np.random.default_rng(0).random(shape) for name, shape in shapes.items()})
 
 
 @dataclass(frozen=True)
@@ -147,6 +147,11 @@ def test_reply_may_be_infinite_but_for_its_poses() -> None:
     assert decode_refined(encode_refined(refined), (COUNT, DOFS)).log_likelihood[0] == -np.inf
     refined.poses[0, 0] = np.inf
     refuse("reply", encode_refined(refined), "poses holds values that are not finite")
+
+
+def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
+    """A stranger's reason is shown to people: as text."""
+    assert decode_refusal(encode_refusal("no\x1b[2J\r\nmore\u202e")) == "no [2J  more "
 
 
 def test_refusal_survives_in_part() -> None:
@@ -321,10 +326,21 @@ BAD = {
     "reply likelihood": (
         "reply",
         set_to("arrays", "log_likelihood", value=packed(np.full(3, np.inf))),
-        "above all others",
+        "log_likelihood holds values above 1e\\+100",
     ),
     "reply count": ("reply", set_to("arrays", "poses", value=packed(POSES[:2])), r"expected \(3, 6\)"),
     "reply field": ("reply", set_to("arrays", "more", value=packed(POSES)), r"unknown fields \['more'\]"),
+    "reply pose": ("reply", set_to("arrays", "poses", value=packed(POSES * 1e9)), "poses holds values above"),
+    "reply unlikelihood": (
+        "reply",
+        set_to("arrays", "log_likelihood", value=packed(np.full(3, -1e300))),
+        "log_likelihood holds values above 1e\\+100",
+    ),
+    "reply residual": (
+        "reply",
+        set_to("arrays", "residual", value=packed(np.full(3, -1.0))),
+        "residual holds values below zero",
+    ),
     "reply nan": ("reply", set_to("arrays", "residual", value=packed(np.full(3, np.nan))), "are not numbers"),
 }
 

@@ -97,7 +97,6 @@ def test_same_bytes_for_any_number_of_workers(endpoint: str, workers: int) -> No
         for number in range(5):
             assert refined_bytes(refiner, number) == expected(number)
         assert refiner.traffic.workers_seen == tuple(f"w{k}" for k in range(workers))
-        assert refiner.traffic.batches_sent_again == 0
         assert all(seconds > 0 for seconds in refiner.traffic.stage_seconds.values())
 
 
@@ -260,6 +259,25 @@ def test_bad_worker_does_not_spoil_the_result(
             for number in range(3):
                 assert refined_bytes(refiner, number) == expected(number)
         assert (refiner.traffic.replies_malformed > 0) == malformed
+
+
+def test_of_many_answers_the_first_counts(endpoint: str) -> None:
+    """A worker that answers again and again fills nobody's memory."""
+
+    def chatter(request: Request) -> None:
+        for number in range(50):
+            request.reply(b"%d" % number)
+
+    answers: SimpleQueue[bytes] = SimpleQueue()
+    with open_coordinator([endpoint]) as bus, answering(endpoint, "chatterer", chatter):
+        alive = threading.Event()
+        bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.set() if there else None)
+        assert alive.wait(5.0)
+        asker = bus.asker(keys.worker_refine("chatterer"), 5.0)
+        for _ in range(3):  # when one is answered, all answers to those before have come
+            asker.ask(b"", on_reply=answers.put, on_refusal=answers.put, on_end=lambda: None)
+            assert answers.get(timeout=5.0) == b"0"
+    assert answers.empty()
 
 
 class Client:

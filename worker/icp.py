@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.bounds import LARGEST_POSE, check_work
 from common.kinematics import chain
 from common.refinement import Refined
 from common.settings import RefineSettings
@@ -68,7 +69,11 @@ def refine(
 
     Returns:
         Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order given.
+
+    Raises:
+        ProtocolError: That much work would take for ever.
     """
+    check_work(settings, poses.shape, observation.count, len(model.vertices))
     skeleton, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observation, settings), lay_out_rules(settings)
     room = lay_out_room(skeleton, surface, evidence)
@@ -76,7 +81,18 @@ def refine(
     log_likelihood, residual = np.empty(len(poses)), np.empty(len(poses))
     for n in range(len(poses)):
         log_likelihood[n], residual[n] = refine_particle(refined[n], skeleton, surface, evidence, rules, room)
-    return Refined(refined, log_likelihood, residual)
+    return give_up_flown(Refined(refined, log_likelihood, residual), poses)
+
+
+def give_up_flown(refined: Refined, poses: Array) -> Refined:
+    """Particles that their descent took beyond all numbers are back at poses (N, D) and explain nothing."""
+    near = np.abs(refined.poses).max(axis=1) <= LARGEST_POSE
+    computed = near & (refined.log_likelihood < np.inf) & ~np.isnan(refined.residual)
+    return Refined(
+        np.where(computed[:, None], refined.poses, poses),
+        np.where(computed, refined.log_likelihood, -np.inf),
+        np.where(computed, refined.residual, np.inf),
+    )
 
 
 def lay_out_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Room:
@@ -272,11 +288,14 @@ def mean_cost(evidence: Evidence, rules: Rules, search: Search) -> float:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def mean_distance(evidence: Evidence, rules: Rules, search: Search) -> float:
-    """Mean distance (m) of the observed points from their model points, depth unstretched."""
+    """Mean distance (m) of the observed points from their model points, depth unstretched.
+
+    Where depth is stretched a lot the difference of large numbers may come out below zero.
+    """
     total, excess = 0.0, 1.0 / rules.stretch**2 - 1.0
     for i in range(evidence.count):
         along = np.float64(evidence.points[2, i]) - search.model[search.closest[i], 2]
-        total += np.sqrt(search.squared[i] + excess * along * along)
+        total += np.sqrt(max(0.0, search.squared[i] + excess * along * along))
     return total / evidence.count
 
 

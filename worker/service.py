@@ -109,7 +109,10 @@ class Service(Generic[O]):
             with request:
                 refuse(request, str(error))
         else:
-            self._turns.put(asked.run, Batch(request, asked))
+            crowded_out = self._turns.put(asked.run, Batch(request, asked))
+            if crowded_out is not None:
+                with crowded_out.request:
+                    log.warning("dropped a request: too many wait")
 
     def _drop_what_is_over(self) -> None:
         """Nobody waits for the requests of a run that is gone."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,18 @@ class Surface(NamedTuple):
     skin_weights: NDArray[np.float64]  # (V, K)
 
 
-@lru_cache(maxsize=16)
+_laid_out: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
+
+
 def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
-    """Skeleton and surface of a model; kept, as a model never changes."""
+    """Skeleton and surface of a model; kept for as long as the model, which never changes."""
+    if model not in _laid_out:
+        _laid_out[model] = lay_out_anew(model)
+    return _laid_out[model]
+
+
+def lay_out_anew(model: BodyModel) -> tuple[Skeleton, Surface]:
+    """Skeleton and surface of a model."""
     order, leaves = order_vertices(model)
     rank = np.argsort(order, kind="stable")
     skeleton = Skeleton(

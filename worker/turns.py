@@ -7,6 +7,8 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
+MOST = 64  # requests that may wait
+
 
 class Turns(Generic[T]):
     """First come, first served within a run; between runs, one of each in turn."""
@@ -17,9 +19,19 @@ class Turns(Generic[T]):
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
-    def put(self, run: str, request: T) -> None:
-        """A request has come; a run that had none waiting comes last."""
+    def put(self, run: str, request: T) -> T | None:
+        """A request has come; a run that had none waiting comes last. Gives the one that makes room for it.
+
+        That is, when too many wait, the oldest of the run that has most of them.
+        """
         self._waiting.setdefault(run, deque()).append(request)
+        if sum(map(len, self._waiting.values())) <= MOST:
+            return None
+        longest = max(self._waiting, key=lambda name: len(self._waiting[name]))
+        oldest = self._waiting[longest].popleft()
+        if not self._waiting[longest]:
+            del self._waiting[longest]
+        return oldest
 
     def take(self) -> T:
         """The next request; IndexError if none waits."""

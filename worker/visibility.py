@@ -12,6 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.bounds import MOST_PIXELS
 from worker.surface import Surface
 
 Array = NDArray[np.float64]
@@ -96,7 +97,8 @@ def moved_along(transforms: Array, t: int, a: int, x: float, y: float, z: float)
 def visible_vertices(view: View, triangles: Indices) -> Indices:
     """Indices, ascending, of the posed vertices that the camera at the origin sees. They stay in the view."""
     left, top, right, bottom = project_vertices(view.posed, view.image)
-    width, height = min(LARGEST_SIDE, right - left + 1), min(LARGEST_SIDE, bottom - top + 1)
+    width = max(1, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
+    height = max(1, min(LARGEST_SIDE, bottom - top + 1))
     buffer = view.buffer[: height * width].reshape(height, width)
     draw_front(view, triangles, left, top, buffer)
     posed, image, front, visible = view.posed, view.image, view.front, view.visible
@@ -113,15 +115,20 @@ def visible_vertices(view: View, triangles: Indices) -> Indices:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def draw_front(view: View, triangles: Indices, left: int, top: int, buffer: NDArray[np.float32]) -> None:
-    """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is."""
-    posed, image, front = view.posed, view.image, view.front
+    """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
+
+    What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing: no surface can
+    keep us drawing for ever.
+    """
+    posed, image, front, room = view.posed, view.image, view.front, MOST_PIXELS
     front[:] = False
     buffer[:] = np.inf
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         if faces_camera(image, a, b, c) and min(posed[a, 2], posed[b, 2], posed[c, 2]) > NEAR:
             front[a] = front[b] = front[c] = True
-            draw_triangle(image, posed, a, b, c, left, top, buffer)
+            if room > 0:
+                room -= draw_triangle(image, posed, a, b, c, left, top, buffer)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -151,8 +158,11 @@ def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def draw_triangle(
     image: Array, posed: Array, a: int, b: int, c: int, left: int, top: int, buffer: NDArray[np.float32]
-) -> None:
-    """Lower the buffer to the triangle's depth at every pixel centre that it covers."""
+) -> int:
+    """Lower the buffer to the triangle's depth at every pixel centre that it covers.
+
+    Gives the number of pixels that were looked at.
+    """
     ax, ay = image[a, 0] - left, image[a, 1] - top
     bx, by = image[b, 0] - left - ax, image[b, 1] - top - ay  # from a
     cx, cy = image[c, 0] - left - ax, image[c, 1] - top - ay
@@ -161,7 +171,7 @@ def draw_triangle(
     first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
     last_row = min(buffer.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
     if first_column > last_column or first_row > last_row:
-        return
+        return 0
     scale = 1.0 / (bx * cy - by * cx)
     z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
     for row in range(first_row, last_row + 1):
@@ -171,3 +181,5 @@ def draw_triangle(
             depth, behind = np.float32(z + wb * zb + wc * zc), buffer[row, column]
             covered = (wb >= -1e-9) & (wc >= -1e-9) & (wb + wc <= 1.0 + 1e-9)
             buffer[row, column] = depth if covered & (depth < behind) else behind  # no branch to guess
+    drawn: int = (last_row - first_row + 1) * (last_column - first_column + 1)
+    return drawn

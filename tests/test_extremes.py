@@ -1,0 +1,114 @@
+"""Whatever the decoders accept the worker computes, in bounded time, and the coordinator accepts in turn."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.bounds import MOST_PIXELS, check_work
+from common.errors import ProtocolError
+from common.messages import decode_refined, encode_refined
+from common.refinement import Refined
+from common.settings import RefineSettings
+from tests.extremes import Case, Extremes
+from tests.test_service import MODEL, POSES
+from worker.icp import give_up_flown, refine
+from worker.observation import observe
+from worker.surface import lay_out
+from worker.visibility import LARGEST_SIDE, draw_front, lay_out_view
+from worker.warm import tiny_frame
+
+
+def served(case: Case) -> Refined:
+    """The answer as it reaches the coordinator."""
+    refined = refine(case.model, observe(case.frame), case.request.poses, case.request.settings)
+    return decode_refined(encode_refined(refined), case.request.poses.shape)
+
+
+def test_extreme_requests_get_answers_that_make_sense() -> None:
+    """No error, no warning, no number that is none, whatever is asked within the bounds."""
+    for case in Extremes(0).accepted(200):
+        served(case)
+
+
+def test_noise_that_is_a_million_times_another() -> None:
+    """Depth so heavy that Eq. 4 is singular in all other directions, as a mutated message had it."""
+    settings = RefineSettings(noise_lateral=1e6)
+    refined = refine(MODEL, observe(tiny_frame()), POSES[:3], settings)
+    decode_refined(encode_refined(refined), POSES[:3].shape)
+    assert np.all(np.isfinite(refined.log_likelihood))
+
+
+@pytest.mark.parametrize("ratio", [1e4, 1e6])
+def test_mean_distance_is_none_below_zero(ratio: float) -> None:
+    """With depth stretched a lot, which rounds away all else, a residual is still a number."""
+    settings = RefineSettings(noise_depth=0.01 / ratio)
+    refined = refine(MODEL, observe(tiny_frame()), POSES[:5], settings)
+    assert np.all(refined.residual >= 0.0)
+    assert np.all(np.isfinite(refined.log_likelihood))
+
+
+def test_what_flew_away_is_back_where_it_began_and_explains_nothing() -> None:
+    """A particle beyond all numbers spoils no other one of its batch."""
+    poses = np.arange(12.0).reshape(6, 2)
+    flown = poses + 1.0
+    flown[0, 1], flown[1, 0] = np.nan, 1e30
+    log_likelihood = np.array([-1.0, -1.0, np.nan, np.inf, -1.0, -np.inf])
+    residual = np.array([0.1, 0.1, 0.1, 0.1, np.nan, np.inf])
+    kept = give_up_flown(Refined(flown, log_likelihood, residual), poses)
+    np.testing.assert_array_equal(kept.poses, [*poses[:5], flown[5]])
+    np.testing.assert_array_equal(kept.log_likelihood, np.full(6, -np.inf))
+    np.testing.assert_array_equal(kept.residual, np.full(6, np.inf))
+    good = Refined(poses, np.full(6, -1.0), np.full(6, 0.1))
+    assert give_up_flown(good, poses).log_likelihood.tolist() == [-1.0] * 6
+
+
+def test_work_without_end_is_refused() -> None:
+    """Each number of a request is within its bounds, and all together would take days."""
+    check_work(RefineSettings(icp_iterations=6), (1000, 30), 10_000, 7_000)
+    many = RefineSettings(icp_iterations=100, gauss_newton_iterations=100)
+    for shape, points, vertices in (((1, 1000), 1, 1), ((1000, 30), 10_000, 7_000), ((2_000, 6), 1, 1)):
+        with pytest.raises(ProtocolError, match="steps of work, expected 1e"):
+            check_work(many, shape, points, vertices)
+    with pytest.raises(ProtocolError, match="steps of work"):
+        refine(MODEL, observe(tiny_frame()), np.tile(POSES, (200, 1)), many)
+
+
+def test_drawing_ends() -> None:
+    """However many triangles fill the picture, so many pixels are drawn and no more."""
+    side = LARGEST_SIDE
+    corners = np.array([[0.0, 0.0], [0.0, 2.0 * side], [2.0 * side, 0.0]])  # the last of them is nearest
+    full = MOST_PIXELS // side**2
+    view = lay_out_view(3 * (full + 1))
+    view.image[:] = np.tile(corners, (full + 1, 1))
+    view.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
+    buffer = np.empty((side, side), dtype=np.float32)
+    triangles = np.arange(3 * (full + 1)).reshape(-1, 3)
+    draw_front(view, triangles, 0, 0, buffer)
+    assert np.all(view.front)
+    np.testing.assert_allclose(buffer.min(), view.posed[3 * full - 1, 2])
+
+
+def test_what_is_laid_out_goes_with_its_model() -> None:
+    """A worker keeps nothing of a model that it has forgotten."""
+    model = replace(MODEL, name="short-lived")
+    assert lay_out(model) is lay_out(model)
+    surface = weakref.ref(lay_out(model)[1].vertices)
+    assert surface() is not None
+    del model
+    gc.collect()
+    assert surface() is None
+
+
+def test_settings_of_extremes_are_all_settings() -> None:
+    """A setting that is added is made extreme, too."""
+    seen: dict[str, set[object]] = {}
+    for case in Extremes(1).accepted(60):
+        for name, value in msgspec.structs.asdict(case.request.settings).items():
+            seen.setdefault(name, set()).add(value)
+    assert all(len(values) > 1 for values in seen.values())
