@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from common.messages import (
     encode_request,
 )
 from common.settings import RefineSettings
+from worker.warm import tiny_frame, tiny_model
 
 FAR_PIXEL = 2**31 - 1
 POSITIVE = (SMALLEST_POSITIVE, 1e-3, 0.01, 1.0, LARGEST_SETTING)
@@ -50,10 +51,14 @@ class Extremes:
 
     def case(self) -> Case:
         """A case as it comes off the wire; ProtocolError if it does not."""
-        model = decode_model(encode_model(self._model()))
-        poses = self._numbers((2, len(model.dof_names)), LARGEST_POSE)
-        request = RefineRequest("extreme", 0, model.hash, self._settings(), poses)
-        return Case(model, decode_frame(encode_frame(self._frame())), decode_request(encode_request(request)))
+        model = self._one_of((self._model, self._pyramid))()
+        frame = self._one_of((self._frame, tiny_frame))()
+        request = RefineRequest("extreme", 0, model.hash, self._settings(), self._poses(len(model.dof_names)))
+        return Case(
+            decode_model(encode_model(model)),
+            decode_frame(encode_frame(frame)),
+            decode_request(encode_request(request)),
+        )
 
     def accepted(self, count: int) -> list[Case]:
         """So many cases that are accepted."""
@@ -76,6 +81,26 @@ class Extremes:
         extreme = self._rng.choice(sizes, size=shape) * self._rng.choice([-1.0, 1.0], size=shape)
         few = np.where(self._rng.random(shape) < 0.1, extreme, usual)
         return self._one_of((usual, extreme, few, np.full(shape, extreme.flat[0])))
+
+    def _poses(self, dofs: int) -> NDArray[np.float64]:
+        """Anywhere, or where the pyramid is seen."""
+        if self._coin():
+            return self._numbers((2, dofs), LARGEST_POSE)
+        near: NDArray[np.float64] = 0.01 * self._rng.normal(size=(2, dofs))
+        near[:, 2:3] += 2.0
+        return near
+
+    def _pyramid(self) -> BodyModel:
+        """The one that kernels are warmed up with, and one thing about it changed."""
+        changes: tuple[dict[str, Any], ...] = (
+            {},
+            {"vertices": self._numbers((4, 3), 1.0)},
+            {"points": self._numbers((6, 3), LARGEST_LENGTH)},
+            {"limits": np.sort(self._numbers((6, 2), LARGEST_POSE), axis=1)},
+            {"axes": self._axes(6), "balls": np.zeros(0, dtype=np.int64)},
+            {"triangles": self._rng.integers(0, 4, (6, 3))},
+        )
+        return replace(tiny_model(), **self._one_of(changes))
 
     def _model(self) -> BodyModel:
         dofs, vertices = self._one_of((1, 2, 3, 6, 6, 9, 20)), self._one_of((1, 3, 4, 10, 60))

@@ -1,7 +1,8 @@
 """Hostile messages: against the decoders, and over the bus against a live worker and coordinator.
 
 `python -m tests.fuzz` makes 200 000 and twice 10 000, prints what became of them, and fails if one brought
-anything but an error of our own tree, if one took long, or if memory grew. `--seed` repeats a run.
+anything but an error of our own tree, if one took long, or if memory grew. Between them the kernel computes
+2 000 requests that are as extreme as decoders let through. `--seed` repeats a run.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+import numpy as np
 import psutil  # type: ignore[import-untyped]
 
 from common import keys
@@ -32,13 +34,16 @@ from common.messages import (
     decode_model,
     decode_refined,
     decode_refusal,
+    decode_request,
     encode_frame,
     encode_model,
+    encode_refined,
     encode_refusal,
     encode_request,
 )
-from common.settings import RefineSettings
+from common.settings import RefineSettings, preset
 from coordinator.runtime import PoolOptions, ZenohRefiner
+from tests.extremes import Extremes
 from tests.instant_worker import KERNEL
 from tests.mutator import Mutator
 from tests.test_messages import KINDS
@@ -48,14 +53,16 @@ from worker.observation import observe
 from worker.service import Batch, Kernel, Service
 from worker.warm import tiny_frame, warm_up
 
-DECODED, LIVE = 200_000, 10_000
+DECODED, LIVE, EXTREME = 200_000, 10_000, 2_000
 LIARS = 3
 LOOKS = 10  # at the memory
+ATTEMPTS = 5  # at a request that ends without an answer
 LONGEST = 10.0  # seconds for one message, on a busy machine
 GROWTH = 24 * 2**20  # bytes that the second half of a run may add
 HONEST = [kind.payload for kind in KINDS.values()]
 HASHES = re.compile(rb"names the hash ([0-9a-f]{64}) and has ([0-9a-f]{64})")
 NOT_OURS = "could not refine"  # begins a refusal by anything but an error of our own tree
+PRESETS = (preset("paper").refine, preset("default").refine)
 
 
 @dataclass(slots=True)
@@ -106,8 +113,32 @@ def fuzz_decoders(count: int, seed: int) -> Report:
             try:
                 KINDS[kind].decode(payload)
                 report.outcomes["accepted"] += 1
-            except ProtocolError:
-                report.outcomes["refused"] += 1
+            except ProtocolError as error:
+                report.outcomes[f"refused for {fault(str(error))}"] += 1
+        if k % max(1, count // LOOKS) == 0:
+            report.weigh()
+    report.weigh()
+    return report
+
+
+def fault(reason: str) -> str:
+    """What is wrong with a message: it is none, it is another one, or what it holds makes no sense."""
+    if reason.startswith("not a "):
+        return "their form"
+    return "their version" if "protocol version" in reason else "their content"
+
+
+def fuzz_kernel(count: int, seed: int) -> Report:
+    """Refine what decoders accept and nobody would send; each answer must be one that a coordinator takes."""
+    report, extremes = Report(), Extremes(seed)
+    warm_up(Kernel(observe, refine))
+    for k in range(count):
+        case = extremes.accepted(1)[0]
+        with report.timed():
+            refined = refine(case.model, observe(case.frame), case.request.poses, case.request.settings)
+        decode_refined(encode_refined(refined), case.request.poses.shape)
+        explained = np.isfinite(refined.log_likelihood).all()
+        report.outcomes["served" if explained else "served without a likelihood"] += 1
         if k % max(1, count // LOOKS) == 0:
             report.weigh()
     report.weigh()
@@ -141,14 +172,17 @@ class Villain:
         self._asker = bus.asker(keys.worker_refine(worker), LONGEST)
         self._models = {MODEL.hash: encode_model(MODEL)}
         self._publisher: FramePublisher = bus.publish_frames(keys.run_frames("evil"))
+        self._frames: dict[str, bytes] = {}
         self._frame = 0
         self._honest = RefineRequest("evil", 0, MODEL.hash, RefineSettings(), POSES[:3])
         bus.serve(keys.run_model("evil", "*"), lambda key: self._models.get(keys.last_of(key)))
+        bus.serve(keys.run_frame("evil", "*"), lambda key: self._frames.get(keys.last_of(key)))
         self.publish(encode_frame(tiny_frame()))
 
     def publish(self, payload: bytes) -> None:
         """Send a frame under the next number."""
         self._frame += 1
+        self._frames = {str(self._frame): payload}
         self._publisher.put(self._frame, payload)
         self._honest = replace(self._honest, frame=self._frame)
 
@@ -158,6 +192,7 @@ class Villain:
 
     def attack(self, k: int) -> tuple[str, bytes]:
         """One hostile request, frame or model; gives how the worker answered."""
+        self._honest = replace(self._honest, settings=PRESETS[k // 3 % len(PRESETS)])
         match k % 3:
             case 0:
                 return self.ask(self._mutator.mutate(self.honest()))
@@ -173,14 +208,24 @@ class Villain:
                 return self.ask(encode_request(replace(self._honest, model_hash=name)))
 
     def ask(self, payload: bytes) -> tuple[str, bytes]:
-        """Send a request and wait for its end; gives the answer, or nothing if it ended without one."""
-        self._asker.ask(
-            payload,
-            on_reply=lambda answer: self._answers.put(("served", answer)),
-            on_refusal=lambda answer: self._answers.put(("refused", answer)),
-            on_end=lambda: self._answers.put(("ended", b"")),
-        )
-        return self._answers.get(timeout=2 * LONGEST)
+        """Send a request and wait for its answer, or give up if there is none again and again.
+
+        Raises ProtocolError for an answer that no coordinator would take.
+        """
+        for _ in range(ATTEMPTS):
+            self._asker.ask(
+                payload,
+                on_reply=lambda answer: self._answers.put(("served", answer)),
+                on_refusal=lambda answer: self._answers.put(("refused", answer)),
+                on_end=lambda: self._answers.put(("ended", b"")),
+            )
+            outcome, answer = self._answers.get(timeout=2 * LONGEST)
+            if outcome == "served":
+                decode_refined(answer, decode_request(payload).poses.shape)
+            if outcome != "ended":
+                return outcome, answer
+            time.sleep(1.0)  # a machine that is too busy loses links, and finds them again
+        raise AssertionError("a request was left without an answer")
 
 
 def fuzz_worker(count: int, seed: int) -> Report:
@@ -201,11 +246,11 @@ def fuzz_worker(count: int, seed: int) -> Report:
                 report.weigh()
             with report.timed():
                 outcome, answer = villain.attack(k)
-            assert outcome != "ended", "a request was left without an answer"
-            report.outcomes[outcome] += 1
             if outcome == "refused":
                 reason = decode_refusal(answer)
                 assert not reason.startswith(NOT_OURS), reason
+                outcome = f"refused for {fault(reason)}"
+            report.outcomes[outcome] += 1
         assert villain.ask(villain.honest())[0] == "served"
         report.weigh()
     return report
@@ -292,12 +337,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--decoded", type=int, default=DECODED)
+    parser.add_argument("--extreme", type=int, default=EXTREME)
     parser.add_argument("--live", type=int, default=LIVE)
     options: Any = parser.parse_args(arguments)
     logging.disable(logging.WARNING)  # each refusal is one
     gc.freeze()  # what was loaded stays; no need to look through it each time
     parts = (
         ("decoders", fuzz_decoders, options.decoded),
+        ("kernel", fuzz_kernel, options.extreme),
         ("live worker", fuzz_worker, options.live),
         ("live coordinator", fuzz_coordinator, options.live),
     )
