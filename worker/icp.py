@@ -1,7 +1,7 @@
 """Refine particles by articulated ICP: steps 4a-4d, two or three times, and then step 5.
 
 Closest points hold the model back: iterations lead the same way with ever shorter steps. So preset `default`
-goes on by twice of each iteration's motion (but the last's), and looks once which points are visible.
+goes twice as far in each iteration but the last, and looks once which points are visible.
 
 A particle's result depends on its own pose, the model, the observation and the settings; never on the
 batch it came in.
