@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
-from common.bounds import LARGEST_LENGTH, LARGEST_POSE, LARGEST_SETTING, SMALLEST_POSITIVE
+from common.bounds import (
+    LARGEST_LENGTH,
+    LARGEST_OVERSTEP,
+    LARGEST_POSE,
+    LARGEST_SETTING,
+    SMALLEST_POSITIVE,
+)
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import DepthFrame, SubjectFrame
@@ -174,4 +180,6 @@ class Extremes:
             outlier_distance=self._one_of(ANY_SETTING),
             free_space_weight=self._one_of(ANY_SETTING),
             likelihood_scale=self._one_of(POSITIVE),
+            overstep=self._one_of((0.0, 1.0, LARGEST_OVERSTEP)),
+            look_every=self._one_of((1, 2, 3, 100)),
         )
