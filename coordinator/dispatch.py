@@ -12,6 +12,8 @@ even when its job is done: a worker that is still busy with it cannot do other w
 
 from __future__ import annotations
 
+import heapq
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from coordinator.batches import split
@@ -72,6 +74,9 @@ class Flight:
     sent_at: float
 
 
+Rank = tuple[int, int, Worker]  # how busy, and its place among all
+
+
 @dataclass(slots=True)
 class Counts:
     """How often things happened."""
@@ -91,12 +96,14 @@ class Dispatch:
     counts: Counts = field(default_factory=Counts)
     usual_seconds: float | None = None  # from request to result
     next_ticket: int = 0
+    may_wait: bool = False  # whether there may be batches that wait; to look costs time with many
 
     def handle(self, event: Event, now: float) -> list[Instruction]:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
             case JobStarted(particles):
                 self.batches = [Batch(*ends) for ends in split(particles, len(self.workers))]
+                self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
             case WorkerJoined(name):
                 self.workers.setdefault(name, Worker(name))
@@ -129,6 +136,7 @@ class Dispatch:
         worker = self.workers.pop(name, None)
         for ticket in worker.flights if worker else ():
             del self.flights[ticket]
+        self.may_wait = True
 
     def _land(self, ticket: int) -> Flight | None:
         """Take a ticket out of flight; None if it is over already."""
@@ -162,6 +170,7 @@ class Dispatch:
         flight = self._land(ticket)
         if flight is None:
             return []
+        self.may_wait = True
         self.counts.batches_refused += 1
         strike(flight.worker, now)
         flight.batch.refusals.append((flight.worker.name, reason))
@@ -178,19 +187,27 @@ class Dispatch:
     def _give_up(self, ticket: int, now: float) -> None:
         flight = self._land(ticket)
         if flight is not None:
+            self.may_wait = True
             strike(flight.worker, now)
             flight.worker.rests_until = max(flight.worker.rests_until, now + PAUSE)
 
     def _assign(self, now: float) -> list[Instruction]:
-        sends = []
-        for batch in self.waiting():
-            worker = self._pick(batch, now)
-            if worker is not None:
-                sends.append(self._send(batch, worker, now))
+        sends = self._hand_out(now) if self.may_wait else []
         return [*sends, *self._assign_again(now)]
 
+    def _hand_out(self, now: float) -> list[Instruction]:
+        """Send what waits to who is free."""
+        sends: list[Instruction] = []
+        waiting, ranks = self.waiting(), rank(self.workers.values(), now)
+        for batch in waiting:
+            worker = self._pick(batch, now) if batch.refusals else least_busy(ranks)
+            if worker is not None:
+                sends.append(self._send(batch, worker, now))
+        self.may_wait = len(sends) < len(waiting)
+        return sends
+
     def _pick(self, batch: Batch, now: float) -> Worker | None:
-        """The least busy worker; one that refused the batch only if all have."""
+        """The least busy worker for a batch that was refused: one that refused it only if all have."""
         refusers = {worker for worker, _ in batch.refusals}
         willing = [w for w in self.workers.values() if w.name not in refusers] or self.workers.values()
         free = [w for w in willing if len(w.flights) < WINDOW and w.rests_until <= now]
@@ -198,7 +215,9 @@ class Dispatch:
 
     def _assign_again(self, now: float) -> list[Instruction]:
         """Send what takes long again to workers that have nothing to do."""
-        sends = []
+        sends: list[Instruction] = []
+        if not self.flights or next(iter(self.flights.values())).sent_at > self._late_since(now):
+            return sends  # the first of all flights is the oldest
         for worker in self.workers.values():
             late = None if worker.flights or worker.rests_until > now else self._latest(worker, now)
             if late is not None:
@@ -207,9 +226,7 @@ class Dispatch:
 
     def _latest(self, worker: Worker, now: float) -> Batch | None:
         """The batch that has been in flight for longest, and longer than usual, and only once."""
-        if self.usual_seconds is None:
-            return None
-        since = now - max(LATE_LEAST, LATE_FACTOR * self.usual_seconds)
+        since = self._late_since(now)
         flying: dict[int, list[Flight]] = {}
         for flight in self.flights.values():
             flying.setdefault(id(flight.batch), []).append(flight)
@@ -224,6 +241,12 @@ class Dispatch:
         ]
         return min(late, key=lambda flight: flight.sent_at).batch if late else None
 
+    def _late_since(self, now: float) -> float:
+        """What was sent by then takes longer than usual."""
+        if self.usual_seconds is None:
+            return float("-inf")
+        return now - max(LATE_LEAST, LATE_FACTOR * self.usual_seconds)
+
     def _send(self, batch: Batch, worker: Worker, now: float) -> Instruction:
         ticket, self.next_ticket = self.next_ticket, self.next_ticket + 1
         self.flights[ticket] = worker.flights[ticket] = Flight(worker, batch, now)
@@ -231,6 +254,23 @@ class Dispatch:
         self.counts.batches_sent_again += batch.sent > 0
         batch.sent += 1
         return Send(ticket, worker.name, batch.start, batch.stop)
+
+
+def rank(workers: Iterable[Worker], now: float) -> list[Rank]:
+    """A heap of the workers that do not rest, the least busy on top, and of equally busy ones the first."""
+    ranks = [(len(w.flights), place, w) for place, w in enumerate(workers) if w.rests_until <= now]
+    heapq.heapify(ranks)
+    return ranks
+
+
+def least_busy(ranks: list[Rank]) -> Worker | None:
+    """The one on top, where all have their right rank; None if it has all it may have in flight."""
+    while ranks:
+        busy, place, worker = ranks[0]
+        if busy == len(worker.flights):
+            return worker if busy < WINDOW else None
+        heapq.heapreplace(ranks, (len(worker.flights), place, worker))  # it was sent something since
+    return None
 
 
 def strike(worker: Worker, now: float) -> None:

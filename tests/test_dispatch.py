@@ -46,6 +46,7 @@ def check(dispatch: Dispatch) -> None:
     assert all(len(worker.flights) <= WINDOW for worker in dispatch.workers.values())
     assert all(one.stop == other.start for one, other in pairwise(dispatch.batches))
     assert not dispatch.batches or not all(batch.done for batch in dispatch.batches)
+    assert dispatch.may_wait or not dispatch.waiting()
     flying = {id(flight.batch) for flight in dispatch.flights.values()}
     lost = [b for b in dispatch.batches if not b.done and id(b) not in flying and b not in dispatch.waiting()]
     assert not lost
