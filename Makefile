@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 PACKAGES := common worker coordinator gepf benchmarks examples tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow chaos fuzz check format bench paper ablation real-people images images-test lock clean clean-kernels
+.PHONY: help setup demo test test-slow chaos hosts fuzz check format bench paper ablation real-people images images-test lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -32,6 +32,9 @@ chaos: setup ## workers disturbed all the time, coordinators killed, two runs on
 
 fuzz: setup ## hostile messages against the decoders, a live worker and a live coordinator
 	$(BIN)/python -m tests.fuzz
+
+hosts: setup ## coordinator, router and workers on network hosts that fail: the same bytes? (as root)
+	$(BIN)/python -m pytest -q -m slow tests/test_hosts.py
 
 check: setup ## lint, format, types, walls, images' recipes
 	$(BIN)/ruff check $(PACKAGES)
