@@ -7,23 +7,24 @@ from __future__ import annotations
 
 import ctypes
 import fcntl
-import heapq
 import os
 import random
 import select
 import struct
 import subprocess
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tests.warm_processes import start
+from tests.warm_processes import CONTEXT, start
 
-HOLD = "mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo && exec cat"
+HOLD = "echo made && mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo ready && exec cat"
 SUBNET = "10.77.0"
 NEW_NAMESPACES = {"mnt": 0x00020000, "net": 0x40000000}  # CLONE_NEWNS, CLONE_NEWNET
 TUNSETIFF, TAP_WITHOUT_HEADER = 0x400454CA, 0x0002 | 0x1000  # <linux/if_tun.h>
@@ -31,7 +32,7 @@ LARGEST_PACKET = 2048  # bytes; a TAP device's are at most 1514
 
 
 class NotAllowed(Exception):
-    """This kernel or this user may not make namespaces, bridges or virtual cables."""
+    """Whoever runs this may not make namespaces."""
 
 
 class Host:
@@ -45,14 +46,14 @@ class Host:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
+            text=True,
         )
         self.pid = self._holder.pid
-        assert self._holder.stdout is not None
-        if not self._holder.stdout.readline():
-            raise NotAllowed(self._holder.communicate()[1].decode().strip())
+        self._await("made", NotAllowed)
+        self._await("ready", RuntimeError)
 
     def ip(self, command: str) -> None:
-        """Run `ip` there."""
+        """Run `ip` there; RuntimeError if it fails."""
         done = subprocess.run(
             ["nsenter", f"--net=/proc/{self.pid}/ns/net", "ip", *command.split()],
             stderr=subprocess.PIPE,
@@ -60,7 +61,17 @@ class Host:
             check=False,
         )
         if done.returncode:
-            raise NotAllowed(f"ip {command}: {done.stderr.strip()}")
+            raise RuntimeError(f"ip {command}: {done.stderr.strip()}")
+
+    @property
+    def segments_sent_again(self) -> int:
+        """How often TCP did not hear of the other side in time, as the kernel counts it."""
+        names, values = (
+            line.split()
+            for line in Path(f"/proc/{self.pid}/net/snmp").read_text().splitlines()
+            if "Tcp:" in line
+        )
+        return int(values[names.index("RetransSegs")])
 
     def start(self, do: Callable[..., None], *arguments: object, log: Path) -> BaseProcess:
         """Like `tests.warm_processes.start`, on this host."""
@@ -70,11 +81,53 @@ class Host:
         """The host is gone once no process is on it."""
         self._holder.communicate()
 
+    def _await(self, word: str, otherwise: type[Exception]) -> None:
+        assert self._holder.stdout is not None
+        if self._holder.stdout.readline().strip() != word:
+            raise otherwise(self._holder.communicate()[1].strip())
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """What a bad cable does to packets, either way."""
+
+    loss: float  # share
+    delay: float  # seconds
+
+
+class Tally:
+    """What a bad cable has done to packets; counted by the process that is the cable."""
+
+    def __init__(self) -> None:
+        self._lost = CONTEXT.RawValue("q", 0)
+        self._carried = CONTEXT.RawValue("q", 0)
+        self._quickest = CONTEXT.RawValue("d", float("inf"))
+
+    @property
+    def share_lost(self) -> float:
+        """Of all packets, those that never arrived."""
+        return float(self._lost.value / (self._lost.value + self._carried.value))
+
+    @property
+    def quickest(self) -> float:
+        """Seconds that the quickest of them was under way."""
+        return float(self._quickest.value)
+
+    def lose(self) -> None:
+        """Count a packet that never arrives."""
+        self._lost.value += 1
+
+    def deliver(self, seconds: float) -> None:
+        """Count one that arrived, so long after it was sent."""
+        self._carried.value += 1
+        self._quickest.value = min(self._quickest.value, seconds)
+
 
 class Network:
-    """A switch with hosts; a context manager. NotAllowed where the kernel or the user's rights forbid it."""
+    """A switch with hosts; a context manager. NotAllowed where namespaces are."""
 
     def __init__(self, log: Path) -> None:
+        self.tallies: dict[str, Tally] = {}  # of bad cables, by host
         self._stack = ExitStack()
         self._log = log
         self._hosts: list[Host] = []
@@ -94,18 +147,21 @@ class Network:
     ) -> None:
         self._stack.close()
 
-    def host(self, name: str, *, loss: float = 0.0, delay: float = 0.0) -> Host:
-        """A host on a cable that loses a share of the packets and delays them (seconds), either way."""
+    def host(self, name: str, weather: Weather | None = None) -> Host:
+        """A host on a cable, which is good if there is no weather."""
         host = Host(name, f"{SUBNET}.{len(self._hosts) + 1}")
         self._stack.callback(host.end)
         self._hosts.append(host)
-        if loss or delay:
-            self._connect_badly(host, loss, delay)
-        else:
+        if weather is None:
             self._switch.ip(f"link add name {name} type veth peer name eth0 netns {host.pid}")
+        else:
+            self._switch.ip(f"tuntap add dev {name} mode tap")
+            host.ip("tuntap add dev eth0 mode tap")
         self._switch.ip(f"link set dev {name} master bridge up")
         host.ip(f"addr add {host.address}/24 dev eth0")
         host.ip("link set dev eth0 up")
+        if weather is not None:  # both devices are up: they would take no packet before
+            self._lay_cable(host, weather)
         return host
 
     def pull(self, host: Host) -> None:
@@ -116,12 +172,10 @@ class Network:
         """Put the cable in again."""
         self._switch.ip(f"link set dev {host.name} up")
 
-    def _connect_badly(self, host: Host, loss: float, delay: float) -> None:
+    def _lay_cable(self, host: Host, weather: Weather) -> None:
         ends = (self._switch.pid, host.name), (host.pid, "eth0")
-        for end, (_, device) in zip((self._switch, host), ends, strict=True):
-            end.ip(f"tuntap add dev {device} mode tap")
-        seed = len(self._hosts)
-        cable = start(carry, ends, loss, delay, seed, log=self._log)
+        tally = self.tallies[host.name] = Tally()
+        cable = start(carry, ends, weather, len(self._hosts), tally, log=self._log)
         self._stack.callback(cable.join)
         self._stack.callback(cable.kill)
 
@@ -144,23 +198,24 @@ def enter(pid: int, kind: str) -> None:
     os.close(namespace)
 
 
-def carry(ends: tuple[tuple[int, str], tuple[int, str]], loss: float, delay: float, seed: int) -> None:
+def carry(ends: tuple[tuple[int, str], tuple[int, str]], weather: Weather, seed: int, tally: Tally) -> None:
     """Be a cable between two devices on two hosts, until killed."""
     one, other = (open_tap(*end) for end in ends)
     leads_to = {one: other, other: one}
     rng = random.Random(seed)
-    under_way: list[tuple[float, int, int, bytes]] = []  # when it arrives, number, where, packet
-    number = 0
+    under_way: deque[tuple[float, int, bytes]] = deque()  # since when, where to, packet
     while True:
-        wait = max(0.0, under_way[0][0] - time.monotonic()) if under_way else None
-        for device in select.select([one, other], [], [], wait)[0]:
+        due = under_way[0][0] + weather.delay - time.monotonic() if under_way else None
+        for device in select.select([one, other], [], [], due and max(0.0, due))[0]:
             packet = os.read(device, LARGEST_PACKET)
-            number += 1
-            if rng.random() >= loss:
-                heapq.heappush(under_way, (time.monotonic() + delay, number, leads_to[device], packet))
-        while under_way and under_way[0][0] <= time.monotonic():
-            _, _, device, packet = heapq.heappop(under_way)
+            if rng.random() < weather.loss:
+                tally.lose()
+            else:
+                under_way.append((time.monotonic(), leads_to[device], packet))
+        while under_way and under_way[0][0] + weather.delay <= time.monotonic():
+            sent, device, packet = under_way.popleft()
             os.write(device, packet)
+            tally.deliver(time.monotonic() - sent)
 
 
 def open_tap(pid: int, device: str) -> int:
