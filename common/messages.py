@@ -206,15 +206,16 @@ def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
     return Refined(**values)
 
 
-def encode_refusal(reason: str) -> bytes:
+def encode_refusal(reason: str, *, lasting: bool = True) -> bytes:
     """Why a request cannot be served."""
-    return encode(RefusalMessage(reason=reason[:MAX_REASON]))
+    return encode(RefusalMessage(reason=reason[:MAX_REASON], lasting=lasting))
 
 
-def decode_refusal(payload: bytes) -> str:
-    """The reason of a refusal without what a terminal would act on, or ProtocolError."""
-    reason = decode(payload, RefusalMessage).reason
-    return "".join(letter if letter.isprintable() else " " for letter in reason)
+def decode_refusal(payload: bytes) -> RefusalMessage:
+    """A refusal, its reason without what a terminal would act on, or ProtocolError."""
+    refusal = decode(payload, RefusalMessage)
+    plain = "".join(letter if letter.isprintable() else " " for letter in refusal.reason)
+    return RefusalMessage(reason=plain, lasting=refusal.lasting)
 
 
 def check_fields(what: str, given: set[str], expected: set[str]) -> None:

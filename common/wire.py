@@ -91,9 +91,10 @@ class ReplyMessage(Message, frozen=True, tag="reply"):
 
 
 class RefusalMessage(Message, frozen=True, tag="refusal"):
-    """Why a request cannot be served."""
+    """Why a request cannot be served; not lasting if it can, once something is found that is missing."""
 
     reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
+    lasting: bool = True
 
 
 M = TypeVar("M", bound=Message)

@@ -23,6 +23,7 @@ from coordinator.instructions import (
     Ended,
     Event,
     Fail,
+    Hindered,
     Instruction,
     JobStarted,
     Refused,
@@ -39,7 +40,7 @@ LATE_LEAST = 0.05  # seconds
 SMOOTHING = 0.2  # of the usual time
 STRIKES = 3  # failures in a row until a worker rests
 REST, REST_MOST = 1.0, 30.0  # seconds; doubles each time
-PAUSE = 0.1  # seconds after a request that ended without an answer: the worker may just have gone
+PAUSE = 0.1  # seconds after a request that nothing came of: the worker may just have gone, or come
 REFUSALS_LEAST = 3  # of a batch, before it fails the job
 
 
@@ -115,7 +116,7 @@ class Dispatch:
                 outcome = self._accept(ticket, now)
             case Refused(ticket, reason):
                 outcome = self._refuse(ticket, reason, now)
-            case Ended(ticket):
+            case Ended(ticket) | Hindered(ticket):
                 self._give_up(ticket, now)
                 outcome = []
             case Ticked():

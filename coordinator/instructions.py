@@ -42,6 +42,14 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
+class Hindered:
+    """A request was not served since the worker could not find something; it may find it the next time."""
+
+    ticket: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class Ended:
     """A request is over; nothing more will come of it."""
 
@@ -53,7 +61,7 @@ class Ticked:
     """Time has passed."""
 
 
-Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Ended | Ticked
+Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Hindered | Ended | Ticked
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,7 @@ from coordinator.instructions import (
     Ended,
     Event,
     Fail,
+    Hindered,
     Instruction,
     JobStarted,
     Refused,
@@ -108,6 +109,7 @@ class ZenohRefiner:
         self._done = False
         self._due = math.inf  # when the frame must do with the particles that are answered
         self._next_look = 0.0
+        self._hindrance = ""  # told last
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
@@ -222,6 +224,8 @@ class ZenohRefiner:
         match arrival:
             case Reply(ticket, payload):
                 return self._read_reply(ticket, payload)
+            case Hindered(ticket, reason):
+                self._tell_of_hindrance(ticket, reason)
             case WorkerJoined(worker):
                 self._members.welcome(worker)
             case WorkerLeft(worker):
@@ -240,6 +244,12 @@ class ZenohRefiner:
             self._tell(f"worker {flight.worker.name} sent a reply that makes no sense: {error}")
             return Refused(ticket, f"a reply made no sense: {error}")
         return Replied(ticket)
+
+    def _tell_of_hindrance(self, ticket: int, reason: str) -> None:
+        flight = self._dispatch.flights.get(ticket)
+        if flight is not None and reason != self._hindrance:
+            self._hindrance = reason
+            self._tell(f"worker {flight.worker.name} waits: {reason}")
 
     def _handle(self, event: Event) -> None:
         for instruction in self._dispatch.handle(event, time.monotonic()):
@@ -285,9 +295,10 @@ class ZenohRefiner:
 def read_refusal(ticket: int, payload: bytes) -> Event:
     """A worker's reason, or the end of a request of which the bus itself knows no more."""
     try:
-        return Refused(ticket, decode_refusal(payload))
+        refusal = decode_refusal(payload)
     except ProtocolError:
         return Ended(ticket)
+    return (Refused if refusal.lasting else Hindered)(ticket, refusal.reason)
 
 
 def private_folder() -> tempfile.TemporaryDirectory[str]:

@@ -247,7 +247,7 @@ def fuzz_worker(count: int, seed: int) -> Report:
             with report.timed():
                 outcome, answer = villain.attack(k)
             if outcome == "refused":
-                reason = decode_refusal(answer)
+                reason = decode_refusal(answer).reason
                 assert not reason.startswith(NOT_OURS), reason
                 outcome = f"refused for {fault(reason)}"
             report.outcomes[outcome] += 1

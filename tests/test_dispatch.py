@@ -16,6 +16,7 @@ from coordinator.instructions import (
     Ended,
     Event,
     Fail,
+    Hindered,
     Instruction,
     JobStarted,
     Refused,
@@ -281,6 +282,24 @@ def test_refused_by_all_fails() -> None:
             (0.3, Refused(3, "bad model"), [Fail("bad model")]),
             (0.3, Refused(1, "bad model"), []),
             (0.4, JobStarted(1), [Send(4, "a", 0, 1)]),
+        ]
+    )
+
+
+def test_a_worker_that_cannot_find_something_fails_nothing() -> None:
+    """It is asked again after a pause, and rests in the end, however often that happens."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, JobStarted(1), [Send(0, "a", 0, 1)]),
+            (0.1, Hindered(0, "no model"), []),
+            (0.1 + PAUSE, Ticked(), [Send(1, "a", 0, 1)]),
+            (0.3, Hindered(1, "no model"), []),
+            (0.3 + PAUSE, Ticked(), [Send(2, "a", 0, 1)]),
+            (0.5, Hindered(2, "no model"), []),
+            (0.5 + PAUSE, Ticked(), []),
+            (0.5 + REST, Ticked(), [Send(3, "a", 0, 1)]),
+            (2.0, Replied(3), [Accept(3, 0), Done()]),
         ]
     )
 

@@ -24,6 +24,7 @@ from common.frame import SubjectFrame
 from common.messages import RefineRequest, decode_refusal, encode_request
 from common.refinement import Refined
 from common.settings import RefineSettings
+from coordinator.dispatch import REFUSALS_LEAST
 from coordinator.runtime import PoolOptions, ZenohRefiner
 from tests.instant_worker import KERNEL, observe, refine
 from worker.icp import refine as real_refine
@@ -132,6 +133,27 @@ def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
             for number in range(1, 9, 2):
                 results = both.map(refined_bytes, runs, [number, number + 1])
                 assert list(results) == [expected(number), expected(number + 1)]
+
+
+def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers that ask for a body in vain, as when all have just lost and found each other, ask again."""
+    told: list[str] = []
+    in_vain = iter(range(2 * REFUSALS_LEAST))
+    fetch = Bus.fetch
+
+    def fetch_later(bus: Bus, key: str, timeout: float) -> bytes | None:
+        return fetch(bus, key, timeout) if next(in_vain, None) is None else None
+
+    monkeypatch.setattr(Bus, "fetch", fetch_later)
+    with (
+        ZenohRefiner(PoolOptions(listen=(endpoint,), worker_timeout=5.0), told.append) as refiner,
+        serving(endpoint, "one"),
+        serving(endpoint, "two"),
+    ):
+        refiner.wait_for(2)
+        assert refined_bytes(refiner, 1) == expected(1)
+        assert refiner.traffic.batches_sent_again >= 2 * REFUSALS_LEAST
+    assert sum("nobody has model" in line for line in told) == 1
 
 
 def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
@@ -328,7 +350,7 @@ def test_request_that_cannot_be_served_gets_a_reason(endpoint: str, payload: byt
         for _ in range(2):
             kind, answer = someone.ask(payload)
             assert kind == "refusal"
-            assert_matches(decode_refusal(answer), reason)
+            assert_matches(decode_refusal(answer).reason, reason)
 
 
 def assert_matches(text: str, pattern: str) -> None:
@@ -344,10 +366,10 @@ def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) 
         asker, request = Client(bus, "w"), replace(REQUEST, run=refiner.run)
         kind, answer = asker.ask(encode_request(replace(request, frame=99)))
         assert kind == "refusal"
-        assert decode_refusal(answer) == f"nobody has frame 99 of run {refiner.run}"
+        assert decode_refusal(answer).reason == f"nobody has frame 99 of run {refiner.run}"
         kind, answer = asker.ask(encode_request(replace(request, poses=POSES[:, :5])))
         assert kind == "refusal"
-        assert decode_refusal(answer) == "poses have 5 values, the model has 6"
+        assert decode_refusal(answer).reason == "poses have 5 values, the model has 6"
 
 
 def test_real_kernel_over_the_bus(endpoint: str) -> None:

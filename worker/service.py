@@ -125,6 +125,8 @@ class Service(Generic[O]):
         """Answer one batch, if need be with the reason why it cannot be done."""
         try:
             payload = self.answer(batch.asked)
+        except BusError as error:
+            refuse(batch.request, str(error), lasting=False)
         except ProtocolError as error:
             refuse(batch.request, str(error))
         except Exception as error:  # noqa: BLE001 - no request may end the worker
@@ -133,7 +135,10 @@ class Service(Generic[O]):
             batch.request.reply(payload)
 
     def answer(self, request: RefineRequest) -> bytes:
-        """Refine a batch. Raises ProtocolError for a request that cannot be served."""
+        """Refine a batch.
+
+        Raises ProtocolError for a request that cannot be served, BusError if what it is about is not found.
+        """
         memory: RunMemory[O] = self._memory.of(request.run)
         model = memory.models.find(request.model_hash, lambda: self._fetch_model(request))
         if request.poses.shape[1] != len(model.dof_names):
@@ -170,16 +175,13 @@ class Service(Generic[O]):
         return model
 
     def _fetch(self, key: str, name: str) -> bytes:
-        try:
-            payload = self._bus.fetch(key, FETCH_TIMEOUT)
-        except BusError as error:
-            raise ProtocolError(f"{name} cannot be fetched: {error}") from error
+        payload = self._bus.fetch(key, FETCH_TIMEOUT)
         if payload is None:
-            raise ProtocolError(f"nobody has {name}")
+            raise BusError(f"nobody has {name}")
         return payload
 
 
-def refuse(request: Request, reason: str) -> None:
+def refuse(request: Request, reason: str, *, lasting: bool = True) -> None:
     """Tell why, to who asked and in the log."""
     log.warning("refused a request: %s", reason)
-    request.refuse(encode_refusal(reason))
+    request.refuse(encode_refusal(reason, lasting=lasting))
