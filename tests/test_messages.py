@@ -151,7 +151,7 @@ def test_reply_may_be_infinite_but_for_its_poses() -> None:
 
 def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
     """A stranger's reason is shown to people: as text."""
-    assert decode_refusal(encode_refusal("no\x1b[2J\r\nmore\u202e")) == "no [2J  more "
+    assert decode_refusal(encode_refusal("no\x1b[2J\r\nmore\u202e")).reason == "no [2J  more "
 
 
 def test_refusal_survives_in_part() -> None:
