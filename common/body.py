@@ -8,7 +8,9 @@ at the sides, and faces the camera, so the person's right is -x, up is -y and th
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from functools import cached_property
 
 import numpy as np
@@ -73,10 +75,17 @@ class BodyModel:
         return digest.hexdigest()
 
     def dof(self, name: str) -> int:
-        """Index of a degree of freedom; InputError names the valid choices."""
+        """Index of a degree of freedom; InputError if there is none of that name."""
         if name not in self.dof_names:
-            raise InputError(f"unknown degree of freedom '{name}'; choose from {', '.join(self.dof_names)}")
+            raise unknown_dof(name, self.dof_names)
         return self.dof_names.index(name)
+
+
+def unknown_dof(name: str, known: Collection[str]) -> InputError:
+    """What to tell who names a degree of freedom that is none of the `known` ones."""
+    near = get_close_matches(name, known, n=3)
+    meant = f"did you mean {' or '.join(near)}? " if near else ""
+    return InputError(f"unknown degree of freedom '{name}'; {meant}gepf model dofs lists all")
 
 
 def check(model: BodyModel) -> None:

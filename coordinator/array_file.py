@@ -84,5 +84,7 @@ def read_arrays(path: Path) -> ArrayFile:
             return ArrayFile(path, {key: content[key] for key in content.files})
     except FileNotFoundError:
         raise InputError(f"no such file: {path}; check the path") from None
+    except (IsADirectoryError, PermissionError) as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; check the path") from None
     except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
-        raise InputError(f"{path} is damaged or no .npz file ({error}); make it again") from error
+        raise InputError(f"{path} is damaged or no .npz file; make it again") from error

@@ -54,6 +54,9 @@ class Bodies:
     found = True
     """Whether a start can be found, so that none need be given."""
 
+    content: str | None = None
+    """Hash of a body that is known whole."""
+
     def __init__(
         self,
         build: Callable[[float, float], BodyModel],
@@ -113,6 +116,7 @@ class OneBody(Bodies):
         super().__init__(lambda *_: model, usual, active, measures or (np.nan, np.nan))
         self._model = model
         self.found = measures is not None
+        self.content = model.hash
 
     def full(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
         """The body with all its degrees of freedom."""

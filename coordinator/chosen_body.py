@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 
-from common.body import ROOT_DOFS, BodyModel
+from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies import Bodies, OneBody
 from coordinator.models.human import DEFAULT_ACTIVE, human, human_of
@@ -75,16 +74,8 @@ def choose_active(
     for name in wanted:
         chosen.extend([n for n in usual if n not in ROOT_DOFS] if name == JOINTS else [name])
     for name in chosen:
-        require_dof(name, usual, known)
+        if name not in known:
+            raise unknown_dof(name, known)
     if not chosen:
         raise InputError("this body has no joints; leave --dof out to have its place and turn tracked")
     return tuple(chosen)
-
-
-def require_dof(name: str, usual: tuple[str, ...], known: tuple[str, ...]) -> None:
-    """InputError unless there is this degree of freedom; names what may have been meant."""
-    if name not in known:
-        near = get_close_matches(name, known, n=3)
-        meant = f"did you mean {' or '.join(near)}? " if near else ""
-        rest = ", or any other joint angle of MPEG-4" if len(known) > len(usual) else ""
-        raise InputError(f"unknown degree of freedom '{name}'; {meant}choose from {', '.join(usual)}{rest}")

@@ -40,7 +40,7 @@ Options that are always the same can stand in gepf.toml, in a table for each com
 
 app = typer.Typer(epilog=EXAMPLES)
 
-model_app = typer.Typer(help="Draw a body, or write it as URDF.")
+model_app = typer.Typer()
 app.add_typer(model_app, name="model", rich_help_panel=PREPARING)
 
 INPUT, METHOD, WORKERS, SECURITY, OUTPUT = "Input", "Method", "Workers", "Security", "Output"
@@ -390,8 +390,9 @@ def evaluate(
 
     from coordinator.evaluation import evaluate
     from coordinator.track import read_track
-    from coordinator.truth import read_truth
+    from coordinator.truth import check_truth_of, read_truth
 
+    check_truth_of(run, truth)
     result = evaluate(read_track(run), read_truth(truth))
     sys.stdout.write(msgspec.json.format(msgspec.json.encode(result)).decode() + "\n")
 
@@ -421,6 +422,22 @@ def show(
     from coordinator.pictures.portrait import draw_portrait
 
     draw_portrait(read_model(choose_model(model)), out)
+
+
+@model_app.callback(invoke_without_command=True)
+def help_with_models(context: typer.Context) -> None:
+    """Draw a body, name what moves it, or write it as URDF."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@model_app.command()
+def dofs(model: Model = "human") -> None:
+    """List a body's degrees of freedom, for --dof and init.json."""
+    from coordinator.chosen_body import read_model
+    from coordinator.options import choose_model
+
+    sys.stdout.write("".join(f"{name}\n" for name in read_model(choose_model(model)).dof_names))
 
 
 @model_app.command("export")

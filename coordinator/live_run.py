@@ -56,7 +56,7 @@ def track_stream(job: Job, show: Show, connect: Connect) -> None:
     key = check_live(job)
     bodies = choose_bodies(job.active, job.settings.preset)
     start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), HUMAN_DOFS)
-    with Recorder(job.out, terms_of_stream(job, start)) as recorder:
+    with Recorder(job.out, terms_of_stream(job, bodies, start)) as recorder:
         run = LiveRun(job, key, LiveFrames(key, show.say), bodies, start, recorder)
         meter, complete = show.frames(None), False
         try:

@@ -69,7 +69,7 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     require_start(start, bodies)
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
-    terms = terms_of(job, source.frame(numbers.start), numbers, start)
+    terms = terms_of(job, bodies, source.frame(numbers.start), numbers, start)
     if job.resume and is_complete(job.out, terms):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
         return

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from common.body import unknown_dof
 from common.errors import InputError
 
 
@@ -26,9 +27,7 @@ def read_start(path: Path, dof_names: Collection[str]) -> dict[str, float]:
         raise InputError(f"{path}: {error}; write {{degree of freedom: number}}") from error
     for name, value in values.items():
         if name not in dof_names:
-            raise InputError(
-                f"{path}: unknown degree of freedom '{name}'; choose from {', '.join(dof_names)}"
-            )
+            raise InputError(f"{path}: {unknown_dof(name, dof_names)}")
         if not math.isfinite(value):
             raise InputError(f"{path}: {name} is {value}; give a finite number")
     return values

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from common.frame import DepthFrame
+from coordinator.bodies import Bodies
 from coordinator.options import AUTOMATIC, Job
 from coordinator.versions import versions
 
@@ -27,6 +29,7 @@ OPTIONS = {
     "settings.refine.noise_lateral": "--noise-lateral",
     "settings.seed": "--seed",
     "model.name": "--model",
+    "model.content": "the content of --model",
     "dof": "--dof",
     "init": "--init",
     "frame_range": "--frames",
@@ -38,9 +41,12 @@ OPTIONS = {
 PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
 
 NAMED = 3  # differences that a message tells of
+LETTERS = 12  # of a hash
 
 
-def terms_of(job: Job, first: DepthFrame, numbers: range, start: Mapping[str, float] | None) -> Terms:
+def terms_of(
+    job: Job, bodies: Bodies, first: DepthFrame, numbers: range, start: Mapping[str, float] | None
+) -> Terms:
     """The terms of a run; who does the work and where the results go is not among them."""
     recording = {
         "sequence": job.sequence.resolve().name,
@@ -48,18 +54,21 @@ def terms_of(job: Job, first: DepthFrame, numbers: range, start: Mapping[str, fl
         "first_frame": digest_frame(first),
         "frame_range": f"{numbers.start}:{numbers.stop}",
     }
-    return recording | terms_of_job(job, start)
+    return recording | terms_of_job(job, bodies, start)
 
 
-def terms_of_stream(job: Job, start: Mapping[str, float] | None) -> Terms:
+def terms_of_stream(job: Job, bodies: Bodies, start: Mapping[str, float] | None) -> Terms:
     """The terms of a run on live input, which nobody can go on with."""
-    return {"sequence": str(job.sequence)} | terms_of_job(job, start)
+    return {"sequence": str(job.sequence)} | terms_of_job(job, bodies, start)
 
 
-def terms_of_job(job: Job, start: Mapping[str, float] | None) -> Terms:
+def terms_of_job(job: Job, bodies: Bodies, start: Mapping[str, float] | None) -> Terms:
     """The terms that do not depend on the input."""
     terms = {
-        "model": {"name": job.model},
+        "model": {
+            "name": Path(job.model).name,
+            "content": None if bodies.content is None else bodies.content[:LETTERS],
+        },
         "dof": None if job.active is None else ",".join(job.active),
         "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
         "settings": msgspec.to_builtins(job.settings),
@@ -78,7 +87,7 @@ def digest_frame(frame: DepthFrame) -> str:
 
 def digest(content: bytes) -> str:
     """A few letters that stand for the content."""
-    return hashlib.sha256(content).hexdigest()[:12]
+    return hashlib.sha256(content).hexdigest()[:LETTERS]
 
 
 def differences(recorded: Mapping[str, Any], asked: Terms) -> str:

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
+from common.errors import InputError
 from coordinator.array_file import read_arrays
+from coordinator.track import TRACK_FILE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +37,13 @@ def read_truth(path: Path) -> Truth:
     pose = _known(arrays.floats("pose", (count, len(dof_names)))) if dof_names else np.empty((count, 0))
     slides = ROOT_DOFS[:3] + (arrays.names("slides") if "slides" in arrays else ())
     return Truth(frame, joint_names, joints, dof_names, pose, slides)
+
+
+def check_truth_of(run: Path, truth: Path) -> None:
+    """InputError where a run would be compared with itself."""
+    own = run / TRACK_FILE
+    if own.exists() and truth.exists() and own.samefile(truth):
+        raise InputError(f"{truth} is the run's own track; give the truth of its sequence, truth.npz")
 
 
 def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -267,7 +267,11 @@ class Liar(Service[float]):
     def serve(self, batch: Batch) -> None:
         """Answer one batch."""
         turn = sum(self._heard.values()) if self._heard["honest answers"] else 0
-        honest = self.answer(batch.asked)
+        try:
+            honest = self.answer(batch.asked)
+        except ProtocolError as error:  # the frame is over, and others refined it
+            batch.request.refuse(encode_refusal(str(error)))
+            return
         if turn % 3 == 0:
             self._heard["honest answers"] += 1
             batch.request.reply(honest)

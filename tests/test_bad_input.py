@@ -16,6 +16,7 @@ from scipy.io import savemat
 
 import coordinator.pool
 from coordinator.cli import main
+from coordinator.models.human import human
 from coordinator.recorder import Recorder
 
 CAMERA: dict[str, object] = {
@@ -128,7 +129,10 @@ def without(name: str) -> Damage:
         (with_camera(intrinsic_matrix=[10, 0, 4, 0, 10, 3, 0, 0, 1]), "write it column by column"),
         (with_camera(depth_scale=0), "depth_scale"),
         (with_file("camera_intrinsic.json", "{"), "camera_intrinsic.json"),
-        (with_file("init.json", '{"elbow": 1}'), "init.json: unknown degree of freedom 'elbow'"),
+        (
+            with_file("init.json", '{"elbow": 1}'),
+            "init.json: unknown degree of freedom 'elbow'; gepf model dofs",
+        ),
         (with_file("init.json", '{"root_tz": NaN}'), "init.json: root_tz is nan; give a finite number"),
         (with_file("init.json", '{"root_tz": "2"}'), "init.json"),
         (with_file("truth.npz", "truth"), "truth.npz is damaged"),
@@ -150,7 +154,7 @@ def test_a_damaged_folder_is_refused(
         (["--preset", "best"], "unknown preset 'best'; choose from default, paper"),
         (["--model", "horse"], "unknown model 'horse'; give human, a URDF file"),
         (["--dof", "r_elbow"], "unknown degree of freedom 'r_elbow'; did you mean r_elbow_flexion"),
-        (["--dof", "root_tx,tail"], "unknown degree of freedom 'tail'; choose from root_tx, "),
+        (["--dof", "root_tx,tail"], "unknown degree of freedom 'tail'; gepf model dofs lists all"),
         (["--dof", ","], "--dof names nothing; give names"),
         (["--particles", "0"], "--particles 0 is too small; give 1 or more"),
         (["--particles", "-3"], "--particles -3 is too small; give 1 or more"),
@@ -234,6 +238,39 @@ def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Call
     assert "Missing argument" in refused("track", "--out", tmp_path / "out")
     assert "Missing option '--out'" in refused("track", tmp_path)
     assert "Missing option '--truth'" in refused("evaluate", run)
+
+
+def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Callable[..., str]) -> None:
+    """The run's own track, and rubbish, of which nobody need know how it is read."""
+    own, junk = tmp_path / "track.npz", tmp_path / "junk.npz"
+    names, one = np.array(["a"]), np.zeros((1, 1))
+    np.savez(
+        own,
+        frame=np.zeros(1, np.int64),
+        time_s=one[0],
+        dof_names=names,
+        pose=one,
+        joint_names=names,
+        joint_positions=np.zeros((1, 1, 3)),
+        hypothesis_pose=np.zeros((1, 1, 1)),
+        hypothesis_weight=one,
+        status=np.array(["tracked"]),
+    )
+    assert "is the run's own track; give the truth of its sequence" in refused(
+        "evaluate", tmp_path, "--truth", own
+    )
+    junk.write_bytes(b"weeks of work")
+    assert "junk.npz is damaged or no .npz file; make it again" in refused(
+        "evaluate", tmp_path, "--truth", junk
+    )
+
+
+def test_bodies_tell_what_can_be_asked_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+    """All degrees of freedom on stdout, one a line; and help where nothing is asked."""
+    assert main(["model", "dofs"]) == 0
+    assert capsys.readouterr().out.splitlines() == list(human().dof_names)
+    assert main(["model"]) == 0
+    assert "dofs" in capsys.readouterr().out
 
 
 def test_the_process_itself_ends_with_two_and_one_line(tmp_path: Path) -> None:

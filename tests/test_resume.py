@@ -207,6 +207,27 @@ def test_other_options_are_named(
     assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
+def test_a_body_that_was_changed_is_noticed(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A run goes on with a model file that was moved, not with one that says something else."""
+    person = tmp_path / "person.json"
+    person.write_text('{"stature": 1.8}')
+    interrupt(workers, 2)
+    track(sequence, tmp_path / "out", "--model", str(person))
+    (tmp_path / "moved").mkdir()
+    moved = person.rename(tmp_path / "moved" / person.name)
+    interrupt(workers, 4)
+    assert track(sequence, tmp_path / "out", "--model", str(moved), "--resume") == 130
+    moved.write_text('{"stature": 1.7}')
+    capsys.readouterr()
+    assert track(sequence, tmp_path / "out", "--model", str(moved), "--resume") == 2
+    assert "other options: the content of --model (recorded" in said(capsys)[-1]
+
+
 def test_another_sequence_of_the_same_name_is_refused(
     sequence: Path,
     tmp_path: Path,
