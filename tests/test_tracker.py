@@ -165,7 +165,8 @@ def test_an_empty_frame_is_lost_and_it_goes_on() -> None:
     np.testing.assert_array_equal(blind.pose, before.pose)
     assert np.isnan(blind.residual)
     assert blind.frame == 1
-    assert apart(after, joints[2]).max() < 0.08
+    assert np.median(apart(after, joints[2])) < 0.01
+    assert apart(after, joints[2]).max() < 0.15  # of the arm that went on rising meanwhile
 
 
 def test_somebody_elsewhere_is_not_followed() -> None:
