@@ -9,12 +9,14 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from common.bounds import MOST_PIXELS, check_work
+from common.bounds import LARGEST_LOG_LIKELIHOOD, LARGEST_POSE, MOST_PIXELS, check_work
 from common.errors import ProtocolError
 from common.messages import decode_refined, encode_refined
 from common.refinement import Refined
-from common.settings import RefineSettings
+from common.settings import RefineSettings, preset
+from coordinator.filter import advance, begin
 from tests.extremes import Extremes
 from tests.fuzz import fuzz_kernel
 from tests.test_service import MODEL, POSES
@@ -22,7 +24,7 @@ from worker.icp import give_up_flown, refine
 from worker.observation import observe
 from worker.surface import lay_out
 from worker.visibility import LARGEST_SIDE, draw_front, lay_out_view
-from worker.warm import tiny_frame
+from worker.warm import tiny_frame, tiny_model
 
 
 def test_extreme_requests_get_answers_that_make_sense() -> None:
@@ -109,3 +111,24 @@ def test_settings_of_extremes_are_all_settings() -> None:
         for name, value in msgspec.structs.asdict(case.request.settings).items():
             seen.setdefault(name, set()).add(value)
     assert all(len(values) > 1 for values in seen.values())
+
+
+@pytest.mark.parametrize("name", ["paper", "default"])
+def test_a_filter_survives_any_answer(name: str) -> None:
+    """A worker that makes all of it up ends no coordinator: what is believed stays a number."""
+    settings, rng, liar = preset(name).filter, np.random.default_rng(0), np.random.default_rng(1)
+    model = tiny_model()
+
+    def make_up(poses: NDArray[np.float64]) -> Refined:
+        made_up = liar.choice([0.0, 1e-300, 1.0, -1.0, LARGEST_POSE, -LARGEST_POSE], size=poses.shape)
+        log_likelihood = liar.choice(
+            [-np.inf, 0.0, -LARGEST_LOG_LIKELIHOOD, LARGEST_LOG_LIKELIHOOD], len(poses)
+        )
+        answer = Refined(made_up, log_likelihood, liar.choice([0.0, 1e300, np.inf], len(poses)))
+        return decode_refined(encode_refined(answer), poses.shape)
+
+    belief = begin(model, POSES[0], settings)
+    for _ in range(30):
+        belief = advance(model, belief, make_up, settings, rng)
+        assert np.all(np.isfinite(belief.reported))
+        assert np.all(np.isfinite(belief.covariances))
