@@ -42,6 +42,7 @@ check: setup ## lint, format, types, walls, images' recipes
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/hadolint docker/*.Dockerfile
+	$(BIN)/check-jsonschema --builtin-schema vendor.compose-spec docker/compose.yaml
 
 format: setup ## rewrite the code in the house's format
 	$(BIN)/ruff check --fix $(PACKAGES)
