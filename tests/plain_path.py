@@ -121,7 +121,20 @@ def robust_cost(squared: Array, settings: RefineSettings) -> Array:
     return scale * squared / (scale + squared) if scale > 0.0 else squared
 
 
-def pulled(seen: Array, subject: SubjectFrame) -> tuple[Array, Array]:
+def faces(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.bool_]:
+    """Which posed (V, 3) are on surfaces that the camera sees at less than 78 degrees from their normal."""
+    corners = model.vertices[model.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    around = np.array([across[(model.triangles == v).any(axis=1)].sum(axis=0) for v in range(len(posed))])
+    transforms = np.concatenate([dof_transforms(model, pose[None])[0], np.eye(4)[None, :3]])
+    turns = transforms[model.link_dofs[model.skin_links[:, 0]], :, :3]
+    along = np.einsum("vij,vj,vi->v", turns, around, posed)
+    lengths = np.linalg.norm(around, axis=1) * np.linalg.norm(posed, axis=1)
+    facing: NDArray[np.bool_] = np.abs(along) > np.cos(np.radians(78.0)) * lengths
+    return facing
+
+
+def pulled(seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame) -> tuple[Array, Array]:
     """For model points (Q, 3) where nothing was seen the nearest (Q, 3) on the outline; distance squared."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
@@ -132,7 +145,7 @@ def pulled(seen: Array, subject: SubjectFrame) -> tuple[Array, Array]:
     nearest = distance_transform_edt(depth == 0, return_distances=False, return_indices=True)
     outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
     off = outline - pixels
-    apart = viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)
+    apart = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)
     shift = np.column_stack([off * seen[:, 2:] / (camera.fx, camera.fy), np.zeros(len(seen))])
     shift *= apart[:, None]
     return seen + shift, np.sum(shift**2, axis=1)
@@ -152,7 +165,7 @@ def collect(
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
     unexplained = int(np.count_nonzero(weights < 0.5))
     if settings.free_space_weight > 0.0:
-        outline, away = pulled(posed[visible], subject)
+        outline, away = pulled(posed[visible], faces(model, pose, posed)[visible], subject)
         pull = settings.free_space_weight * len(points) / len(visible) * robust_weight(away, settings)
         vertices = np.concatenate([vertices, visible[away > 0.0]])
         targets = np.concatenate([targets, outline[away > 0.0]])
@@ -284,7 +297,7 @@ def assess(
         return -np.inf, np.inf
     index, squared = correspond(points, posed[visible], settings)
     cost = robust_cost(squared, settings).mean()
-    _, away = pulled(posed[visible], subject)
+    _, away = pulled(posed[visible], faces(model, pose, posed)[visible], subject)
     cost += settings.free_space_weight * robust_cost(away, settings).mean()
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)

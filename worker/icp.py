@@ -128,7 +128,7 @@ def refine_particle(
             break
         before[:] = pose
         known = correspond(visible, known, surface, evidence, rules, room)  # 4c
-        unexplained = collect(visible, surface, evidence, rules, room)
+        unexplained = collect(visible, skeleton, surface, evidence, rules, room)
         stiffness = rules.rest_weight * unexplained
         descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)
         minimise(skeleton, pose, descent, room.equations)  # 4d
@@ -202,14 +202,16 @@ def carry_over(before: Indices, visible: Indices, carried: Indices, closest: NDA
 
 
 @numba.njit(cache=True, nogil=True)
-def collect(visible: Indices, surface: Surface, evidence: Evidence, rules: Rules, room: Room) -> int:
+def collect(
+    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+) -> int:
     """Sum up all correspondences in room.equations, in the camera frame; gives how many points are far off.
 
     Far off is where the robust kernel more than halves a point's weight.
     """
     unexplained = add_points(len(visible), evidence, rules, room.search, room.pulls)
     if rules.free_space_weight > 0.0:
-        add_silhouette(visible, evidence, rules, room)
+        add_silhouette(visible, skeleton, surface, evidence, rules, room)
     add_correspondences(surface, visible, room.sight.posed, room.pulls, room.equations)
     return unexplained
 
@@ -240,10 +242,12 @@ def weigh(squared: NDArray[np.float32], count: int, scale_squared: float, weight
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def add_silhouette(visible: Indices, evidence: Evidence, rules: Rules, room: Room) -> None:
+def add_silhouette(
+    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+) -> None:
     """Add to room.pulls what draws visible vertices to where the camera saw something."""
     pulls, targets, away = room.pulls, room.targets, room.away
-    pull_into_silhouette(visible, room.sight.posed, evidence, targets, away)
+    look_for_silhouette(visible, skeleton, surface, evidence, room)
     pull = rules.free_space_weight * evidence.count / len(visible)
     for m in range(len(visible)):
         if away[m] > 0.0:
@@ -273,7 +277,7 @@ def assess(
     correspond(visible, known, surface, evidence, rules, room)
     cost = mean_cost(evidence, rules, room.search)
     if rules.free_space_weight > 0.0:
-        cost += rules.free_space_weight * outside(visible, evidence, rules, room)
+        cost += rules.free_space_weight * outside(visible, skeleton, surface, evidence, rules, room)
     return -0.5 * cost * rules.likelihood_scale, mean_distance(evidence, rules, room.search)
 
 
@@ -300,11 +304,30 @@ def mean_distance(evidence: Evidence, rules: Rules, search: Search) -> float:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def outside(visible: Indices, evidence: Evidence, rules: Rules, room: Room) -> float:
+def outside(
+    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+) -> float:
     """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
     away = room.away
-    pull_into_silhouette(visible, room.sight.posed, evidence, room.targets, away)
+    look_for_silhouette(visible, skeleton, surface, evidence, room)
     cost = 0.0
     for m in range(len(visible)):
         cost += robust_cost(away[m], rules.outlier_squared)
     return cost / len(visible)
+
+
+@numba.njit(cache=True, nogil=True)
+def look_for_silhouette(
+    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, room: Room
+) -> None:
+    """Fill room.targets and room.away: where the silhouette draws visible vertices to, and how far."""
+    pull_into_silhouette(
+        visible,
+        surface,
+        skeleton.link_dofs,
+        room.transforms,
+        room.sight.posed,
+        evidence,
+        room.targets,
+        room.away,
+    )

@@ -31,6 +31,7 @@ class Surface(NamedTuple):
     """The part that is seen, with vertices of a leaf, which are neighbours on one link, in a row."""
 
     vertices: NDArray[np.float64]  # (V, 3)
+    normals: NDArray[np.float64]  # (V, 3) of length 1, or 0 where no triangle has an area
     leaves: NDArray[np.int64]  # (V,) ascending
     triangles: NDArray[np.int64]  # (T, 3)
     skin_links: NDArray[np.int64]  # (V, K)
@@ -63,6 +64,7 @@ def lay_out_anew(model: BodyModel) -> tuple[Skeleton, Surface]:
     )
     surface = Surface(
         np.ascontiguousarray(model.vertices[order]),
+        vertex_normals(model.vertices, model.triangles)[order],
         leaves,
         rank[model.triangles][np.argsort(rank[model.triangles[:, 0]], kind="stable")],
         np.ascontiguousarray(model.skin_links[order]),
@@ -81,3 +83,14 @@ def order_vertices(model: BodyModel) -> tuple[NDArray[np.int64], NDArray[np.int6
         order.append(members[neighbourhoods(model.vertices[members], LEAF, LEAF)])
         leaves.append(np.arange(len(members)) // LEAF + (leaves[-1][-1] + 1 if leaves else 0))
     return np.concatenate(order), np.concatenate(leaves)
+
+
+def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Normals (V, 3) at rest, the mean of the triangles' around a vertex by their area."""
+    a, b, c = vertices[triangles[:, 0]], vertices[triangles[:, 1]], vertices[triangles[:, 2]]
+    around = np.zeros_like(vertices)
+    for corner in triangles.T:
+        np.add.at(around, corner, np.cross(b - a, c - a))
+    length = np.linalg.norm(around, axis=1, keepdims=True)
+    normals: NDArray[np.float64] = np.divide(around, length, out=np.zeros_like(around), where=length > 0.0)
+    return normals
