@@ -336,8 +336,12 @@ def fit(
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Local workers (default: one per core).")
     ] = None,
+    quiet: Quiet = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the measures, one JSON object.", rich_help_panel=OUTPUT)
+    ] = False,
 ) -> None:
-    """Measure a person in a few frames: track, then fit stature, girth and the lengths of limbs."""
+    """Measure a person in a few frames, for track --model: stature, girth and the lengths of limbs."""
     from coordinator.fit_run import FitJob, fit_sequence
     from coordinator.options import choose_pool, choose_settings
     from coordinator.pool import connect_workers
@@ -345,7 +349,9 @@ def fit(
     settings = choose_settings("gepf", "default", None, None, seed)
     end_as_interrupted()
     job = FitJob(sequence, out, settings, choose_pool(workers, None, None), init, frames)
-    fit_sequence(job, on_stderr(), connect_workers)
+    fit_sequence(job, on_stderr(quiet=quiet), connect_workers)
+    if as_json:
+        sys.stdout.write(out.read_text(encoding="utf-8"))
 
 
 @app.command(rich_help_panel=HOSTS)

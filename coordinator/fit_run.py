@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
@@ -12,7 +13,7 @@ import numpy as np
 from common.body import BodyModel
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.chosen_body import HUMAN_DOFS, choose_bodies, person
+from coordinator.chosen_body import HUMAN_DOFS, PERSON_SUFFIX, choose_bodies, person
 from coordinator.fitting import FITTED, Fit, Fitter, Posed
 from coordinator.models.measures import Measures
 from coordinator.options import Pool
@@ -25,7 +26,7 @@ from coordinator.sources.source import check_frames, select_frames
 from coordinator.subject import isolate
 from coordinator.tracker import Tracker
 
-USED = 20  # frames that are fitted to, spread over those that are tracked
+USED = 20  # frames that are fitted to, spread over those that are explained well
 TRACKED = 90  # frames at most, unless told
 
 
@@ -45,7 +46,11 @@ class FitJob:
 
 
 def fit_sequence(job: FitJob, show: Show, connect: Connect) -> tuple[Fit, Fit]:
-    """Fit, tell what was found, and write the measures; gives the fit before and after."""
+    """Fit, tell what was found, and write the measures; gives the fit before and after.
+
+    All input is checked before anything is tracked.
+    """
+    require_place(job.out)
     source = open_source(job.sequence)
     numbers = select_frames(source.numbers, job.frames)
     if job.frames is None:
@@ -66,6 +71,15 @@ def fit_sequence(job: FitJob, show: Show, connect: Connect) -> tuple[Fit, Fit]:
     return before, after
 
 
+def require_place(out: Path) -> None:
+    """InputError unless the measures can be written to `out`, and be read from there by --model."""
+    if out.suffix != PERSON_SUFFIX:
+        raise InputError(f"--out {out} is no name for a person's measures; end it in {PERSON_SUFFIX}")
+    there = next(folder for folder in out.absolute().parents if folder.exists())
+    if out.is_dir() or not there.is_dir() or not os.access(there, os.W_OK):
+        raise InputError(f"cannot write {out}; choose another --out")
+
+
 def follow(
     job: FitJob, source: Source, numbers: range, refiner: Refiner, show: Show
 ) -> tuple[Tracker, list[Posed]]:
@@ -80,10 +94,16 @@ def follow(
             meter.advance(estimate)
             subject = isolate(frame, tracker.surface(), job.settings.points)
             if estimate.status == "tracked" and subject is not None:
-                seen.append(Posed(subject, estimate.pose))
+                seen.append((estimate.residual, Posed(subject, estimate.pose)))
     if not seen:
         raise InputError(f"the person is tracked in no frame of {source.name}; give other --frames")
-    return tracker, spread(seen, USED)
+    return tracker, spread(explained_well(seen), USED)
+
+
+def explained_well(seen: Sequence[tuple[float, Posed]]) -> list[Posed]:
+    """The frames with the smaller half of the residuals: in the others the pose may be what is wrong."""
+    usual = float(np.median([residual for residual, _ in seen]))
+    return [frame for residual, frame in seen if residual <= usual]
 
 
 def spread(frames: Sequence[Posed], count: int) -> list[Posed]:

@@ -1,12 +1,14 @@
 """A person's measures from a few tracked frames: those whose body explains the depth best.
 
 Coordinate descent: one measure after the other is made a little smaller and larger, the body of each is
-refined from the tracked poses in all frames, and the likeliest is kept; each sweep takes smaller steps. A
-measure leaves what stature implies only as far as people differ, and at a price.
+refined from the tracked poses in all frames, and the likeliest is kept, if it is so in more than a few of
+them; each sweep takes smaller steps. A measure leaves what stature implies only as far as people differ, and
+at a price.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -30,6 +32,7 @@ STEPS = (0.05, 0.025)  # of a measure, one for each sweep
 FARTHEST = 0.15  # from what stature implies
 USUAL_DEVIATION = 0.05  # of people's measures from what stature implies
 ROUNDS = 8  # of ICP for each candidate
+SURE = 2.0  # standard errors of the gain over the frames that a change needs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +89,7 @@ class Fitter:
         for sweep, step in enumerate(STEPS):
             for n, name in enumerate(FITTED):
                 candidates = [change(best.measures, name, factor) for factor in (1.0, 1 - step, 1 + step)]
-                best = max(self._assess(candidates, best.poses), key=lambda fit: fit.score)
+                best = better(*self._assess(candidates, best.poses))
                 advance(sweep * len(FITTED) + n + 1, total)
         return before, best
 
@@ -106,6 +109,14 @@ class Fitter:
             )
             for k, measures in enumerate(candidates)
         ]
+
+
+def better(stays: Fit, *others: Fit) -> Fit:
+    """The likeliest of the others, if its gain in the frames is beyond chance; else what there was."""
+    best = max(others, key=lambda fit: fit.score)
+    gain = best.log_likelihood - stays.log_likelihood
+    doubt = float(gain.std()) / math.sqrt(len(gain))
+    return best if best.score - stays.score > SURE * doubt else stays
 
 
 def change(measures: Measures, name: str, factor: float) -> Measures:

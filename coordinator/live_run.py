@@ -15,7 +15,7 @@ from coordinator.chosen_body import HUMAN_DOFS, choose_bodies
 from coordinator.options import AUTOMATIC, Job, Pool
 from coordinator.progress import FrameMeter, Show
 from coordinator.recorder import Recorder
-from coordinator.run import PooledRefiner, write_results
+from coordinator.run import PooledRefiner, tell_pool, write_results
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.start_file import read_start
 from coordinator.terms import terms_of_stream
@@ -114,7 +114,8 @@ def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> None:
     if recorded is None:
         return
     counts = {f"frames_{name}": count for name, count in asdict(run.frames.counts).items()}
-    said = {"complete": complete, "frame_rate": meter.rate, **counts}
+    pool = tell_pool(run.job.pool)
+    said = {"complete": complete, "frame_rate": meter.rate, "pool": pool, **counts}
     write_results(run.recorder, recorded, said, complete=complete)
 
 

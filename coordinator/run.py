@@ -127,13 +127,26 @@ def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
     count = len(recorded.estimates)
     complete = count == len(run.numbers)
     rate = meter.rate or count / max(recorded.seconds, 1e-9)
-    write_results(run.recorder, recorded, {"complete": complete, "frame_rate": rate}, complete=complete)
+    colour = None if run.job.colour is None else str(run.job.colour)
+    said = {"complete": complete, "frame_rate": rate, "pool": tell_pool(run.job.pool), "color": colour}
+    write_results(run.recorder, recorded, said, complete=complete)
     if not complete:
         show.say(
             f"ended early with {count} of {len(run.numbers)} frames in {run.job.out}; "
             "the same command with --resume goes on"
         )
     return recorded
+
+
+def tell_pool(pool: Pool) -> dict[str, object]:
+    """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
+    return {
+        "workers": pool.workers,
+        "listen": pool.listen,
+        "connect": pool.connect,
+        "worker_timeout": pool.worker_timeout,
+        "encrypted": pool.security is not None,
+    }
 
 
 def write_results(
