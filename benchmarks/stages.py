@@ -63,7 +63,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         before[:] = pose
         known = correspond(visible, known, surface, evidence, rules, room)
         clock.lap("closest points")
-        unexplained = collect(visible, surface, evidence, rules, room)
+        unexplained = collect(visible, skeleton, surface, evidence, rules, room)
         clock.lap("moments")
         stiffness = rules.rest_weight * unexplained
         descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)

@@ -125,7 +125,8 @@ def faces(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.bool_]:
     """Which posed (V, 3) are on surfaces that the camera sees at less than 78 degrees from their normal."""
     corners = model.vertices[model.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    around = np.array([across[(model.triangles == v).any(axis=1)].sum(axis=0) for v in range(len(posed))])
+    around = np.zeros_like(posed)
+    np.add.at(around, model.triangles.ravel(), np.repeat(across, 3, axis=0))
     transforms = np.concatenate([dof_transforms(model, pose[None])[0], np.eye(4)[None, :3]])
     turns = transforms[model.link_dofs[model.skin_links[:, 0]], :, :3]
     along = np.einsum("vij,vj,vi->v", turns, around, posed)

@@ -217,6 +217,19 @@ def test_the_pool_is_asked_for_as_the_options_say(tracked: Tracked, workers: Sti
     assert workers.asked == Pool(0, "tcp/127.0.0.1:7447", "tcp/router:7447")
 
 
+def test_the_summary_tells_the_pool_that_was_asked_for(tracked: Tracked) -> None:
+    """As the other options; of certificates only that there are some."""
+    _, summary = tracked("--workers", "3", "--listen", "tcp/127.0.0.1:7447", "--worker-timeout", "9")
+    assert summary["pool"] == {
+        "workers": 3,
+        "listen": "tcp/127.0.0.1:7447",
+        "connect": None,
+        "worker_timeout": 9.0,
+        "encrypted": False,
+    }
+    assert summary["color"] is None
+
+
 def test_the_seed_decides_the_bytes(sequence: Path, tmp_path: Path, workers: StillWorkers) -> None:
     """The same seed gives the same track, another seed another."""
     assert workers.asked == Pool()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -41,8 +42,10 @@ validator.validateBytes(data).then((report) => console.log(JSON.stringify(report
 """
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
-@pytest.mark.skipif(not VALIDATOR.is_dir(), reason="npm's gltf-validator is not in the environment")
+@pytest.mark.skipif(
+    not (shutil.which("node") and VALIDATOR.is_dir()) and "CI" not in os.environ,
+    reason="node or npm's gltf-validator is not in the environment; where CI is set, that is a failure",
+)
 @pytest.mark.parametrize("form", ["glb", "gltf"])
 @pytest.mark.parametrize("body", BODIES)
 def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str, form: str) -> None:

@@ -22,7 +22,8 @@ from common.settings import preset
 from coordinator.bodies import name_pose
 from coordinator.chosen_body import choose_bodies, person
 from coordinator.cli import main
-from coordinator.fitting import FARTHEST, FITTED, Fitter, Posed, change, rarity
+from coordinator.fit_run import explained_well
+from coordinator.fitting import FARTHEST, FITTED, Fit, Fitter, Posed, better, change, rarity
 from coordinator.models.measures import Measures
 from coordinator.person_file import read_person, write_person
 from coordinator.rendering import DepthRenderer
@@ -78,6 +79,42 @@ def test_a_person_of_other_proportions_is_measured(monkeypatch: pytest.MonkeyPat
         return float(np.linalg.norm(joints - truth, axis=-1).mean())
 
     assert joint_error(after) < 0.75 * joint_error(before)
+
+
+def test_a_gain_by_chance_changes_nothing() -> None:
+    """A change is taken for gaining a little in every frame, not for gaining more in a few of them."""
+
+    def fit(measures: Measures, log_likelihood: list[float]) -> Fit:
+        return Fit(measures, [], np.array(log_likelihood), np.zeros(4))
+
+    stays = fit(USUAL, [-9.0, -9.0, -9.0, -9.0])
+    longer = change(USUAL, "thigh", 1.02)
+    assert better(stays, fit(longer, [-8.8, -8.9, -8.8, -8.9])).measures is longer
+    assert better(stays, fit(longer, [-5.0, -9.2, -9.1, -9.2])) is stays
+    assert better(stays, fit(longer, [-9.1, -9.0, -9.0, -9.0])) is stays
+
+
+def test_frames_that_are_explained_badly_are_left_out() -> None:
+    """Half of them, those with the larger residuals; all where all are alike."""
+    subject = isolate(DepthFrame(0, 0.0, np.ones((4, 4), np.uint16), 1000.0, CAMERA), None, 9)
+    assert subject is not None
+    frames = [Posed(subject, np.zeros(3)) for _ in range(4)]
+    chosen = explained_well(list(zip([4.0, 1.0, 3.0, 2.0], frames, strict=True)))
+    assert [frames.index(frame) for frame in chosen] == [1, 3]
+    assert len(explained_well([(1.0, frame) for frame in frames])) == 4
+
+
+@pytest.mark.parametrize("out", ["person.txt", "person", "taken.json", "file/person.json"])
+def test_a_place_that_cannot_be_is_told_before_anything_is_tracked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str
+) -> None:
+    """A name that --model would not know, a folder, a place below a file; the sequence is not looked at."""
+    (tmp_path / "taken.json").mkdir()
+    (tmp_path / "file").write_text("")
+    assert main(["fit", str(tmp_path / "nowhere"), "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr().err
+    assert str(tmp_path / out) in said
+    assert len(said.splitlines()) == 1
 
 
 @pytest.mark.parametrize("name", FITTED)
@@ -136,8 +173,10 @@ def test_the_command_writes_a_file(
     monkeypatch.setattr(coordinator.fitting, "FITTED", ("girth",))
     monkeypatch.setattr(coordinator.fitting, "STEPS", (0.05,))
     write_small_sequence(tmp_path / "seq", 2)
-    assert main(["fit", str(tmp_path / "seq"), "--out", str(tmp_path / "person.json")]) == 0
-    said = " ".join(capsys.readouterr().err.split())
+    assert main(["fit", str(tmp_path / "seq"), "--out", str(tmp_path / "person.json"), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert out == (tmp_path / "person.json").read_text()
+    said = " ".join(err.split())
     assert "mm before" in said
     assert "track with --model" in said
     assert (

@@ -195,11 +195,11 @@ def test_moments_match(name: str) -> None:
     """What the kernel collects, free space and robust weights included, is the sum over the plain factors."""
     model, settings = puppet(), SETTINGS[name]
     pose = near()
-    _, surface = lay_out(model)
+    skeleton, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observe(subject()), settings), lay_out_rules(settings)
     room, _, visible = looked(model, pose, settings)
     icp.correspond(visible, 0, surface, evidence, rules, room)
-    unexplained = icp.collect(visible, surface, evidence, rules, room)
+    unexplained = icp.collect(visible, skeleton, surface, evidence, rules, room)
     found = room.equations.moments, room.equations.crosses
     factors = plain_path.collect(model, pose, *plain_path.see(model, pose), subject(), settings)
     assert len(factors.weights) > POINTS
