@@ -166,7 +166,8 @@ def test_an_empty_frame_is_lost_and_it_goes_on() -> None:
     assert np.isnan(blind.residual)
     assert blind.frame == 1
     assert np.median(apart(after, joints[2])) < 0.01
-    assert apart(after, joints[2]).max() < 0.15  # of the arm that went on rising meanwhile
+    assert apart(after, joints[2]).max() < 0.2  # the wrist went on rising meanwhile, by 0.3
+    assert apart(followed.track(frames[3]), joints[3]).max() < 0.08
 
 
 def test_somebody_elsewhere_is_not_followed() -> None:
