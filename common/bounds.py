@@ -88,7 +88,7 @@ def check_refined(arrays: dict[str, NDArray[np.float64]]) -> None:
 def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> None:
     """ProtocolError if refining poses of shape (N, D) on so many points could take for ever."""
     count, dofs = poses
-    looks = count * (settings.icp_iterations + 1)
+    looks = 2 * count * (settings.icp_iterations + 1)  # with soft correspondences
     steps = count * settings.icp_iterations * settings.gauss_newton_iterations
     work = looks * (points * vertices + MOST_PIXELS) + steps * dofs**3
     if work > MOST_WORK:

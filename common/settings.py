@@ -20,6 +20,8 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise_lateral: float = 0.01  # and across it; closest points are sought in units of both
     outlier_distance: float = 0.0  # residuals beyond it lose influence; 0 gives all points full weight
     free_space_weight: float = 0.0  # of model points seen where nothing was observed
+    soft_correspondences: bool = False  # for as many iterations more, where depth is by far the noisiest
+    independent_points: float = 200.0  # so many are the observed points worth then
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
     overstep: float = 0.0  # share of each iteration's motion that is added to it, but for the last
     look_every: int = 1  # iterations, after which it is looked again which model points are visible
@@ -63,6 +65,7 @@ PRESETS = {
             gauss_newton_iterations=2,
             overstep=1.0,
             look_every=3,
+            soft_correspondences=True,
             damping_share=0.0003,
             rest_weight=0.0005,
             keep_limits=True,

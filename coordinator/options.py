@@ -16,6 +16,7 @@ LARGEST_NOISE = 1.0  # metres
 BASELINES = {"condensation": 1_000, "annealed": 100}  # particles, unless told; of `annealed` in each layer
 METHODS = ("gepf", "gradient", *BASELINES)
 LONE_POINTS = 10_000  # for a single particle, which has time for all: few of 4 000 are on an arm
+LONE_ITERATIONS = 6  # and has nobody who may be nearer
 PRESETS = ("default", "paper")
 HUMAN = "human"
 AUTOMATIC = "auto"
@@ -67,6 +68,9 @@ def choose_settings(
         particles = 1
         if points is None:
             settings = msgspec.structs.replace(settings, points=max(settings.points, LONE_POINTS))
+        if preset_name == "default":
+            thorough = msgspec.structs.replace(settings.refine, icp_iterations=LONE_ITERATIONS)
+            settings = msgspec.structs.replace(settings, refine=thorough)
     if method in BASELINES:
         particles = BASELINES[method] if particles is None else particles
         assess = msgspec.structs.replace(settings.refine, icp_iterations=0)

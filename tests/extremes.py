@@ -182,4 +182,5 @@ class Extremes:
             likelihood_scale=self._one_of(POSITIVE),
             overstep=self._one_of((0.0, 1.0, LARGEST_OVERSTEP)),
             look_every=self._one_of((1, 2, 3, 100)),
+            soft_correspondences=self._one_of((False, True)),
         )

@@ -11,6 +11,8 @@ from common.settings import RefineSettings
 from worker.correspondence import boxes_of
 from worker.observation import BLOCK, TILE, Observation
 
+FAR_NOISIER = 2.0  # along than across, from which on the closest point misleads
+
 
 class Evidence(NamedTuple):
     """An observation laid out for the kernel, depth stretched so that noise is alike in all directions."""
@@ -32,6 +34,7 @@ class Rules(NamedTuple):
     """Settings in the kernel's own units."""
 
     icp_iterations: int
+    soft: bool
     gauss_newton_iterations: int
     overstep: float
     look_every: int
@@ -43,6 +46,9 @@ class Rules(NamedTuple):
     outlier_squared: float  # m^2
     free_space_weight: float
     likelihood_scale: float  # 1/m^2
+    independent_points: float
+    noise_depth: float  # metres
+    noise_lateral: float
 
 
 def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evidence:
@@ -70,6 +76,7 @@ def lay_out_rules(settings: RefineSettings) -> Rules:
     """Settings in the kernel's own units."""
     return Rules(
         settings.icp_iterations,
+        settings.soft_correspondences and settings.noise_depth > FAR_NOISIER * settings.noise_lateral,
         settings.gauss_newton_iterations,
         settings.overstep,
         settings.look_every,
@@ -81,4 +88,7 @@ def lay_out_rules(settings: RefineSettings) -> Rules:
         settings.outlier_distance**2,
         settings.free_space_weight,
         1.0 / (settings.likelihood_scale**2),
+        settings.independent_points,
+        settings.noise_depth,
+        settings.noise_lateral,
     )

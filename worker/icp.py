@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.bounds import LARGEST_POSE, check_work
-from common.kinematics import chain
+from common.kinematics import carry_axes, chain
 from common.refinement import Refined
 from common.settings import RefineSettings
 from worker.correspondence import Search, closest_again, closest_points, lay_out_search
@@ -34,6 +34,8 @@ from worker.gauss_newton import (
 )
 from worker.likelihood import robust_cost, robust_weight
 from worker.observation import Observation
+from worker.samples import Grid, Samples, lay_out_samples, sample
+from worker.soft import Soft, lay_out_soft, mean_log_density, sample_distance, step_softly
 from worker.surface import Skeleton, Surface, lay_out
 from worker.visibility import View, lay_out_view, pose_some, pose_surface, visible_vertices
 
@@ -54,6 +56,8 @@ class Room(NamedTuple):
     sight: View
     search: Search
     equations: Equations
+    samples: Samples
+    soft: Soft
 
 
 def refine(
@@ -106,6 +110,8 @@ def lay_out_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Ro
         lay_out_view(vertices),
         lay_out_search(evidence.points.shape[1], vertices, surface.leaves[-1] + 1),
         lay_out_equations(dofs, len(skeleton.link_dofs)),
+        lay_out_samples(),
+        lay_out_soft(dofs, len(skeleton.link_dofs)),
     )
 
 
@@ -136,7 +142,23 @@ def refine_particle(
             extend(skeleton, before, rules.overstep, pose)
             if rules.keep_limits:
                 clamp(skeleton, pose)
+    if rules.soft:
+        for _ in range(rules.icp_iterations):
+            grid = look_at_samples(pose, skeleton, surface, rules, room)
+            step_softly(pose, grid, skeleton, evidence, rules, room.soft, room.equations)
     return assess(pose, known, skeleton, surface, evidence, rules, room)  # 5
+
+
+@numba.njit(cache=True, nogil=True)
+def look_at_samples(pose: Array, skeleton: Skeleton, surface: Surface, rules: Rules, room: Room) -> Grid:
+    """Samples of what is seen in the pose; room.equations has the axes of motion in it."""
+    chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
+    pose_surface(surface, room.transforms, skeleton.link_dofs, room.sight.posed)
+    sums = room.equations
+    carry_axes(
+        skeleton.parents, skeleton.axes, skeleton.points, skeleton.balls, room.transforms, sums.w, sums.q
+    )
+    return sample(room.sight, surface, sample_distance(rules), room.samples)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -275,10 +297,15 @@ def assess(
     if len(visible) == 0 or evidence.count == 0:
         return -np.inf, np.inf
     correspond(visible, known, surface, evidence, rules, room)
-    cost = mean_cost(evidence, rules, room.search)
+    residual, nothing = mean_distance(evidence, rules, room.search), 0.0
     if rules.free_space_weight > 0.0:
-        cost += rules.free_space_weight * outside(visible, skeleton, surface, evidence, rules, room)
-    return -0.5 * cost * rules.likelihood_scale, mean_distance(evidence, rules, room.search)
+        nothing = rules.free_space_weight * outside(visible, skeleton, surface, evidence, rules, room)
+    if not rules.soft:
+        cost = mean_cost(evidence, rules, room.search) + nothing
+        return -0.5 * cost * rules.likelihood_scale, residual
+    grid = look_at_samples(pose, skeleton, surface, rules, room)
+    log_density = mean_log_density(grid, evidence, rules, room.soft)
+    return rules.independent_points * (log_density - 0.5 * nothing / rules.noise_lateral**2), residual
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})

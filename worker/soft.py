@@ -1,0 +1,270 @@
+"""Soft correspondences: under heavy noise an observed point may come from any visible sample around it.
+
+The closest model point is not where a noisy point comes from: it lies the nearer, the more choice there is,
+so limbs are drawn into what lies beside them. Here a pixel's measurement is what the camera does: it looks
+somewhere near its own ray and errs along it. With samples x_k of the visible surface, p_i is distributed as
+
+    p(p_i) = sum_k a_k / (2 pi s^2) exp(-1/2 (|across(p_i - x_k)|^2 / s^2 + along(p_i - x_k)^2 / t^2)) + e
+
+with s and t the standard deviations across and along the ray, a_k the area that a sample stands for, and e
+what is left for points of nothing. The gradient of log p sums the sample's pulls, each with its share
+g_ik = p_k(p_i) / p(p_i), so its mean vanishes at the true pose. The information of the points is the sum of
+the squares of their gradients (Fisher's scoring; Berndt, Hall, Hall & Hausman 1974), which leads down much
+faster than the shares alone (EM) would. All is in units of s^2, as the hard correspondences are.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.kinematics import apply_step
+from worker.evidence import Evidence, Rules
+from worker.gauss_newton import (
+    LIMIT_SHARE,
+    Equations,
+    clamp,
+    draw_into_limits,
+    hold_at_limits,
+    solve_along_chains,
+)
+from worker.samples import Grid
+from worker.surface import Skeleton
+from worker.visibility import PIXEL
+
+Array = NDArray[np.float64]
+Points = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+REACH = 2.5  # standard deviations across, within which samples are sought
+FARTHEST = 3  # pixels that this is at the most; samples are as far apart as it takes
+LANES = 8  # samples of a row that are looked at together
+OUTLIER = 1e-3  # e, where a point amid a surface, exactly on it, has 1
+LEAST = 1e-3  # share that counts
+CAUTION = 0.02  # share of the information that there would be, were it known which sample each point is of
+FREEDOM = 0.2  # radians and metres that a step is expected to be
+LONGEST = 0.35  # radians and metres of a step
+
+
+class Soft(NamedTuple):
+    """Room for one point's samples, and its pull on each link."""
+
+    across: Points  # (2, LANES) parts of the density by column and row
+    shares: Points  # (LANES, LANES)
+    pulls: Array  # (L, 10) on a link: force and torque about the camera; where, times how much, and how much
+    links: Indices  # (L,) that the point pulls at
+    pulled: NDArray[np.bool_]  # (L,)
+    complete: Array  # (D,) information, were all samples known
+    score: Array  # (D,)
+
+
+class Beam(NamedTuple):
+    """An observed point as the camera measured it."""
+
+    right: float  # of its ray, for each metre of depth
+    down: float
+    depth: float  # metres
+    column: int  # of the first sample around it
+    row: int
+    total: float  # density
+
+
+def lay_out_soft(dofs: int, links: int) -> Soft:
+    """Room for a body of so many degrees of freedom and links."""
+    return Soft(
+        np.zeros((2, LANES), dtype=np.float32),
+        np.empty((LANES, LANES), dtype=np.float32),
+        np.empty((links, 10)),
+        np.empty(links, dtype=np.int64),
+        np.zeros(links, dtype=np.bool_),
+        np.empty(dofs),
+        np.empty(dofs),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def sample_distance(rules: Rules) -> float:
+    """Metres between samples."""
+    return max(PIXEL, REACH * rules.noise_lateral / FARTHEST)
+
+
+@numba.njit(cache=True, nogil=True)
+def sample_reach(rules: Rules) -> int:
+    """Pixels around a point within which its samples are sought."""
+    return min(FARTHEST, int(REACH * rules.noise_lateral / sample_distance(rules) + 0.5))
+
+
+@numba.njit(cache=True, nogil=True)
+def step_softly(
+    pose: Array, grid: Grid, skeleton: Skeleton, evidence: Evidence, rules: Rules, room: Soft, sums: Equations
+) -> None:
+    """Move pose (D,) in place by a step of scoring. sums.w and .q are the axes of motion in the pose."""
+    gram, gradient = sums.gram, sums.gradient
+    gather_scores(grid, skeleton, evidence, rules, room, sums)
+    for j in range(len(pose)):
+        gram[j, j] += CAUTION * room.complete[j] + (rules.noise_lateral / FREEDOM) ** 2
+    if rules.keep_limits:
+        draw_into_limits(skeleton, pose, LIMIT_SHARE * evidence.count, gram, gradient)
+        hold_at_limits(skeleton, pose, gram, gradient)
+    step = sums.step
+    step[:] = -gradient
+    solve_along_chains(skeleton.parents, gram, step)
+    step *= min(1.0, LONGEST / max(np.max(np.abs(step)), 1e-9))
+    apply_step(skeleton.axes, skeleton.balls, step, pose)
+    if rules.keep_limits:
+        clamp(skeleton, pose)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def gather_scores(
+    grid: Grid, skeleton: Skeleton, evidence: Evidence, rules: Rules, room: Soft, sums: Equations
+) -> None:
+    """Fill sums.gram with the points' information, .gradient with what leads up, and room.complete."""
+    sums.gram[:] = 0.0
+    sums.gradient[:] = 0.0
+    room.complete[:] = 0.0
+    reach = sample_reach(rules)
+    stretch_squared, scale = rules.stretch * rules.stretch, 1.0 / rules.noise_lateral**2
+    for i in range(evidence.count):
+        beam = share_out(i, grid, evidence, rules, reach, room)
+        if beam.total > 0.0:
+            for n in range(pull_links(beam, grid, skeleton, stretch_squared, reach, room)):
+                add_score(room.links[n], skeleton, stretch_squared, scale, room, sums)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp"})
+def share_out(i: int, grid: Grid, evidence: Evidence, rules: Rules, reach: int, room: Soft) -> Beam:
+    """Fill room.shares with the density of point i by sample, row by row."""
+    points, depth = evidence.points, grid.depth
+    z = points[2, i] / rules.stretch
+    right, down = points[0, i] / z, points[1, i] / z
+    u, v = grid.focal * right - grid.left, grid.focal * down - grid.top
+    column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+    if not (reach <= row < depth.shape[0] - LANES and reach <= column < depth.shape[1] - LANES):
+        return Beam(right, down, z, column, row, 0.0)
+    middle = depth[row, column]
+    if middle == np.inf:
+        middle = np.float32(z)
+    pixel = middle / grid.focal / rules.noise_lateral  # standard deviations
+    bell(column - reach - u, pixel, reach, room.across[0])
+    bell(row - reach - v, pixel, reach, room.across[1])
+    along, here = np.float32(-0.5 / rules.noise_depth**2), np.float32(z)
+    total = np.float32(0.0)
+    for r in range(2 * reach + 1):
+        part, samples, shares = room.across[1, r], depth[row - reach + r], room.shares[r]
+        for c in range(LANES):
+            away = here - samples[column - reach + c]
+            share = part * room.across[0, c] * decay(along * away * away)
+            shares[c] = share
+            total += share
+    return Beam(right, down, z, column - reach, row - reach, np.float64(total))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def bell(first: float, pixel: float, reach: int, out: Points) -> None:
+    """Fill out with a Gaussian's mass by pixel, `pixel` standard deviations wide; beyond 2 reach + 1 zero."""
+    for k in range(2 * reach + 1):
+        x = (first + k) * pixel
+        out[k] = np.exp(-0.5 * x * x) * pixel * 0.3989422804
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def decay(x: np.float32) -> np.float32:
+    """exp(x) of x <= 0 to 1e-4 of itself, 0 below -16, without a branch: Pade's approximant of x / 64."""
+    one, y = np.float32(1.0), max(x, np.float32(-16.0)) * np.float32(1.0 / 64.0)
+    half, twelfth = np.float32(0.5) * y, y * y * np.float32(1.0 / 12.0)
+    e = (one + half + twelfth) / (one - half + twelfth)
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return e if x > np.float32(-16.0) else np.float32(0.0)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def pull_links(
+    beam: Beam, grid: Grid, skeleton: Skeleton, stretch_squared: float, reach: int, room: Soft
+) -> int:
+    """Fill room.pulls with a point's pull on links that can move, listed in room.links; gives how many."""
+    pulls, count = room.pulls, 0
+    nearer, least = 1.0 / grid.focal, LEAST * (beam.total + OUTLIER)
+    for r in range(2 * reach + 1):
+        for c in range(2 * reach + 1):
+            if room.shares[r, c] < least:
+                continue
+            row, column = beam.row + r, beam.column + c
+            s = grid.links[row, column]
+            if skeleton.link_dofs[s] < 0:
+                continue
+            if not room.pulled[s]:
+                room.pulled[s] = True
+                room.links[count] = s
+                pulls[s] = 0.0
+                count += 1
+            share, z = room.shares[r, c] / (beam.total + OUTLIER), np.float64(grid.depth[row, column])
+            x, y = (column + grid.left) * z * nearer, (row + grid.top) * z * nearer
+            fx, fy = share * (beam.right * z - x), share * (beam.down * z - y)
+            fz = share * stretch_squared * (beam.depth - z)
+            pull = pulls[s]
+            pull[0] += fx
+            pull[1] += fy
+            pull[2] += fz
+            pull[3] += y * fz - z * fy
+            pull[4] += z * fx - x * fz
+            pull[5] += x * fy - y * fx
+            pull[6] += share * x
+            pull[7] += share * y
+            pull[8] += share * z
+            pull[9] += share
+    for k in range(count):
+        room.pulled[room.links[k]] = False
+    return count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_score(
+    link: int, skeleton: Skeleton, stretch_squared: float, scale: float, room: Soft, sums: Equations
+) -> None:
+    """Add a point's gradient by the degrees of freedom that move a link, and its square times `scale`.
+
+    room.complete grows by what the point would tell, were it certain from which sample it comes.
+    """
+    w, q, pull, score = sums.w, sums.q, room.pulls[link], room.score
+    mass = pull[9]
+    x, y, z = pull[6] / mass, pull[7] / mass, pull[8] / mass
+    tx, ty, tz = (
+        pull[3] - y * pull[2] + z * pull[1],
+        pull[4] - z * pull[0] + x * pull[2],
+        pull[5] - x * pull[1] + y * pull[0],
+    )
+    last = skeleton.link_dofs[link]
+    j = last
+    while j >= 0:
+        dx, dy, dz = w[j, 0], w[j, 1], w[j, 2]
+        score[j] = 0.0
+        if skeleton.kinds[j] != 0:
+            score[j] = dx * tx + dy * ty + dz * tz
+            ax, ay, az = x - q[j, 0], y - q[j, 1], z - q[j, 2]
+            dx, dy, dz = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
+        score[j] += dx * pull[0] + dy * pull[1] + dz * pull[2]
+        room.complete[j] += mass * (dx * dx + dy * dy + stretch_squared * dz * dz)
+        sums.gradient[j] -= score[j]
+        k = last
+        while k >= j:
+            sums.gram[k, j] += scale * score[k] * score[j]
+            k = skeleton.parents[k]
+        j = skeleton.parents[j]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def mean_log_density(grid: Grid, evidence: Evidence, rules: Rules, room: Soft) -> float:
+    """Mean log p of the observed points."""
+    total, reach = 0.0, sample_reach(rules)
+    for i in range(evidence.count):
+        total += np.log(share_out(i, grid, evidence, rules, reach, room).total + OUTLIER)
+    return total / evidence.count
