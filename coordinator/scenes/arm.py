@@ -15,10 +15,10 @@ MOVING = ("r_shoulder_flexion", "r_shoulder_abduct", "r_shoulder_twisting", "r_e
 STAND = {"root_tx": 0.1, "root_ty": 0.04, "root_tz": 3.21}  # the raised hand stays in the picture
 STARTS_OFF = {"r_shoulder_abduct": -50.0}  # degrees, from the truth of the first frame
 
-# Degrees by frame. The forearm is close to the body, its hand at the head, around frames 60 and 105. The upper
-# arm never comes back to where a lone particle gets stuck, inside the trunk. The elbow is never straight,
-# where twisting could not be seen, and abduction stays far from 90, where flexion and twisting turn about
-# one axis.
+# Degrees by frame. The forearm is close to the body, its hand at the head, around frames 60 and 105. The
+# upper arm never comes back to where a lone particle gets stuck, inside the trunk. The elbow is never
+# straight, where twisting could not be seen, and abduction stays far from 90, where flexion and twisting turn
+# about one axis.
 KEYS: dict[str, dict[float, float]] = {
     "r_shoulder_flexion": {0: 56, 32: 62, 60: 104, 82: 90, 105: 117, 142: 60, 175: 78},
     "r_shoulder_abduct": {0: 26, 28: 62, 60: 6, 82: 46, 105: 10, 136: 68, 160: 34, 175: 30},
