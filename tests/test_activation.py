@@ -106,12 +106,13 @@ def test_nothing_active_is_a_statue() -> None:
 
 
 def test_an_unknown_name_is_refused() -> None:
-    """The error names what was asked for and every choice."""
+    """The error names what was asked for, what is nearest to it, and where all choices are."""
     full = puppet()
     with pytest.raises(InputError) as caught:
-        activate(full, ["l_elbow", "tail"], np.zeros(len(full.dof_names)))
-    assert "'tail'" in str(caught.value)
-    assert all(name in str(caught.value) for name in full.dof_names)
+        activate(full, ["l_elbow", "r_elbo"], np.zeros(len(full.dof_names)))
+    assert "'r_elbo'" in str(caught.value)
+    assert "r_elbow" in str(caught.value).replace("'r_elbo'", "")
+    assert "gepf model dofs" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

@@ -9,7 +9,8 @@ from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.scenes.arm import MOVING
-from coordinator.sensor_noise import SensorNoise
+from coordinator.sensor_noise import SensorNoise, told
+from worker.evidence import lay_out_rules
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 SEEDS = 10
@@ -41,14 +42,15 @@ class Row:
 
     @property
     def evaluations(self) -> int:
-        """Poses that are held against the points in a frame: one each ICP iteration, and one to weigh."""
+        """Poses that are held against the points in a frame: one each iteration, and one to weigh."""
         settings = self.settings(0)
         particles = settings.filter.particles
         if self.method == "condensation":
             return particles
         if self.method == "annealed":
             return particles * settings.filter.layers
-        return particles * (settings.refine.icp_iterations + 1)
+        rounds = 2 if lay_out_rules(told(settings.refine, self.noise)).soft else 1
+        return particles * (rounds * settings.refine.icp_iterations + 1)
 
 
 GRADIENT = Row("gradient", "heavy", "gradient", "default", None, HEAVY, SEEDS, ARM_FRAMES)
