@@ -303,7 +303,7 @@ def assess(
     if not rules.soft:
         cost = mean_cost(evidence, rules, room.search) + nothing
         return -0.5 * cost * rules.likelihood_scale, residual
-    grid = look_at_samples(pose, skeleton, surface, rules, room)
+    grid = sample(room.sight, surface, sample_distance(rules), room.samples)
     log_density = mean_log_density(grid, evidence, rules, room.soft)
     return rules.independent_points * (log_density - 0.5 * nothing / rules.noise_lateral**2), residual
 

@@ -31,6 +31,7 @@ from worker.gauss_newton import (
     hold_at_limits,
     solve_along_chains,
 )
+from worker.observation import BLOCK
 from worker.samples import Grid
 from worker.surface import Skeleton
 from worker.visibility import PIXEL
@@ -41,19 +42,34 @@ Indices = NDArray[np.int64]
 
 REACH = 2.5  # standard deviations across, within which samples are sought
 FARTHEST = 3  # pixels that this is at the most; samples are as far apart as it takes
-LANES = 8  # samples of a row that are looked at together
+SIDE = 2 * FARTHEST + 1
 OUTLIER = 1e-3  # e, where a point amid a surface, exactly on it, has 1
 LEAST = 1e-3  # share that counts
 CAUTION = 0.02  # share of the information that there would be, were it known which sample each point is of
 FREEDOM = 0.2  # radians and metres that a step is expected to be
 LONGEST = 0.35  # radians and metres of a step
+LANEWISE = {"reassoc", "contract", "nsz"}  # the compiler may sum up lane by lane
+
+
+class Beams(NamedTuple):
+    """Observed points of a block as the camera measured them."""
+
+    right: Array  # (BLOCK,) of the ray, for each metre of depth
+    down: Array
+    depth: Points  # metres
+    pixel: Points  # between samples, standard deviations
+    column: Indices  # of the first sample around the point
+    row: Indices
+    place: NDArray[np.uint32]  # of that sample, among all
 
 
 class Soft(NamedTuple):
-    """Room for one point's samples, and its pull on each link."""
+    """Room for the samples of a block of points, and for one point's pull on each link."""
 
-    across: Points  # (2, LANES) parts of the density by column and row
-    shares: Points  # (LANES, LANES)
+    beams: Beams
+    across: Points  # (2, SIDE, BLOCK) parts of the density by column and row
+    shares: Points  # (SIDE ** 2, BLOCK) the density by sample, row by row
+    totals: Points  # (BLOCK,) its sum
     pulls: Array  # (L, 10) on a link: force and torque about the camera; where, times how much, and how much
     links: Indices  # (L,) that the point pulls at
     pulled: NDArray[np.bool_]  # (L,)
@@ -61,22 +77,21 @@ class Soft(NamedTuple):
     score: Array  # (D,)
 
 
-class Beam(NamedTuple):
-    """An observed point as the camera measured it."""
-
-    right: float  # of its ray, for each metre of depth
-    down: float
-    depth: float  # metres
-    column: int  # of the first sample around it
-    row: int
-    total: float  # density
-
-
 def lay_out_soft(dofs: int, links: int) -> Soft:
     """Room for a body of so many degrees of freedom and links."""
     return Soft(
-        np.zeros((2, LANES), dtype=np.float32),
-        np.empty((LANES, LANES), dtype=np.float32),
+        Beams(
+            np.empty(BLOCK),
+            np.empty(BLOCK),
+            np.empty(BLOCK, dtype=np.float32),
+            np.empty(BLOCK, dtype=np.float32),
+            np.empty(BLOCK, dtype=np.int64),
+            np.empty(BLOCK, dtype=np.int64),
+            np.empty(BLOCK, dtype=np.uint32),
+        ),
+        np.empty((2, SIDE, BLOCK), dtype=np.float32),
+        np.empty((SIDE * SIDE, BLOCK), dtype=np.float32),
+        np.empty(BLOCK, dtype=np.float32),
         np.empty((links, 10)),
         np.empty(links, dtype=np.int64),
         np.zeros(links, dtype=np.bool_),
@@ -128,55 +143,98 @@ def gather_scores(
     room.complete[:] = 0.0
     reach = sample_reach(rules)
     stretch_squared, scale = rules.stretch * rules.stretch, 1.0 / rules.noise_lateral**2
-    for i in range(evidence.count):
-        beam = share_out(i, grid, evidence, rules, reach, room)
-        if beam.total > 0.0:
-            for n in range(pull_links(beam, grid, skeleton, stretch_squared, reach, room)):
-                add_score(room.links[n], skeleton, stretch_squared, scale, room, sums)
+    for first in range(0, evidence.count, BLOCK):
+        share_out(first, grid, evidence, rules, reach, room)
+        for i in range(min(BLOCK, evidence.count - first)):
+            if room.totals[i] > 0.0:
+                for n in range(pull_links(i, grid, skeleton, stretch_squared, reach, room)):
+                    add_score(room.links[n], skeleton, stretch_squared, scale, room, sums)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp"})
-def share_out(i: int, grid: Grid, evidence: Evidence, rules: Rules, reach: int, room: Soft) -> Beam:
-    """Fill room.shares with the density of point i by sample, row by row."""
-    points, depth = evidence.points, grid.depth
-    z = points[2, i] / rules.stretch
-    right, down = points[0, i] / z, points[1, i] / z
-    u, v = grid.focal * right - grid.left, grid.focal * down - grid.top
-    column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
-    if not (reach <= row < depth.shape[0] - LANES and reach <= column < depth.shape[1] - LANES):
-        return Beam(right, down, z, column, row, 0.0)
-    middle = depth[row, column]
-    if middle == np.inf:
-        middle = np.float32(z)
-    pixel = middle / grid.focal / rules.noise_lateral  # standard deviations
-    bell(column - reach - u, pixel, reach, room.across[0])
-    bell(row - reach - v, pixel, reach, room.across[1])
-    along, here = np.float32(-0.5 / rules.noise_depth**2), np.float32(z)
-    total = np.float32(0.0)
-    for r in range(2 * reach + 1):
-        part, samples, shares = room.across[1, r], depth[row - reach + r], room.shares[r]
-        for c in range(LANES):
-            away = here - samples[column - reach + c]
-            share = part * room.across[0, c] * decay(along * away * away)
-            shares[c] = share
-            total += share
-    return Beam(right, down, z, column - reach, row - reach, np.float64(total))
+@numba.njit(cache=True, nogil=True)
+def share_out(first: int, grid: Grid, evidence: Evidence, rules: Rules, reach: int, room: Soft) -> None:
+    """Fill room.beams, .shares and .totals for the block of points from the first on.
+
+    Points that lie beside the grid have a density of nothing.
+    """
+    aim(evidence.points, first, rules.stretch, rules.noise_lateral, reach, grid, room.beams, room.across)
+    for axis in range(2):
+        spread(axis, 2 * reach + 1, room.beams.pixel, room.across)
+    sharp = np.float32(-0.5 / rules.noise_depth**2)
+    gather(grid.depth.ravel(), grid.depth.shape[1], 2 * reach + 1, room.beams.place, room.shares)
+    weigh(2 * reach + 1, sharp, room.beams.depth, room.across, room.shares, room.totals)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def bell(first: float, pixel: float, reach: int, out: Points) -> None:
-    """Fill out with a Gaussian's mass by pixel, `pixel` standard deviations wide; beyond 2 reach + 1 zero."""
-    for k in range(2 * reach + 1):
-        x = (first + k) * pixel
-        out[k] = np.exp(-0.5 * x * x) * pixel * 0.3989422804
+def aim(
+    points: Points,
+    first: int,
+    stretch: float,
+    noise: float,
+    reach: int,
+    grid: Grid,
+    beams: Beams,
+    across: Points,
+) -> None:
+    """Fill beams, and across[:, 0] with how many samples the first one lies beyond the point's ray."""
+    depth, width, height = grid.depth, grid.depth.shape[1] - 2 * reach, grid.depth.shape[0] - 2 * reach
+    focal, left, top = grid.focal, grid.left, grid.top
+    right, down, depths, pixel, columns, rows, place = beams
+    for i in range(BLOCK):
+        z = points[2, first + i] / stretch
+        right[i], down[i], depths[i] = points[0, first + i] / z, points[1, first + i] / z, z
+        u, v = focal * right[i] - left, focal * down[i] - top
+        column, row = int(np.floor(u + 0.5)) - reach, int(np.floor(v + 0.5)) - reach
+        inside = 0 <= row < height and 0 <= column < width
+        row, column = (row, column) if inside else (0, 0)
+        middle = depth[row + reach, column + reach]
+        pixel[i] = (middle if middle < np.inf else depths[i]) / focal / noise if inside else 0.0
+        columns[i], rows[i], place[i] = column, row, row * depth.shape[1] + column
+        across[0, 0, i], across[1, 0, i] = (column - u, row - v) if inside else (0.0, 0.0)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=LANEWISE)
+def spread(axis: int, side: int, pixel: Points, across: Points) -> None:
+    """Turn across[axis, 0] into across[axis, :side], a Gaussian's mass by pixel for each point."""
+    for k in range(side - 1, -1, -1):
+        for i in range(BLOCK):
+            x = (across[axis, 0, i] + np.float32(k)) * pixel[i]
+            across[axis, k, i] = np.float32(0.3989422804) * pixel[i] * decay(np.float32(-0.5) * x * x)
+
+
+@numba.njit(cache=True, nogil=True)
+def gather(samples: Points, width: int, side: int, place: NDArray[np.uint32], shares: Points) -> None:
+    """Fill shares (side ** 2, BLOCK) with the depths of the samples from each place on, row by row."""
+    for r in range(side):
+        for c in range(side):
+            for i in range(BLOCK):
+                shares[r * side + c, i] = samples[place[i] + np.uint32(r * width + c)]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=LANEWISE)
+def weigh(
+    side: int, sharp: np.float32, depth: Points, across: Points, shares: Points, totals: Points
+) -> None:
+    """Turn shares from samples' depths into their parts of the points' density; totals takes the sum."""
+    totals[:] = 0.0
+    for r in range(side):
+        for c in range(side):
+            for i in range(BLOCK):
+                away = depth[i] - shares[r * side + c, i]
+                share = across[0, c, i] * across[1, r, i] * decay(sharp * away * away)
+                shares[r * side + c, i] = share
+                totals[i] += share
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def decay(x: np.float32) -> np.float32:
-    """exp(x) of x <= 0 to 1e-4 of itself, 0 below -16, without a branch: Pade's approximant of x / 64."""
-    one, y = np.float32(1.0), max(x, np.float32(-16.0)) * np.float32(1.0 / 64.0)
-    half, twelfth = np.float32(0.5) * y, y * y * np.float32(1.0 / 12.0)
-    e = (one + half + twelfth) / (one - half + twelfth)
+    """exp(x) of x <= 0 to 1e-4 of itself, 0 below -16, without a branch: Taylor's series of x / 64."""
+    y = max(x, np.float32(-16.0)) * np.float32(1.0 / 64.0)
+    e = np.float32(1.0 / 120.0) * y + np.float32(1.0 / 24.0)
+    e = e * y + np.float32(1.0 / 6.0)
+    e = e * y + np.float32(0.5)
+    e = e * y + np.float32(1.0)
+    e = e * y + np.float32(1.0)
     e *= e
     e *= e
     e *= e
@@ -187,17 +245,18 @@ def decay(x: np.float32) -> np.float32:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def pull_links(
-    beam: Beam, grid: Grid, skeleton: Skeleton, stretch_squared: float, reach: int, room: Soft
-) -> int:
-    """Fill room.pulls with a point's pull on links that can move, listed in room.links; gives how many."""
-    pulls, count = room.pulls, 0
-    nearer, least = 1.0 / grid.focal, LEAST * (beam.total + OUTLIER)
-    for r in range(2 * reach + 1):
-        for c in range(2 * reach + 1):
-            if room.shares[r, c] < least:
+def pull_links(i: int, grid: Grid, skeleton: Skeleton, stretch_squared: float, reach: int, room: Soft) -> int:
+    """Fill room.pulls with point i's pull on links that can move, listed in room.links; gives how many."""
+    pulls, shares, depth, beams = room.pulls, room.shares, grid.depth, room.beams
+    right, down, here = beams.right[i], beams.down[i], beams.depth[i]
+    side, count = 2 * reach + 1, 0
+    total = np.float64(room.totals[i]) + OUTLIER
+    nearer, least = 1.0 / grid.focal, LEAST * total
+    for r in range(side):
+        for c in range(side):
+            if shares[r * side + c, i] < least:
                 continue
-            row, column = beam.row + r, beam.column + c
+            row, column = beams.row[i] + r, beams.column[i] + c
             s = grid.links[row, column]
             if skeleton.link_dofs[s] < 0:
                 continue
@@ -206,10 +265,10 @@ def pull_links(
                 room.links[count] = s
                 pulls[s] = 0.0
                 count += 1
-            share, z = room.shares[r, c] / (beam.total + OUTLIER), np.float64(grid.depth[row, column])
+            share, z = shares[r * side + c, i] / total, np.float64(depth[row, column])
             x, y = (column + grid.left) * z * nearer, (row + grid.top) * z * nearer
-            fx, fy = share * (beam.right * z - x), share * (beam.down * z - y)
-            fz = share * stretch_squared * (beam.depth - z)
+            fx, fy = share * (right * z - x), share * (down * z - y)
+            fz = share * stretch_squared * (here - z)
             pull = pulls[s]
             pull[0] += fx
             pull[1] += fy
@@ -265,6 +324,8 @@ def add_score(
 def mean_log_density(grid: Grid, evidence: Evidence, rules: Rules, room: Soft) -> float:
     """Mean log p of the observed points."""
     total, reach = 0.0, sample_reach(rules)
-    for i in range(evidence.count):
-        total += np.log(share_out(i, grid, evidence, rules, reach, room).total + OUTLIER)
+    for first in range(0, evidence.count, BLOCK):
+        share_out(first, grid, evidence, rules, reach, room)
+        for i in range(min(BLOCK, evidence.count - first)):
+            total += np.log(np.float64(room.totals[i]) + OUTLIER)
     return total / evidence.count
