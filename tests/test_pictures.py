@@ -178,6 +178,21 @@ def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
     assert np.sum(np.abs(corner - STATUS_COLOURS["lost"]).sum(axis=-1) < 40.0) > 10
 
 
+def test_a_hypothesis_is_the_fainter_the_less_its_weight(
+    source: Source, model: BodyModel, track: Track
+) -> None:
+    """The other one of two changes the picture, and less so where it hardly counts."""
+    painter = Painter(model, around(track, source.intrinsics, 300, 300))
+    alone, faint, strong = (
+        np.asarray(
+            painter.paint(source.frame(0), replace(shown_at(track, 0), weights=np.array(weights))), float
+        )
+        for weights in ([1.0, np.nan], [1.0, 0.0], [1.0, 1.0])
+    )
+    painter.close()
+    assert 0.0 < np.abs(faint - alone).sum() < 0.4 * np.abs(strong - alone).sum()
+
+
 def test_a_frame_without_depth_and_a_pose_behind_the_camera_can_be_drawn(
     source: Source, track: Track
 ) -> None:
@@ -190,7 +205,7 @@ def test_a_frame_without_depth_and_a_pose_behind_the_camera_can_be_drawn(
         painter = Painter(scene.model, view)
         pose = scene.poses[0].copy()
         pose[2] = depth
-        shown = replace(shown_at(track, 3), pose=pose, hypotheses=pose[None])
+        shown = replace(shown_at(track, 3), pose=pose, hypotheses=pose[None], weights=np.ones(1))
         assert painter.paint(empty, shown).size == (200, 200)
         painter.close()
 

@@ -29,15 +29,20 @@ MODEL_COLOUR = np.array([255.0, 122.0, 28.0], dtype=np.float32)
 MODEL_OPACITY, CONTOUR_OPACITY, CONTOUR_JUMP_M = 0.38, 0.9, 0.06
 FARTHEST = 1e4  # pixels outside the picture that a line may go
 SKELETON_COLOUR, OTHERS_COLOUR = (255, 255, 255), (92, 214, 255)
+FAINTEST = 0.15  # opacity of a hypothesis without weight; the likeliest is opaque
 STATUS_COLOURS = {"tracked": (92, 200, 120), "ambiguous": (245, 190, 70), "lost": (240, 90, 90)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """What the tracker said about a frame: the reported pose (D,), all hypotheses (M, D), the status."""
+    """What the tracker said about a frame: the reported pose (D,), all hypotheses (M, D), the status.
+
+    The hypotheses' weights (M,) are NaN where there are fewer than M.
+    """
 
     pose: Array
     hypotheses: Array
+    weights: Array
     status: str
 
 
@@ -103,17 +108,19 @@ class Painter:
         return painted
 
     def _draw_skeletons(self, picture: Image.Image, shown: Shown) -> None:
-        draw = ImageDraw.Draw(picture)
+        draw = ImageDraw.Draw(picture, "RGBA")
         width = max(2, picture.height // 160)
-        others = shown.hypotheses[np.all(np.isfinite(shown.hypotheses), axis=1)]
-        for joints in joint_positions(self.model, others):
-            self._draw_skeleton(draw, joints, OTHERS_COLOUR, width // 2)
+        order = np.argsort(shown.weights)[: np.isfinite(shown.weights).sum()]  # the likely over the unlikely
+        strengths = shown.weights[order] / shown.weights[order].max(initial=np.finfo(float).tiny)
+        skeletons = joint_positions(self.model, shown.hypotheses[order])
+        for joints, opacity in zip(skeletons, FAINTEST + (1.0 - FAINTEST) * strengths, strict=True):
+            self._draw_skeleton(draw, joints, (*OTHERS_COLOUR, round(255 * opacity)), width // 2)
         reported = joint_positions(self.model, shown.pose[None])[0]
         self._draw_skeleton(draw, reported, (0, 0, 0), width + 2)
         self._draw_skeleton(draw, reported, SKELETON_COLOUR, width)
 
     def _draw_skeleton(
-        self, draw: ImageDraw.ImageDraw, joints: Array, colour: tuple[int, int, int], width: int
+        self, draw: ImageDraw.ImageDraw, joints: Array, colour: tuple[int, ...], width: int
     ) -> None:
         if np.any(joints[:, 2] <= 0.0):
             return

@@ -96,7 +96,12 @@ def comparable(track: Track, truth: Truth) -> bool:
 
 def shown_at(track: Track, position: int) -> Shown:
     """What the tracker said about the frame at this position."""
-    return Shown(track.pose[position], track.hypothesis_pose[position], str(track.status[position]))
+    return Shown(
+        track.pose[position],
+        track.hypothesis_pose[position],
+        track.hypothesis_weight[position],
+        str(track.status[position]),
+    )
 
 
 def opengl_starts() -> bool:
