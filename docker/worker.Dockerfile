@@ -6,7 +6,8 @@ FROM ${BASE} AS python
 # hadolint ignore=DL3008
 RUN apt-get update \
     && apt-get install -y --no-install-recommends libgomp1 libstdc++6 python3 \
-    && rm -rf /var/lib/apt/lists/* /var/cache/apt /var/log/*
+    && rm -rf /var/lib/apt/lists/* /var/cache/apt /var/log/* /usr/share/locale /usr/share/man /usr/share/info \
+    && find /usr/share/doc -not -type d -not -name copyright -delete
 
 FROM python AS build
 # hadolint ignore=DL3008
@@ -30,11 +31,14 @@ ENV NUMBA_CPU_NAME=${KERNEL_CPU} \
     NUMBA_CACHE_DIR=/opt/gepf/kernels
 RUN /opt/gepf/bin/python -I -c "from worker.cli import load_kernel; load_kernel()"
 
-FROM python
+# Files alone: what the steps above removed, from the base as well, does not travel in a layer below.
+FROM scratch
 ARG KERNEL_CPU=x86-64-v3
+# hadolint ignore=DL3067
+COPY --from=python / /
 COPY --from=build /opt/gepf /opt/gepf
 COPY docker/entrypoint.sh /opt/gepf/bin/entrypoint
-ENV PATH=/opt/gepf/bin:$PATH \
+ENV PATH=/opt/gepf/bin:/usr/bin:/bin \
     HOME=/tmp \
     PYTHONDONTWRITEBYTECODE=1 \
     PYTHONUNBUFFERED=1 \
