@@ -481,7 +481,6 @@ def view(
     if save is not None:
         save_run(run, sequence, save, on_stderr(quiet=quiet))
         return
-    end_as_interrupted()
     serve_run(run, sequence, port, on_stderr(quiet=quiet), browser=browser)
 
 

@@ -31,7 +31,7 @@ worker = typer.Typer()
 worker.command()(work)
 PROGRAMS = {"gepf": get_command(app), "gepf-worker": get_command(worker)}
 PLACEHOLDERS = {"MS": "1", "SECONDS": "1", "FPS": "1"}
-PATIENCE = 300  # seconds for a command on a busy machine
+PATIENCE = 900  # seconds for a command on a busy machine, kernels compiled included
 
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+)`")

@@ -35,6 +35,10 @@ def save_run(run: Path, sequence: Path | None, file: Path, show: Show) -> None:
 
 def serve_run(run: Path, sequence: Path | None, port: int, show: Show, *, browser: bool) -> None:
     """Show the recording in a browser until interrupted."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(
+            number, signal.SIG_DFL
+        )  # nothing is kept, and the viewer's own code swallows interrupts
     track, recording = read_track(run), rr.RecordingStream(APPLICATION)
     source = find_sequence(run, sequence)
     try:
