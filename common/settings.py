@@ -56,7 +56,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 PRESETS = {
-    "paper": Settings(preset="paper"),
+    "paper": Settings(preset="paper", refine=RefineSettings(keep_limits=True)),
     "default": Settings(
         preset="default",
         points=4_000,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,10 @@ class Belief:
     def weights(self) -> Array:
         """Normalised weights (M,)."""
         return normalise(self.log_weights)
+
+    def at_rest(self) -> Self:
+        """The same poses, going nowhere."""
+        return replace(self, velocities=np.zeros_like(self.velocities))
 
 
 def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:

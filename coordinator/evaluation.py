@@ -120,10 +120,14 @@ def lost_from(errors: Errors) -> int | None:
     """First frame from which on the tracking is lost to the end; unknown frames do not count."""
     angle, joint = errors.mean_angle_deg, errors.mean_joint_m
     known = ~(np.isnan(angle) & np.isnan(joint))
-    lost = ((angle > LOST_DEG) | (joint > LOST_M))[known]
+    return to_the_end(errors.frame[known], ((angle > LOST_DEG) | (joint > LOST_M))[known])
+
+
+def to_the_end(frames: NDArray[np.int64], lost: NDArray[np.bool_]) -> int | None:
+    """First of the frames (F,) from which on all are lost (F,)."""
     kept = np.flatnonzero(~lost)
     first = kept[-1] + 1 if len(kept) else 0
-    return int(errors.frame[known][first]) if first < len(lost) else None
+    return int(frames[first]) if first < len(lost) else None
 
 
 def overall(errors: NDArray[np.float64]) -> float | None:

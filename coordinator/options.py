@@ -68,9 +68,8 @@ def choose_settings(
         particles = 1
         if points is None:
             settings = msgspec.structs.replace(settings, points=max(settings.points, LONE_POINTS))
-        if preset_name == "default":
-            thorough = msgspec.structs.replace(settings.refine, icp_iterations=LONE_ITERATIONS)
-            settings = msgspec.structs.replace(settings, refine=thorough)
+        thorough = msgspec.structs.replace(settings.refine, icp_iterations=LONE_ITERATIONS)
+        settings = msgspec.structs.replace(settings, refine=thorough)
     if method in BASELINES:
         particles = BASELINES[method] if particles is None else particles
         assess = msgspec.structs.replace(settings.refine, icp_iterations=0)

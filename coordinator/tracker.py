@@ -92,10 +92,9 @@ class Tracker:
             return self._carry_on(frame, clock)
         self._refiner.publish(subject)
         clock.lap("publish")
-        if self._belief is None:
-            self._belief = self._begin(subject)
-            clock.lap("start")
-
+        guessed = self._belief is None
+        past = self._begin(subject) if self._belief is None else self._belief
+        clock.lap("start")
         answered = self._settings.filter.particles
 
         def refine(poses: Array) -> Refined:
@@ -106,9 +105,8 @@ class Tracker:
             answered = min(answered, len(refined.answered))
             return replace(refined, poses=natural_angles(self.model, refined.poses))
 
-        self._belief = self._method.advance(
-            self.model, self._belief, refine, self._settings.filter, self._rng
-        )
+        found = self._method.advance(self.model, past, refine, self._settings.filter, self._rng)
+        self._belief = found.at_rest() if guessed else found  # the way from a guess is no motion
         clock.lap("merge")
         return self._report(frame, self._belief, clock.laps, answered)
 
@@ -143,9 +141,8 @@ class Tracker:
                 f"frame {frame.number} shows no depth, so there is nothing to start from; "
                 "begin with a frame that shows the person, e.g. with --frames"
             )
-        still = np.zeros_like(self._belief.velocities)
-        unseen = np.full(len(still), np.nan)
-        self._belief = replace(self._belief, velocities=still, residual=unseen)
+        unseen = np.full(len(self._belief.residual), np.nan)
+        self._belief = replace(self._belief.at_rest(), residual=unseen)
         return self._report(frame, self._belief, clock.laps, answered=0)
 
     def _report(self, frame: DepthFrame, found: Belief, laps: dict[str, float], answered: int) -> Estimate:

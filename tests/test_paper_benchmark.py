@@ -10,8 +10,11 @@ import pytest
 from benchmarks.paper.bound import information, smoothed
 from benchmarks.paper.footage import Footage
 from benchmarks.paper.matrix import ROWS, choose
+from benchmarks.paper.scores import limb_lost_from
 from common.errors import InputError
 from common.kinematics import pose_vertices
+from coordinator.evaluation import Errors
+from coordinator.models.human import human
 from coordinator.rendering import DepthRenderer
 from coordinator.scenes import SCENES
 from coordinator.sensor_noise import SensorNoise
@@ -45,6 +48,18 @@ def test_more_frames_never_tell_less() -> None:
     sofar, both = (smoothed(told, np.full(2, 0.01), ahead=ahead) for ahead in (False, True))
     assert np.all(both[:, 0, 0] <= sofar[:, 0, 0] + 1e-12)
     assert np.all(sofar[1:, 0, 0] < single)
+
+
+def test_a_limb_is_lost_when_it_is_never_found_again() -> None:
+    """An arm that is 70 cm off from frame 3 to the end, though the mean joint is near; not one that is back."""
+    names = human().joint_names
+    joint_m = np.full((6, len(names)), 0.02)
+    arm = [names.index("right_elbow"), names.index("right_wrist")]
+    joint_m[3:, arm] = 0.7
+    errors = Errors(np.arange(6), ("angle",), np.zeros((6, 1)), np.zeros((6, 1)), joint_m)
+    assert limb_lost_from(names, errors) == 3
+    joint_m[5, arm] = 0.05
+    assert limb_lost_from(names, errors) is None
 
 
 def test_rows_are_chosen_by_name_or_part_and_an_unknown_one_is_told() -> None:

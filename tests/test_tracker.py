@@ -91,9 +91,9 @@ def known() -> Bodies:
     return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
 
 
-def tracker(settings: Settings = SETTINGS) -> Tracker:
+def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> Tracker:
     """A tracker of the known person, told where to start."""
-    return Tracker(DirectRefiner(), settings, known(), STANDING)
+    return Tracker(DirectRefiner(), settings, known(), start)
 
 
 def apart(estimate: Estimate, joints: Array) -> Array:
@@ -122,6 +122,17 @@ def test_it_starts_where_it_is_told() -> None:
     assert (told.start.stature, told.start.girth) == (1.82, 1.0)
     np.testing.assert_array_equal(told.start.pose, name_pose(told.model, STANDING))
     assert apart(estimate, shown("standing").joints[0]).max() < 0.03
+
+
+def test_the_way_from_the_initial_guess_is_no_motion() -> None:
+    """However far the first frame moves a wrong start, velocity is learnt from the second on."""
+    frames, _ = shown("standing")
+    followed = tracker(start={**STANDING, "r_shoulder_flexion": 0.4})
+    first = followed.track(frames[0])
+    assert abs(first.pose - followed.start.pose).max() > 0.2
+    assert not followed.state.carried.belief["velocities"].any()
+    followed.track(frames[1])
+    assert followed.state.carried.belief["velocities"].any()
 
 
 def test_an_estimate_is_whole() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.paper.matrix import Row
 from benchmarks.paper.runs import Run
 from common.settings import Settings
-from coordinator.evaluation import Errors, lost_from
+from coordinator.evaluation import LOST_M, Errors, lost_from, to_the_end
 from coordinator.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
@@ -19,6 +19,11 @@ Array = NDArray[np.float64]
 SETTLED = {"clean": 10, "turn": 0}  # frames that do not count: tracking starts with a wrong pose
 USUALLY_SETTLED = 30
 NEAR_DEG = 10.0
+LIMBS = [
+    (f"{side}_{middle}", f"{side}_{end}")
+    for side in ("right", "left")
+    for middle, end in (("elbow", "wrist"), ("knee", "ankle"))
+]
 
 
 class Limbs(msgspec.Struct, frozen=True):
@@ -37,6 +42,7 @@ class RunScore(msgspec.Struct, frozen=True):
     best_deg: float
     within_10_deg_percent: float  # frames whose reported pose is that near on average
     lost_from_frame: int | None
+    limb_lost_from_frame: int | None
     ms_per_frame: float
     joints: Limbs | None = None
 
@@ -57,6 +63,7 @@ class RowScore(msgspec.Struct, frozen=True):
     reported_deg_by_angle: dict[str, float]
     within_10_deg_percent: float
     lost: int  # runs
+    limb_lost: int  # runs in which an arm or a leg was never found again
     ms_per_frame: float
     hypotheses: float
     joints: Limbs | None
@@ -82,6 +89,7 @@ def score_row(row: Row, runs: Sequence[Run], visible: NDArray[np.bool_] | None) 
         reported_deg_by_angle=dict(zip(runs[0].angles, by_angle.round(3).tolist(), strict=True)),
         within_10_deg_percent=mean([s.within_10_deg_percent for s in scores]),
         lost=sum(s.lost_from_frame is not None for s in scores),
+        limb_lost=sum(s.limb_lost_from_frame is not None for s in scores),
         ms_per_frame=mean([s.ms_per_frame for s in scores]),
         hypotheses=mean([float(np.mean(run.hypotheses)) for run in runs]),
         joints=average([s.joints for s in scores if s.joints is not None]),
@@ -100,9 +108,17 @@ def score_run(run: Run, first: int, visible: NDArray[np.bool_] | None) -> RunSco
         best_deg=round(float(best[first:].mean()), 3),
         within_10_deg_percent=round(100.0 * float(np.mean(reported[first:].mean(axis=1) <= NEAR_DEG)), 2),
         lost_from_frame=lost_from(errors),
+        limb_lost_from_frame=limb_lost_from(run.joints, errors),
         ms_per_frame=round(float(np.mean(run.ms)), 2),
         joints=None if visible is None else limbs(joint_cm[first:], visible[first : len(joint_cm)]),
     )
+
+
+def limb_lost_from(joints: tuple[str, ...], errors: Errors) -> int | None:
+    """First frame from which on an arm or a leg is lost to the end, its two joints far off on average."""
+    pairs = [[joints.index(name) for name in limb] for limb in LIMBS]
+    far = [to_the_end(errors.frame, errors.joint_m[:, pair].mean(axis=1) > LOST_M) for pair in pairs]
+    return min((frame for frame in far if frame is not None), default=None)
 
 
 def limbs(joint_cm: Array, visible: NDArray[np.bool_]) -> Limbs:

@@ -81,12 +81,13 @@ def angle_table(rows: Sequence[RowScore]) -> Table:
 def limb_table(rows: Sequence[RowScore]) -> Table:
     """Joint errors of what is seen and of what is not."""
     table = Table(title="Mean joint error of the reported pose, centimetres")
-    for column in ("row", "all", "visible", "hidden"):
+    for column in ("row", "all", "visible", "hidden", "lost a limb"):
         table.add_column(column, justify="left" if column == "row" else "right")
     for row in rows:
         if row.joints is not None:
             limbs = (row.joints.all_cm, row.joints.visible_cm, row.joints.hidden_cm)
-            table.add_row(row.name, *(f"{error:.1f}" for error in limbs))
+            lost = f"{row.limb_lost} of {len(row.runs)}"
+            table.add_row(row.name, *(f"{error:.1f}" for error in limbs), lost)
     return table
 
 
