@@ -51,7 +51,7 @@ def test_more_frames_never_tell_less() -> None:
 
 
 def test_a_limb_is_lost_when_it_is_never_found_again() -> None:
-    """An arm that is 70 cm off from frame 3 to the end, though the mean joint is near; not one that is back."""
+    """An arm that is 70 cm off from frame 3 to the end, the mean joint near; not one that is back."""
     names = human().joint_names
     joint_m = np.full((6, len(names)), 0.02)
     arm = [names.index("right_elbow"), names.index("right_wrist")]

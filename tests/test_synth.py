@@ -182,11 +182,11 @@ def test_truth_joints_lie_on_the_rendered_silhouette(name: str, request: pytest.
 def test_a_scene_moves_as_a_person_can_and_stays_in_the_picture(
     name: str, request: pytest.FixtureRequest
 ) -> None:
-    """Angles keep to their limits and below 6 degrees a frame; no vertex leaves the image."""
+    """Angles keep to their limits and below 18 degrees a frame, as in a spin; no vertex leaves the image."""
     scene: Scene = request.getfixturevalue(name)
     model = scene.model
     angles = [j for j, dof in enumerate(model.dof_names) if not dof.startswith("root_t")]
-    assert np.degrees(np.abs(np.diff(scene.poses[:, angles], axis=0)).max()) < 6.0
+    assert np.degrees(np.abs(np.diff(scene.poses[:, angles], axis=0)).max()) < 18.0
     assert np.all((scene.poses >= model.limits[:, 0]) & (scene.poses <= model.limits[:, 1]))
     for pose in scene.poses[::5]:
         pixels = project(pose_vertices(model, pose[None])[0], scene.camera)
@@ -232,7 +232,7 @@ def test_the_turn_hides_the_right_arm_and_leg_for_a_while(turn: Scene) -> None:
     limbs = [k for k, name in enumerate(turn.model.link_names) if name.startswith(hidden)]
     others = np.isin(turn.model.skin_links[turn.model.triangles[:, 0], 0], limbs, invert=True)
     with DepthRenderer(turn.camera) as renderer:
-        for frame, least, most in ((0, 0.15, 1.0), (128, 0.0, 0.05), (136, 0.0, 0.05), (144, 0.0, 0.05)):
+        for frame, least, most in ((0, 0.15, 1.0), (128, 0.0, 0.05), (134, 0.0, 0.05), (140, 0.0, 0.05)):
             vertices = pose_vertices(turn.model, turn.poses[frame : frame + 1])[0]
             whole = renderer.depth(vertices, turn.model.triangles)
             rest = renderer.depth(vertices, turn.model.triangles[others])
