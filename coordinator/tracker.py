@@ -23,7 +23,7 @@ from coordinator.refiner import Refiner
 from coordinator.sensor_noise import SensorNoise, measure_noise, told
 from coordinator.start import Start, find_start, given_start, require_start
 from coordinator.status import judge
-from coordinator.subject import isolate
+from coordinator.subject import CLEARANCE, isolate
 from coordinator.tracker_state import TrackerState, carry, load_generator
 
 Array = NDArray[np.float64]
@@ -111,10 +111,15 @@ class Tracker:
         return self._report(frame, self._belief, clock.laps, answered)
 
     def surface(self) -> Array | None:
-        """Surface (V, 3) in the reported pose, near which the subject is; None before the first frame."""
-        if self._belief is None:
+        """Surface (V, 3) near which the subject is: in the reported pose, at first in the given one."""
+        if self._belief is not None:
+            model, pose = self.model, self._belief.reported
+        elif self._given is not None:
+            start = given_start(self._given, self._bodies)
+            model, pose = start.model, start.pose
+        else:
             return None
-        surface: Array = pose_vertices(self.model, self._belief.reported[None])[0]
+        surface: Array = pose_vertices(model, pose[None])[0]
         return surface
 
     @property
@@ -137,8 +142,9 @@ class Tracker:
     def _carry_on(self, frame: DepthFrame, clock: Stopwatch) -> Estimate:
         """Nothing was seen: hypotheses stay where they are, the frame is lost."""
         if self._belief is None:
+            where = "" if self._given is None else f" within {100 * CLEARANCE:.0f} cm of the given start"
             raise InputError(
-                f"frame {frame.number} shows no depth, so there is nothing to start from; "
+                f"frame {frame.number} shows no depth{where}, so there is nothing to start from; "
                 "begin with a frame that shows the person, e.g. with --frames"
             )
         unseen = np.full(len(self._belief.residual), np.nan)

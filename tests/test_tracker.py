@@ -135,6 +135,15 @@ def test_the_way_from_the_initial_guess_is_no_motion() -> None:
     assert followed.state.carried.belief["velocities"].any()
 
 
+def test_a_wall_behind_does_not_count_where_the_start_is_told() -> None:
+    """The first frame is cut out around the given pose: the estimate is that of the person alone."""
+    frame = shown("standing").frames[0]
+    walled = frame_of(0, np.where(frame.depth > 0, frame.metres(), 5.0))
+    alone, before = (tracker().track(seen) for seen in (frame, walled))
+    assert before.status == "tracked"
+    np.testing.assert_array_equal(before.pose, alone.pose)
+
+
 def test_an_estimate_is_whole() -> None:
     """Weights sum to 1, likeliest first, the first hypothesis is the pose, and the joints are those of it."""
     frames, _ = shown("standing")
@@ -197,6 +206,9 @@ def test_an_empty_first_frame_is_the_users_fault() -> None:
     with pytest.raises(InputError, match=r"frame 7 shows no depth.*--frames") as caught:
         tracker().track(empty(7))
     assert "\n" not in str(caught.value)
+    away = frame_of(7, np.full((CAMERA.height, CAMERA.width), 6.0))
+    with pytest.raises(InputError, match="within 80 cm of the given start"):
+        tracker().track(away)
 
 
 def test_there_is_no_body_before_the_first_frame() -> None:

@@ -29,6 +29,7 @@ MODEL_COLOUR = np.array([255.0, 122.0, 28.0], dtype=np.float32)
 MODEL_OPACITY, CONTOUR_OPACITY, CONTOUR_JUMP_M = 0.38, 0.9, 0.06
 FARTHEST = 1e4  # pixels outside the picture that a line may go
 SKELETON_COLOUR, OTHERS_COLOUR = (255, 255, 255), (92, 214, 255)
+TITLE_COLOUR, EDGE = (235, 238, 243), (19, 23, 31)
 FAINTEST = 0.15  # opacity of a hypothesis without weight; the likeliest is opaque
 STATUS_COLOURS = {"tracked": (92, 200, 120), "ambiguous": (245, 190, 70), "lost": (240, 90, 90)}
 
@@ -135,8 +136,12 @@ def write_caption(picture: Image.Image, title: str, status: str) -> None:
     """Write the title and the status at the top, in place."""
     draw = ImageDraw.Draw(picture)
     size = max(11, picture.height // 22)
-    draw.text((size // 2, size // 3), title, fill=(235, 238, 243), font=font(size))
-    draw.text((picture.width - size // 2, size // 3), status, STATUS_COLOURS[status], font(size), anchor="ra")
+    left, right = (size // 2, size // 3), (picture.width - size // 2, size // 3)
+    for text, place, colour, anchor in (
+        (title, left, TITLE_COLOUR, "la"),
+        (status, right, STATUS_COLOURS[status], "ra"),
+    ):
+        draw.text(place, text, colour, font(size), anchor, stroke_width=max(1, size // 10), stroke_fill=EDGE)
 
 
 @cache
