@@ -30,6 +30,7 @@ from coordinator.bodies import Bodies
 from coordinator.versions import versions
 
 WHOLE = "all of preset default"
+IN_BOTH = ("keep_limits", "measure_noise")  # which the paper leaves open, so that neither preset goes without
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +112,8 @@ def measure(choice: Choice) -> int:
 
 
 def choose_changes(only: Sequence[str] | None) -> list[str]:
-    """`key=value` of every setting in which preset default differs, with the paper's value."""
+    """`key=value` of every setting in which preset default differs, with the paper's value; then without
+    what both have."""
     paper, default = (msgspec.to_builtins(PRESETS[name]) for name in ("paper", "default"))
     changes = {
         key: f"{key}={json.dumps(value)}"
@@ -123,9 +125,10 @@ def choose_changes(only: Sequence[str] | None) -> list[str]:
         for key, value in mine.items()
         if other[key] != value and not isinstance(value, dict) and key != "preset"
     }
+    changes |= {key: f"{key}=false" for key in IN_BOTH}
     for key in only or ():
         if key not in changes:
-            raise InputError(f"the presets do not differ in '{key}'; choose from {', '.join(changes)}")
+            raise InputError(f"'{key}' is the same in the paper; choose from {', '.join(changes)}")
     return [change for key, change in changes.items() if only is None or key in only]
 
 

@@ -15,7 +15,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     damping: float = 0.1  # lambda of Eq. 4
     damping_share: float = 0.0  # is added to it for each observed point
     rest_weight: float = 0.0  # of a squared joint angle, for each point that the pose leaves unexplained
-    keep_limits: bool = False
+    keep_limits: bool = False  # of the joints
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
     noise_lateral: float = 0.01  # and across it; closest points are sought in units of both
     outlier_distance: float = 0.0  # residuals beyond it lose influence; 0 gives all points full weight
@@ -56,7 +56,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 PRESETS = {
-    "paper": Settings(preset="paper", refine=RefineSettings(keep_limits=True)),
+    "paper": Settings(preset="paper", refine=RefineSettings(keep_limits=True)),  # which the paper leaves open
     "default": Settings(
         preset="default",
         points=4_000,

@@ -67,6 +67,13 @@ HEAVY_ROWS = [
     for preset in ("paper", "default")
 ]
 
+LETTER = ("keep_limits=false", "measure_noise=false")  # nothing that the paper does not name
+LETTER_ROWS = [
+    replace(row, name=row.name.replace("paper", "letter"), part="letter", seeds=3, changes=LETTER)
+    for row in HEAVY_ROWS
+    if row.preset == "paper"
+]
+
 MODERATE_ROWS = [
     replace(row, name=f"moderate-{row.name}", part="moderate", noise=SensorNoise(0.05, 0.005), seeds=3)
     for row in HEAVY_ROWS
@@ -100,7 +107,7 @@ TURNS = [
     for method, particles in (("gradient", None), ("gepf", 100))
 ]
 
-ROWS = [*CLEAN, *HEAVY_ROWS, *MODERATE_ROWS, *CURVES, *TURNS]
+ROWS = [*CLEAN, *HEAVY_ROWS, *LETTER_ROWS, *MODERATE_ROWS, *CURVES, *TURNS]
 
 
 def choose(only: Sequence[str] | None, seeds: int | None) -> list[Row]:

@@ -14,6 +14,7 @@ from benchmarks.paper.scores import RowScore
 TITLES = {
     "clean": "The arm without noise",
     "heavy": "The arm, 15 cm of noise in depth and 1 cm across",
+    "letter": "The same, preset paper without joint limits and in metres: neither is in the paper",
     "moderate": "The arm, 5 cm of noise in depth and 5 mm across",
     "curves": "Error against evaluations: 15 cm and 1 cm, few points, few frames",
     "turn": "A person who turns",
