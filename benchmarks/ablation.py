@@ -1,7 +1,8 @@
 """What each setting of preset default is worth alone: python -m benchmarks.ablation.
 
 Every setting in which the presets differ is put back to the paper's value, one at a time, and what both have
-beyond the paper is taken away, on the arm behind heavy noise and on two real people. Lines on stderr, a table on stdout, numbers in a JSON file.
+beyond the paper is taken away, on the arm behind heavy noise and on two real people. Lines on stderr, a table
+on stdout, numbers in a JSON file.
 """
 
 from __future__ import annotations
