@@ -112,7 +112,7 @@ def measure(choice: Choice) -> int:
 
 
 def choose_changes(only: Sequence[str] | None) -> list[str]:
-    """`key=value` of every setting in which preset default differs, with the paper's; then without what both have."""
+    """`key=value` of all that preset default does otherwise than the paper, with the paper's value."""
     paper, default = (msgspec.to_builtins(PRESETS[name]) for name in ("paper", "default"))
     changes = {
         key: f"{key}={json.dumps(value)}"
