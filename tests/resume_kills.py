@@ -85,7 +85,10 @@ def count(log: Path) -> int:
 
 
 def try_all(kills: int, frames: int, seed: int) -> list[Killed]:
-    """Kill as many runs, each at a moment of its own that is anywhere between a run's start and its end."""
+    """Kill as many runs, each at a moment of its own that is anywhere between a run's start and its end.
+
+    A run that had ended before its moment came is told too, but counts for nothing.
+    """
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="gepf-kills-") as name:
         place = Place(Path(name), frames)
@@ -95,12 +98,17 @@ def try_all(kills: int, frames: int, seed: int) -> list[Killed]:
             if place.finish(place.folder / "calm") != 0:
                 raise SystemExit(place.log.read_text())
             calm = (place.folder / "calm" / "track.npz").read_bytes()
-            return [
-                kill_and_resume(
-                    place, place.folder / str(k), calm, rng.randrange(frames + 1), rng.uniform(0.0, LONGEST)
-                )
-                for k in range(kills)
-            ]
+            killed: list[Killed] = []
+            while hits(killed) < kills:
+                aimed_at, delay = rng.randrange(frames + 1), rng.uniform(0.0, LONGEST)
+                out = place.folder / str(len(killed))
+                killed.append(kill_and_resume(place, out, calm, aimed_at, delay))
+            return killed
+
+
+def hits(killed: list[Killed]) -> int:
+    """How many were killed before they had ended."""
+    return sum(not each.complete for each in killed)
 
 
 def main() -> int:
@@ -112,7 +120,7 @@ def main() -> int:
     options = parser.parse_args()
     killed = try_all(options.kills, options.frames, options.seed)
     told = {
-        "kills": len(killed),
+        "kills": hits(killed),
         "identical": sum(each.identical for each in killed),
         "torn": sum(each.torn for each in killed),
         "had_ended_before": sum(each.complete for each in killed),
