@@ -23,6 +23,14 @@ LABELS = {
 }
 
 
+PANELS = (
+    ("gradient-paper", "gradient, preset paper"),
+    ("gradient-default", "gradient, preset default"),
+    ("gepf-20-paper", "20 particles, preset paper: best hypothesis"),
+    ("gepf-20-default", "20 particles, preset default: best hypothesis"),
+)
+
+
 def draw(
     runs: Mapping[str, Sequence[Run]], rows: Sequence[RowScore], bounds: Bounds | None, folder: Path
 ) -> list[Path]:
@@ -30,7 +38,7 @@ def draw(
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     with styled():
-        if {"gradient-paper", "gepf-20-paper", "gepf-20-default"} <= runs.keys():
+        if {name for name, _ in PANELS} <= runs.keys():
             files.append(folder / "paper-noise.png")
             draw_noise(runs, files[-1])
         if {"clean-gradient-paper", "clean-gradient-default"} <= runs.keys():
@@ -44,14 +52,9 @@ def draw(
 
 def draw_noise(runs: Mapping[str, Sequence[Run]], file: Path) -> None:
     """As the paper's Fig. 5: each angle's error of the best hypothesis, one seed; and the gradient's."""
-    shown = (
-        ("gradient-paper", "gradient, preset paper"),
-        ("gepf-20-paper", "20 particles, preset paper: best hypothesis"),
-        ("gepf-20-default", "20 particles, preset default: best hypothesis"),
-    )
-    figure = new_figure(8.5, 7.2)
-    panels = figure.subplots(len(shown), 1, sharex=True, sharey=True)
-    for axes, (name, title) in zip(panels, shown, strict=True):
+    figure = new_figure(8.5, 9.4)
+    panels = figure.subplots(len(PANELS), 1, sharex=True, sharey=True)
+    for axes, (name, title) in zip(panels, PANELS, strict=True):
         run = runs[name][0]
         errors = np.array(run.best_deg)
         for a, angle in enumerate(run.angles):
