@@ -54,7 +54,7 @@ def measure(choice: Choice) -> int:
     bounds = bounds_of(footages["arm"].scene) if any(row.part == "heavy" for row in rows) else None
     found = report(scored, bounds, choice.processes, crashes)
     show(found, Console(width=None if sys.stdout.isatty() else WIDTH))
-    for file in draw(results, scored, bounds, choice.pictures):
+    for file in draw(results, scored, choice.pictures):
         console.print(f"drew {file}")
     if choice.out is None:
         console.print("the numbers of a part are kept only with --out FILE")

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from benchmarks.paper.report import Bounds
 from benchmarks.paper.runs import Run
 from benchmarks.paper.scores import RowScore
 from coordinator.pictures.style import new_figure, save, styled
 
 COLOURS = ("#e8590c", "#3b82c4", "#2f9e44", "#9c36b5", "#1b1f27")
+DEGREES = (1, 2, 5, 10, 20, 50)
 CLOSE = (60, 105)  # frames around which the arm is close to the body
 LABELS = {
     "r_shoulder_flexion": "shoulder flexion",
@@ -31,9 +31,7 @@ PANELS = (
 )
 
 
-def draw(
-    runs: Mapping[str, Sequence[Run]], rows: Sequence[RowScore], bounds: Bounds | None, folder: Path
-) -> list[Path]:
+def draw(runs: Mapping[str, Sequence[Run]], rows: Sequence[RowScore], folder: Path) -> list[Path]:
     """Draw every picture whose rows are there; gives the files."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
@@ -46,7 +44,7 @@ def draw(
             draw_clean(runs, files[-1])
         if any(row.part == "curves" for row in rows):
             files.append(folder / "paper-curves.png")
-            draw_curves([row for row in rows if row.part == "curves"], bounds, files[-1])
+            draw_curves([row for row in rows if row.part == "curves"], files[-1])
     return files
 
 
@@ -96,7 +94,7 @@ def mark_close(axes: Axes) -> None:
         axes.axvspan(frame - 6, frame + 6, color="#eef0f4", zorder=0)
 
 
-def draw_curves(rows: Sequence[RowScore], bounds: Bounds | None, file: Path) -> None:
+def draw_curves(rows: Sequence[RowScore], file: Path) -> None:
     """Error against evaluations a frame, and against processor time a frame."""
     figure = new_figure(8.5, 3.8)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -108,12 +106,11 @@ def draw_curves(rows: Sequence[RowScore], bounds: Bounds | None, file: Path) -> 
             (right, [row.ms_per_frame for row in of_kind]),
         ):
             axes.loglog(cost, errors, "o-", color=colour, markersize=4, linewidth=1.3, label=kind)
-    if bounds is not None:
-        for axes in (left, right):
-            axes.axhline(bounds.filtered.mean_deg, color="#8a919e", linewidth=0.9, linestyle=(0, (4, 3)))
+    left.set_yticks(DEGREES, map(str, DEGREES))
+    left.minorticks_off()
     left.set(title="reported pose", xlabel="likelihood evaluations a frame", ylabel="mean error, degrees")
     right.set(xlabel="processor time a frame, ms")
-    left.legend(fontsize=8)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
     save(figure, file)
 
 
