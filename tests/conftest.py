@@ -1,7 +1,7 @@
 """How the tests run: examples are the same every time, and the first call of a kernel may compile it.
 
-A shell that starts the tests in the background has them ignore Ctrl-C, and all that they start, though some end
-processes by it: so it is given back.
+A shell that starts the tests in the background has them ignore Ctrl-C, and all that they start, though some
+end processes by it: so it is given back.
 """
 
 from __future__ import annotations
