@@ -16,7 +16,7 @@ from rich.table import Table
 from benchmarks.choices import settings_with
 from benchmarks.forks import Crash, run_forked
 from benchmarks.paper.footage import Footage, shoot
-from benchmarks.paper.matrix import HEAVY_ROWS, Row
+from benchmarks.paper.matrix import HEAVY_ROWS, LETTER, Row
 from benchmarks.paper.runs import Job, run
 from benchmarks.paper.scores import USUALLY_SETTLED, score_run
 from benchmarks.people import WIDTH, keep
@@ -30,7 +30,6 @@ from coordinator.bodies import Bodies
 from coordinator.versions import versions
 
 WHOLE = "all of preset default"
-IN_BOTH = ("keep_limits", "measure_noise")  # which the paper leaves open, so that neither preset goes without
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +123,7 @@ def choose_changes(only: Sequence[str] | None) -> list[str]:
         for key, value in mine.items()
         if other[key] != value and not isinstance(value, dict) and key != "preset"
     }
-    changes |= {key: f"{key}=false" for key in IN_BOTH}
+    changes |= {change.partition("=")[0]: change for change in LETTER}
     for key in only or ():
         if key not in changes:
             raise InputError(f"'{key}' is the same in the paper; choose from {', '.join(changes)}")

@@ -21,8 +21,6 @@ LABELS = {
     "r_shoulder_twisting": "shoulder twisting",
     "r_elbow_flexion": "elbow flexion",
 }
-
-
 PANELS = (
     ("gradient-paper", "gradient, preset paper"),
     ("gradient-default", "gradient, preset default"),
