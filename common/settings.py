@@ -24,7 +24,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     independent_points: float = 200.0  # so many are the observed points worth then
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
     overstep: float = 0.0  # share of each iteration's motion that is added to it, but for the last
-    look_every: int = 1  # iterations, after which it is looked again which model points are visible
+    look_every: int = 1  # iterations that share a look at what is visible; above 1 the likelihood does, too
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

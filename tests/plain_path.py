@@ -289,10 +289,12 @@ def clamp(model: BodyModel, pose: Array) -> Array:
 
 
 def assess(
-    model: BodyModel, pose: Array, subject: SubjectFrame, settings: RefineSettings
+    model: BodyModel, pose: Array, before: Indices, subject: SubjectFrame, settings: RefineSettings
 ) -> tuple[float, float]:
-    """Step 5: log likelihood and mean residual."""
+    """Step 5: log likelihood and mean residual, by what is visible or, if that counts, was so before."""
     posed, visible = see(model, pose)
+    if len(before) > 0 and settings.look_every > 1:
+        visible = before
     points = observed_points(subject)
     if len(visible) == 0:
         return -np.inf, np.inf
@@ -318,7 +320,7 @@ def refine(
         factors = collect(model, pose, posed, visible, subject, settings)
         moved = minimise(model, factors, len(subject.picked), settings)
         pose = moved if k == settings.icp_iterations - 1 else extend(model, pose, moved, settings)
-    return pose, *assess(model, pose, subject, settings)
+    return pose, *assess(model, pose, visible, subject, settings)
 
 
 def extend(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:

@@ -373,10 +373,14 @@ def test_a_batch_is_its_particles_one_by_one() -> None:
 
 
 def test_without_iterations_poses_are_only_assessed() -> None:
-    """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them."""
+    """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them.
+
+    That is, after one that looks anew what is visible wherever it comes.
+    """
     model, observation = puppet(), observe(subject())
-    refined = icp.refine(model, observation, starts(3), DEFAULT)
-    assess = msgspec.structs.replace(DEFAULT, icp_iterations=0)
+    looking = msgspec.structs.replace(DEFAULT, look_every=1)
+    refined = icp.refine(model, observation, starts(3), looking)
+    assess = msgspec.structs.replace(looking, icp_iterations=0)
     assessed = icp.refine(model, observation, refined.poses, assess)
     np.testing.assert_array_equal(assessed.poses, refined.poses)
     np.testing.assert_array_equal(assessed.log_likelihood, refined.log_likelihood)

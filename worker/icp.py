@@ -131,6 +131,7 @@ def refine_particle(
         else:
             follow(pose, visible, skeleton, surface, room)
         if len(visible) == 0:
+            known = 0
             break
         before[:] = pose
         known = correspond(visible, known, surface, evidence, rules, room)  # 4c
@@ -291,9 +292,13 @@ def assess(
 ) -> tuple[float, float]:
     """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres.
 
-    `known` is as in `correspond`.
+    `known` is as in `correspond`. Where iterations share a look, the likelihood shares the last.
     """
-    visible = look(pose, skeleton, surface, room)
+    visible = room.search.known[:known]
+    if known > 0 and rules.look_every > 1 and not rules.soft:
+        follow(pose, visible, skeleton, surface, room)
+    else:
+        visible = look(pose, skeleton, surface, room)
     if len(visible) == 0 or evidence.count == 0:
         return -np.inf, np.inf
     correspond(visible, known, surface, evidence, rules, room)
