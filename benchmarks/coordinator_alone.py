@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings, preset
 from coordinator.chosen_body import choose_bodies
 from coordinator.recorder import Recorder
+from coordinator.refiner import idle
 from coordinator.sensor_noise import SensorNoise
 from coordinator.tracker import Tracker
 from coordinator.traffic import Traffic
@@ -36,8 +38,19 @@ class InstantRefiner:
         """Encode the frame, as publishing it does."""
         encode_frame(subject)
 
-    def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """Encode it, too."""
+        encode_frame(subject)
+
+    def refine(
+        self,
+        model: BodyModel,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        meanwhile: Callable[[], None] = idle,
+    ) -> Refined:
         """Poses (N, D), scattered."""
+        meanwhile()
         del model, settings
         self._valley = poses[:1] if self._valley is None else self._valley
         apart = self._rng.normal(scale=SCATTER, size=poses.shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -14,6 +14,7 @@ from common.errors import ProtocolError
 DType = Literal["<u2", "<u4", "<i8", "<f4", "<f8"]
 Extent = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 Dims = tuple[int | str, ...]  # extents: a number, or a letter that has one value throughout a message
+TYPES = {name: (np.dtype(name), np.dtype(name).newbyteorder("=")) for name in get_args(DType)}
 
 
 class Array(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
@@ -38,17 +39,19 @@ def unpack(what: str, array: Array, dtype: str, dims: Dims, sizes: dict[str, int
     if array.dtype != dtype:
         raise ProtocolError(f"{what} has dtype {array.dtype}, expected {dtype}")
     check_shape(what, array.shape, dims, sizes)
-    expected = np.dtype(dtype).itemsize * math.prod(array.shape)
+    wire, native = TYPES[dtype]
+    expected = wire.itemsize * math.prod(array.shape)
     if array.data.nbytes != expected:
         raise ProtocolError(
             f"{what} of shape {array.shape} has {array.data.nbytes} bytes, expected {expected}"
         )
-    flat = np.frombuffer(array.data, dtype=dtype)
-    return flat.astype(flat.dtype.newbyteorder("="), copy=True).reshape(array.shape)
+    return np.frombuffer(array.data, dtype=wire).reshape(array.shape).astype(native, copy=True)
 
 
 def check_shape(what: str, shape: tuple[int, ...], dims: Dims, sizes: dict[str, int]) -> None:
     """Compare a shape with the expected extents."""
+    if shape == tuple(sizes.get(d) if isinstance(d, str) else d for d in dims):
+        return
     wanted = tuple(d if isinstance(d, int) else sizes.get(d, d) for d in dims)
     if len(shape) != len(dims) or any(
         isinstance(w, int) and w != n for w, n in zip(wanted, shape, strict=True)

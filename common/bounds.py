@@ -61,27 +61,24 @@ def check_poses(poses: NDArray[np.float64]) -> None:
         raise ProtocolError(f"a batch has 1 to {MAX_PARTICLES} poses, this one {len(poses)}")
     if not 0 < poses.shape[1] <= MAX_DOFS:
         raise ProtocolError(f"a pose has 1 to {MAX_DOFS} values, these {poses.shape[1]}")
-    check_finite("poses", poses)
     check_magnitude("poses", poses, LARGEST_POSE)
 
 
 def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> None:
-    """ProtocolError if there is a value beyond plus or minus `largest`."""
-    if array.size and max(-array.min(), array.max()) > largest:
+    """ProtocolError if there is a value beyond plus or minus `largest`, or something that is no number."""
+    if array.size and not np.abs(array).max() <= largest:  # nor for a NaN; one look at what is mostly right
+        check_finite(what, array)
         raise ProtocolError(f"{what} holds values above {largest:g}")
 
 
 def check_refined(arrays: dict[str, NDArray[np.float64]]) -> None:
     """ProtocolError unless these can be refined particles; where nothing was observed some are infinite."""
-    for name, array in arrays.items():
-        check_numbers(f"the reply's {name}", array)
-    check_finite("the reply's poses", arrays["poses"])
-    check_magnitude("the reply's poses", arrays["poses"], LARGEST_POSE)
-    log_likelihood = arrays["log_likelihood"]
-    check_magnitude(
-        "the reply's log_likelihood", log_likelihood[log_likelihood != -np.inf], LARGEST_LOG_LIKELIHOOD
-    )
-    if np.any(arrays["residual"] < 0.0):
+    poses, log_likelihood, residual = (arrays[name] for name in ("poses", "log_likelihood", "residual"))
+    check_magnitude("the reply's poses", poses, LARGEST_POSE)
+    seen = log_likelihood[log_likelihood != -np.inf]
+    check_magnitude("the reply's log_likelihood", seen, LARGEST_LOG_LIKELIHOOD)
+    if not residual.min(initial=0.0) >= 0.0:
+        check_numbers("the reply's residual", residual)
         raise ProtocolError("the reply's residual holds values below zero")
 
 

@@ -9,7 +9,8 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Self
 
@@ -22,6 +23,7 @@ from common.session import Security, session_settings
 
 ATTEMPT_MS = 2_000  # to connect, until we ask why we are not let in
 WAITING_REQUESTS = 64  # at one worker; the oldest is dropped, and so sent elsewhere
+SIGNALS_S = 0.2  # between looks for a signal that came just before a wait, which it would not end
 FRAMES_KEPT = 2  # for late joiners
 HEARTBEAT_S = 0.5
 UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time
@@ -121,9 +123,10 @@ class Bus:
 
     def requests(self, key: str) -> Requests:
         """Requests to this worker, one after the other."""
-        waiting: handlers.RingChannel[zenoh.Query] = handlers.RingChannel(WAITING_REQUESTS)
+        arrivals = Arrivals()
+        callback = handlers.Callback(arrivals.put, drop=arrivals.end, indirect=False)
         with mapped(f"serving {key}"):
-            return Requests(self._session.declare_queryable(key, waiting, complete=True))
+            return Requests(self._session.declare_queryable(key, callback, complete=True), arrivals)
 
     def asker(self, key: str, timeout: float) -> Asker:
         """Sends requests to the worker that serves a key; each ends within the timeout (seconds)."""
@@ -203,31 +206,59 @@ class Publisher:
 class Requests:
     """What a worker is asked for, oldest first."""
 
-    def __init__(self, queryable: zenoh.Queryable[handlers.Handler[zenoh.Query]]) -> None:
+    def __init__(self, queryable: zenoh.Queryable[None], arrivals: Arrivals) -> None:
         self._queryable = queryable
-        self._waiting = queryable.handler  # `recv` of the queryable itself would lock it against `close`
-        self._closed = False
+        self._arrivals = arrivals
 
     def receive(self, *, wait: bool) -> list[Request] | None:
-        """What has come, or the first that comes if there is none and `wait`; None after the end."""
-        arrived = []
-        try:
-            if wait and not self._closed:
-                arrived.append(Request(self._waiting.recv()))
-            while not self._closed and len(arrived) < WAITING_REQUESTS:
-                query = self._waiting.try_recv()
-                if query is None:
-                    break
-                arrived.append(Request(query))
-        except zenoh.ZError:
-            return arrived or None
-        return None if self._closed else arrived
+        """What has come; if that is nothing and `wait`, what comes within a while. None after the end."""
+        queries = self._arrivals.take(wait=wait)
+        return None if queries is None else [Request(query) for query in queries]
+
+    def wake(self) -> None:
+        """Have `receive` return; may be called from another thread."""
+        self._arrivals.wake()
 
     def close(self) -> None:
         """No more requests; may be called from another thread."""
-        self._closed = True
+        self._arrivals.end()
         with mapped("closing the queryable"):
             self._queryable.undeclare()  # type: ignore[no-untyped-call]
+
+
+class Arrivals:
+    """Queries between a thread of the bus, which puts them, and the worker's, which takes them."""
+
+    def __init__(self) -> None:
+        self._waiting: SimpleQueue[zenoh.Query | None] = SimpleQueue()  # None to wake who waits
+        self._ended = False
+
+    def put(self, query: zenoh.Query) -> None:
+        """A query has come; the oldest ends if too many wait."""
+        if self._waiting.qsize() >= WAITING_REQUESTS:
+            with suppress(Empty):
+                oldest = self._waiting.get_nowait()
+                if oldest is not None:
+                    oldest.drop()  # type: ignore[no-untyped-call]
+        self._waiting.put(query)
+
+    def take(self, *, wait: bool) -> list[zenoh.Query] | None:
+        """All that wait; if that is none and `wait`, the first to come in a while. None after the end."""
+        taken = []
+        with suppress(Empty):
+            taken.append(self._waiting.get(block=wait, timeout=SIGNALS_S))
+            while len(taken) < WAITING_REQUESTS:
+                taken.append(self._waiting.get_nowait())
+        return None if self._ended else [query for query in taken if query is not None]
+
+    def wake(self) -> None:
+        """Let who waits go on."""
+        self._waiting.put(None)
+
+    def end(self) -> None:
+        """No more queries will come."""
+        self._ended = True
+        self.wake()
 
 
 class Request:
@@ -280,8 +311,10 @@ class Asker:
             if not answered:
                 on_end()
 
-        with mapped("asking a worker"):
+        try:  # not `mapped`, which costs more than the rest: this is done for every batch
             self._querier.get(handlers.Callback(receive, drop=end, indirect=False), payload=payload)
+        except zenoh.ZError as error:
+            raise bus_error("asking a worker", error) from error
 
     def close(self) -> None:
         """No more requests."""
@@ -367,7 +400,12 @@ def mapped(doing: str) -> Iterator[None]:
     try:
         yield
     except zenoh.ZError as error:
-        raise BusError(f"{doing}: {plain(str(error))}") from error
+        raise bus_error(doing, error) from error
+
+
+def bus_error(doing: str, error: zenoh.ZError) -> BusError:
+    """An error of Zenoh's as one of ours."""
+    return BusError(f"{doing}: {plain(str(error))}")
 
 
 def plain(text: Any) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from common.body import BodyModel
 from common.errors import InputError
+from common.kinematics import pose_vertices
 from common.settings import Settings
 from coordinator.chosen_body import HUMAN_DOFS, PERSON_SUFFIX, choose_bodies, person
 from coordinator.fitting import FITTED, Fit, Fitter, Posed
@@ -92,7 +93,8 @@ def follow(
             frame = source.frame(number)
             estimate = tracker.track(frame)
             meter.advance(estimate)
-            subject = isolate(frame, tracker.surface(), job.settings.points)
+            surface = pose_vertices(tracker.model, estimate.pose[None])[0]
+            subject = isolate(frame, surface, job.settings.points)
             if estimate.status == "tracked" and subject is not None:
                 seen.append((estimate.residual, Posed(subject, estimate.pose)))
     if not seen:

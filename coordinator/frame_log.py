@@ -23,7 +23,7 @@ from coordinator.tracker_state import Carried
 from coordinator.traffic import Traffic
 
 HEAD = struct.Struct("<II")
-FORM = 2
+FORM = 3
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

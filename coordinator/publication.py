@@ -18,7 +18,9 @@ class Publication:
     """What one run has published. The bus reads it from threads of its own."""
 
     def __init__(self, bus: Bus, run: str) -> None:
-        self.last = -1  # number of the frame that was published last
+        self.current = -1  # number of the frame that is to be refined on
+        self._sent: SubjectFrame | None = None  # last
+        self._number = -1  # under which it was sent
         self._lock = threading.Lock()
         self._frames: dict[str, bytes] = {}  # by number
         self._models: dict[str, bytes] = {}  # by hash
@@ -27,12 +29,18 @@ class Publication:
         self._publisher = bus.publish_frames(keys.run_frames(run))
 
     def put(self, subject: SubjectFrame) -> None:
-        """Publish a frame under its number, or under the next one if that has been used."""
-        self.last = max(subject.frame.number, self.last + 1)
+        """Make a frame the current one; send it, if that has not been done ahead."""
+        if subject is not self._sent:
+            self.put_ahead(subject)
+        self.current = self._number
+
+    def put_ahead(self, subject: SubjectFrame) -> None:
+        """Send a frame under its number, or under the next one if that has been used."""
+        self._sent, self._number = subject, max(subject.frame.number, self._number + 1)
         payload = encode_frame(subject)
         with self._lock:
-            keep(self._frames, str(self.last), payload, FRAMES_KEPT)
-        self._publisher.put(self.last, payload)
+            keep(self._frames, str(self._number), payload, FRAMES_KEPT)
+        self._publisher.put(self._number, payload)
 
     def offer(self, model: BodyModel) -> None:
         """Have a model ready for who asks for it."""

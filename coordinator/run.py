@@ -113,8 +113,8 @@ def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:
     with connect(run.job.pool, show) as refiner, meter:
         state = recorder.past.state if recorder.past else None
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, state)
-        for number in run.numbers[recorder.frames :]:
-            estimate = tracker.track(run.source.frame(number))
+        frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
+        for estimate in tracker.follow(frames):
             meter.advance(estimate)
             recorder.append(estimate, tracker.state, refiner.traffic, meter.seconds)
 

@@ -52,6 +52,7 @@ from coordinator.instructions import (
 from coordinator.local_workers import COMMAND, LocalWorkers
 from coordinator.members import Members
 from coordinator.publication import Publication
+from coordinator.refiner import idle
 from coordinator.traffic import Traffic
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
@@ -166,8 +167,18 @@ class ZenohRefiner:
             if self._options.deadline is not None:
                 self._due = time.monotonic() + self._options.deadline
 
-    def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
-        """Poses (N, D) after their descent, in the order given.
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """Send the frame that is to be published next, so that workers have it in time."""
+        self._publication.put_ahead(subject)
+
+    def refine(
+        self,
+        model: BodyModel,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        meanwhile: Callable[[], None] = idle,
+    ) -> Refined:
+        """Poses (N, D) after their descent, in the order given; `meanwhile` is called when all are sent.
 
         When the frame is due, those that are not answered yet are left out; the first answer is waited for.
         Raises NoWorkers when the wait for a worker is over, ProtocolError when no worker can serve the
@@ -179,22 +190,27 @@ class ZenohRefiner:
             self._publication.offer(model)
             self._handle(JobStarted(0))  # gives up what is left of a job that failed
             self._catch_up()
-            self._request = RefineRequest(self.run, self._publication.last, model.hash, settings, poses)
+            self._request = RefineRequest(self.run, self._publication.current, model.hash, settings, poses)
             self._parts.clear()
             self._refined.clear()
             self._done = False
             self._handle(JobStarted(len(poses)))
+            meanwhile()
             while not self._done and not (self._parts and time.monotonic() >= self._due):
                 self._step()
             return self._gather(poses)
 
     def _gather(self, poses: NDArray[np.float64]) -> Refined:
         """What has been answered, in the order of the particles, and NaN for the rest."""
-        parts, stop = [], 0
-        for start, part in sorted(self._parts.items()):
-            parts += [unanswered(start - stop, part), part]
-            stop = start + len(part.poses)
-        return concatenate([*parts, unanswered(len(poses) - stop, parts[-1])])
+        parts: list[Refined] = []
+        stop = 0
+        for start, part in [*sorted(self._parts.items()), (len(poses), None)]:
+            if start > stop:
+                parts.append(unanswered(start - stop, part or parts[-1]))
+            if part is not None:
+                parts.append(part)
+                stop = start + len(part.poses)
+        return concatenate(parts)
 
     def _notice(self, key: str, alive: bool) -> None:
         worker = keys.worker_of(key)
@@ -264,7 +280,7 @@ class ZenohRefiner:
             case Done():
                 self._done = True
             case Fail(reason):
-                raise ProtocolError(f"no worker can refine frame {self._publication.last}: {reason}")
+                raise ProtocolError(f"no worker can refine frame {self._publication.current}: {reason}")
 
     def _send(self, send: Send) -> None:
         assert self._request is not None

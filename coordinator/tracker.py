@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from common.settings import RefineSettings, Settings
 from coordinator.belief import Belief
 from coordinator.bodies import Bodies
 from coordinator.estimate import Estimate
+from coordinator.lookahead import Lookahead, nothing
 from coordinator.methods import METHODS
 from coordinator.refiner import Refiner
 from coordinator.sensor_noise import SensorNoise, measure_noise, told
@@ -60,7 +61,10 @@ class Tracker:
         self._rng = np.random.default_rng(settings.seed)
         self._start: Start | None = None
         self._belief: Belief | None = None
+        self._around: Array | None = None  # pose (D,) near which the next frame shows the subject
+        self._ahead: tuple[DepthFrame, SubjectFrame | None] | None = None  # cut out before its turn
         if state is not None:
+            self._around = state.carried.around
             self._rng = load_generator(state.carried.generator)
             self._start = state.start
             self._belief = replace(self._begin_at(state.start), **state.carried.belief)
@@ -81,26 +85,43 @@ class Tracker:
     def state(self) -> TrackerState:
         """All that the next frame goes on from; there after the first frame."""
         assert self._belief is not None
-        return TrackerState(self.start, carry(self._belief, self._rng))
+        assert self._around is not None
+        return TrackerState(self.start, carry(self._belief, self._around, self._rng))
 
-    def track(self, frame: DepthFrame) -> Estimate:
-        """Follow the body into the next frame. InputError if nothing is seen in the first."""
+    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
+        """Estimates of frames in their order, the same as `track` gives one by one.
+
+        Each frame is read, and sent to the workers, while they are busy with the one before.
+        """
+        coming = Lookahead(frames)
+        for frame in coming:
+            yield self.track(frame, coming.peek)
+
+    def track(self, frame: DepthFrame, peek: Callable[[], DepthFrame | None] = nothing) -> Estimate:
+        """Follow the body into the next frame. InputError if nothing is seen in the first.
+
+        `peek` is called while the workers are busy and gives the frame that comes next, where it is known.
+        """
         clock = Stopwatch()
-        subject = isolate(frame, self.surface(), self._settings.points)
-        clock.lap("isolate")
+        subject = self._isolate(frame, clock)
         if subject is None:
             return self._carry_on(frame, clock)
         self._refiner.publish(subject)
         clock.lap("publish")
         guessed = self._belief is None
         past = self._begin(subject) if self._belief is None else self._belief
+        self._around = past.reported
         clock.lap("start")
         answered = self._settings.filter.particles
+
+        def prepare() -> None:
+            clock.lap("refine")
+            self._send_ahead(peek(), clock)
 
         def refine(poses: Array) -> Refined:
             nonlocal answered
             clock.lap("draw")
-            refined = self._refiner.refine(self.model, poses, self.rules)
+            refined = self._refiner.refine(self.model, poses, self.rules, prepare)
             clock.lap("refine")
             answered = min(answered, len(refined.answered))
             return replace(refined, poses=natural_angles(self.model, refined.poses))
@@ -110,10 +131,28 @@ class Tracker:
         clock.lap("merge")
         return self._report(frame, self._belief, clock.laps, answered)
 
-    def surface(self) -> Array | None:
-        """Surface (V, 3) near which the subject is: in the reported pose, at first in the given one."""
-        if self._belief is not None:
-            model, pose = self.model, self._belief.reported
+    def _isolate(self, frame: DepthFrame, clock: Stopwatch) -> SubjectFrame | None:
+        """What is near the body as it was two frames ago: so it can be cut out while the last is refined."""
+        if self._ahead is not None and self._ahead[0] is frame:
+            return self._ahead[1]
+        subject = isolate(frame, self._surface(), self._settings.points)
+        clock.lap("isolate")
+        return subject
+
+    def _send_ahead(self, frame: DepthFrame | None, clock: Stopwatch) -> None:
+        """Cut out the next frame, and let the workers have it; once, however often it is asked for."""
+        if frame is None or (self._ahead is not None and self._ahead[0] is frame):
+            return
+        subject = self._isolate(frame, clock)
+        self._ahead = frame, subject
+        if subject is not None:
+            self._refiner.send_ahead(subject)
+            clock.lap("publish")
+
+    def _surface(self) -> Array | None:
+        """Surface (V, 3) around which a frame is cut out, at first of the given pose; None for all of it."""
+        if self._around is not None:
+            model, pose = self.model, self._around
         elif self._given is not None:
             start = given_start(self._given, self._bodies)
             model, pose = start.model, start.pose
@@ -147,6 +186,7 @@ class Tracker:
                 f"frame {frame.number} shows no depth{where}, so there is nothing to start from; "
                 "begin with a frame that shows the person, e.g. with --frames"
             )
+        self._around = self._belief.reported
         unseen = np.full(len(self._belief.residual), np.nan)
         self._belief = replace(self._belief.at_rest(), residual=unseen)
         return self._report(frame, self._belief, clock.laps, answered=0)

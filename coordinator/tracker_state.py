@@ -17,6 +17,7 @@ class Carried:
     """What is another after every frame. A new field here is recorded as it is."""
 
     belief: dict[str, NDArray[np.float64]]  # by field
+    around: NDArray[np.float64]  # pose (D,) near which the next frame shows the subject
     generator: str  # the random generator's state as JSON, whose integers have any size
 
 
@@ -28,10 +29,10 @@ class TrackerState:
     carried: Carried
 
 
-def carry(belief: Belief, rng: np.random.Generator) -> Carried:
-    """A belief and a generator as values that can be recorded."""
+def carry(belief: Belief, around: NDArray[np.float64], rng: np.random.Generator) -> Carried:
+    """A belief, a pose (D,) and a generator as values that can be recorded."""
     arrays = {field.name: getattr(belief, field.name) for field in fields(belief)}
-    return Carried(arrays, json.dumps(rng.bit_generator.state))
+    return Carried(arrays, around, json.dumps(rng.bit_generator.state))
 
 
 def load_generator(state: str) -> np.random.Generator:

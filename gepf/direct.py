@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from coordinator.refiner import idle
 from worker.icp import refine
 from worker.observation import Observation, observe
 
@@ -23,8 +26,19 @@ class DirectRefiner:
         """Keep the frame that later calls of `refine` are about."""
         self._observation = observe(subject)
 
-    def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """There is nobody to send it to."""
+
+    def refine(
+        self,
+        model: BodyModel,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        meanwhile: Callable[[], None] = idle,
+    ) -> Refined:
         """Poses (N, D) after their descent."""
         if self._observation is None:
             raise RuntimeError("publish a frame first")
-        return refine(model, self._observation, poses, settings)
+        refined = refine(model, self._observation, poses, settings)
+        meanwhile()
+        return refined

@@ -28,6 +28,7 @@ from coordinator.cli import main
 from coordinator.models.human import human
 from coordinator.options import Pool
 from coordinator.progress import Show
+from coordinator.refiner import idle
 from coordinator.track import Track, read_track
 from coordinator.traffic import Traffic
 
@@ -56,8 +57,18 @@ class StillWorkers:
         if subject.frame.number == self.fail_at and self.failure is not None:
             raise self.failure
 
-    def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """Have no use for it."""
+
+    def refine(
+        self,
+        model: BodyModel,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        meanwhile: Callable[[], None] = idle,
+    ) -> Refined:
         """The same poses, all equally likely."""
+        meanwhile()
         assert poses.shape[1] == len(model.dof_names)
         assert settings.gauss_newton_iterations > 0
         return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from coordinator.demo import make_room, run_demo, tabulate
 from coordinator.evaluation import Errors
 from coordinator.options import Pool
 from coordinator.progress import Show, show_on
+from coordinator.refiner import idle
 from coordinator.scenes.arm import MOVING
 from coordinator.traffic import Traffic
 
@@ -35,8 +36,18 @@ class StillRefiner:
     def publish(self, subject: SubjectFrame) -> None:
         """Look at nothing."""
 
-    def refine(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """Have no use for it."""
+
+    def refine(
+        self,
+        model: BodyModel,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        meanwhile: Callable[[], None] = idle,
+    ) -> Refined:
         """No descent."""
+        meanwhile()
         assert settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
         assert model.dof_names[-1] == "r_elbow_flexion"
         return Refined(poses.copy(), -np.arange(len(poses), dtype=np.float64), np.full(len(poses), 0.1))

@@ -328,7 +328,7 @@ BAD = {
     "reply likelihood": (
         "reply",
         set_to("arrays", "log_likelihood", value=packed(np.full(3, np.inf))),
-        "log_likelihood holds values above 1e\\+100",
+        "log_likelihood holds values that are not finite",
     ),
     "reply count": ("reply", set_to("arrays", "poses", value=packed(POSES[:2])), r"expected \(3, 6\)"),
     "reply field": ("reply", set_to("arrays", "more", value=packed(POSES)), r"unknown fields \['more'\]"),

@@ -62,7 +62,7 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
     whole = Tracker(DirectRefiner(), settings, bodies(), STANDING)
-    said = [as_bytes(whole.track(frame)) for frame in frames]
+    said = [as_bytes(estimate) for estimate in whole.follow(frames)]
 
     following = Tracker(DirectRefiner(), settings, bodies(), STANDING)
     for number, frame in enumerate(frames):
@@ -79,10 +79,10 @@ def test_all_that_a_tracker_changes_is_in_its_state() -> None:
     generator = json.dumps(following._rng.bit_generator.state)
     following.track(shown("standing").frames[0])
     changed = {name for name, value in vars(following).items() if value is not before[name]}
-    assert changed == {"_start", "_belief"}
+    assert changed == {"_start", "_belief", "_around"}
     assert generator != following.state.carried.generator
     assert set(TrackerState.__slots__) == {"start", "carried"}
-    assert set(Carried.__slots__) == {"belief", "generator"}
+    assert set(Carried.__slots__) == {"belief", "around", "generator"}
     assert isinstance(following.state.start, Start)
 
 

@@ -121,6 +121,47 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
             assert as_bytes(refiner.refine(MODEL, POSES, SETTINGS)) == expected(depth)
 
 
+def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
+    """An idle worker lays it out before it is asked; until it is published all is about the one before."""
+    coming, observed = frame(2), SimpleQueue[int]()
+
+    def observe_and_tell(subject: SubjectFrame) -> Any:
+        observed.put(subject.frame.number)
+        return observe(subject)
+
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(observe_and_tell, refine)):
+        refiner.publish(frame(1))
+        one = refiner.refine(MODEL, POSES, SETTINGS, lambda: refiner.send_ahead(coming))
+        assert [observed.get(timeout=5.0) for _ in range(2)] == [1, 2]
+        again = refiner.refine(MODEL, POSES, SETTINGS)
+        refiner.publish(coming)
+        two = refiner.refine(MODEL, POSES, SETTINGS)
+    assert as_bytes(one) == as_bytes(again) == expected(1)
+    assert as_bytes(two) == expected(2)
+    assert observed.empty()
+
+
+def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoint: str) -> None:
+    """The worker says what is wrong with it to who asks, and serves the frames before and after."""
+    coming, tried = frame(2), SimpleQueue[int]()
+
+    def refuse_the_second(subject: SubjectFrame) -> Any:
+        tried.put(subject.frame.number)
+        if subject.frame.number == 2:
+            raise ValueError("it hurts")
+        return observe(subject)
+
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(refuse_the_second, refine)):
+        refiner.publish(frame(1))
+        one = refiner.refine(MODEL, POSES, SETTINGS, lambda: refiner.send_ahead(coming))
+        assert [tried.get(timeout=5.0) for _ in range(2)] == [1, 2]
+        refiner.publish(coming)
+        with pytest.raises(ProtocolError, match="it hurts"):
+            refiner.refine(MODEL, POSES, SETTINGS)
+        three = refined_bytes(refiner, 3)
+    assert (as_bytes(one), three) == (expected(1), expected(3))
+
+
 def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
     """Workers and runs that meet at a router: both runs get the bytes that they would get alone."""
     with open_router([endpoint]), ExitStack() as stack:
@@ -419,6 +460,20 @@ def test_arrivals_are_bounded_and_wake_who_waits() -> None:
     assert kept == [(r, n) for r in range(84, 100) for n in (8, 9)]
     threading.Timer(0.05, lambda: arrivals.put_frame("new", 1, b"y")).start()
     assert arrivals.wait_for_frame("new", 1, 5.0) == b"y"
+
+
+def test_only_the_newest_frame_of_a_run_that_asks_is_made_ready() -> None:
+    """Once, and not if it has been looked at; other runs' frames wait until somebody asks for them."""
+    memory: Memory[float] = Memory()
+    memory.put_frame("silent", 1, b"x")
+    memory.of("asking").models.put("hash", MODEL)
+    for number in (1, 2):
+        memory.put_frame("asking", number, b"y")
+    assert memory.take_unread() == (memory.of("asking"), 2, b"y")
+    assert memory.take_unread() is None
+    memory.put_frame("asking", 3, b"z")
+    memory.of("asking").observations.put(3, 0.5)
+    assert memory.take_unread() is None
 
 
 def test_contexts_are_what_they_say(endpoint: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Generic, TypeVar
@@ -91,15 +92,25 @@ class Service(Generic[O]):
 
     def _next(self, requests: Requests) -> Batch | None:
         """The batch whose turn it is; None when there will be no more."""
-        while True:
-            arrived = requests.receive(wait=not self._turns)
-            if arrived is None:
-                return None
+        wait = False
+        while (arrived := requests.receive(wait=wait)) is not None:
             for request in arrived:
                 self._admit(request)
             self._drop_what_is_over()
             if self._turns:
                 return self._turns.take()
+            wait = not self._look_ahead()
+        return None
+
+    def _look_ahead(self) -> bool:
+        """Make ready for a frame that came before its requests; False if there is none."""
+        unread = self._memory.take_unread()
+        if unread is None:
+            return False
+        memory, number, payload = unread
+        with suppress(Exception):  # what is wrong with it is told to who asks for it
+            memory.observations.put(number, self._kernel.observe(decode_frame(payload)))
+        return True
 
     def _admit(self, request: Request) -> None:
         """Have a request wait for its turn, or refuse it if it makes no sense."""
@@ -149,7 +160,10 @@ class Service(Generic[O]):
         return encode_refined(self._kernel.refine(model, observation, request.poses, request.settings))
 
     def _keep_frame(self, key: str, number: int, payload: bytes) -> None:
+        """A frame has come; from a thread of the bus."""
         self._memory.put_frame(keys.run_of(key), number, payload)
+        if self._requests is not None:
+            self._requests.wake()
 
     def _notice_run(self, key: str, alive: bool) -> None:
         """Forget a run when its coordinator is gone; from a thread of the bus."""

@@ -38,9 +38,16 @@ class Recent(Generic[K, V]):
         while len(self._values) > self._size:
             self._values.popitem(last=False)
 
+    def values(self) -> list[V]:
+        """All that is kept."""
+        return list(self._values.values())
+
     def get(self, key: K) -> V | None:
         """The value of a key, if it is there."""
         return self._values.get(key)
+
+    def __contains__(self, key: K) -> bool:
+        return key in self._values
 
     def forget(self, key: K) -> None:
         """Keep the value of a key no longer."""
@@ -57,6 +64,7 @@ class RunMemory(Generic[O]):
         self.frames: Recent[int, bytes] = Recent(FRAMES_OF_RUN)  # as they came
         self.observations: Recent[int, O] = Recent(FRAMES_OF_RUN)
         self.models: Recent[str, BodyModel] = Recent(MODELS_OF_RUN)
+        self.unread: int | None = None  # the frame that came last, if nobody has looked at it
 
 
 class Memory(Generic[O]):
@@ -79,8 +87,21 @@ class Memory(Generic[O]):
     def put_frame(self, run: str, number: int, payload: bytes) -> None:
         """A frame has come."""
         with self._changed:
-            self._runs.find(run, RunMemory).frames.put(number, payload)
+            memory = self._runs.find(run, RunMemory)
+            memory.frames.put(number, payload)
+            memory.unread = number
             self._changed.notify_all()
+
+    def take_unread(self) -> tuple[RunMemory[O], int, bytes] | None:
+        """A frame, once, of which nothing was made yet, of a run that has asked for something before."""
+        with self._changed:
+            for memory in self._runs.values():
+                if memory.unread is not None and memory.models:
+                    number, memory.unread = memory.unread, None
+                    payload = memory.frames.get(number)
+                    if payload is not None and number not in memory.observations:
+                        return memory, number, payload
+            return None
 
     def wait_for_frame(self, run: str, number: int, timeout: float) -> bytes | None:
         """A frame, if it is there or comes within the timeout (seconds)."""
