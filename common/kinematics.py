@@ -89,16 +89,8 @@ def copied(values: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def rotation_matrix(axis: Array, angle: float) -> Array:
-    """Rodrigues' formula (3, 3)."""
-    turned = np.empty((3, 3))
-    turn(axis[0], axis[1], axis[2], angle, turned)
-    return turned
-
-
-@numba.njit(cache=True, nogil=True)
 def turn(x: float, y: float, z: float, angle: float, out: Array) -> None:
-    """Fill the first three columns of out with the rotation about a unit axis."""
+    """Fill the first three columns of out with the rotation about a unit axis (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
     k = 1.0 - c
     out[0, 0], out[0, 1], out[0, 2] = c + x * x * k, x * y * k - z * s, x * z * k + y * s
@@ -223,13 +215,11 @@ def euler_matrix(angles: Array) -> Array:
     ca, sa = np.cos(angles[0]), np.sin(angles[0])
     cb, sb = np.cos(angles[1]), np.sin(angles[1])
     cc, sc = np.cos(angles[2]), np.sin(angles[2])
-    return np.array(
-        [
-            [cb * cc, -cb * sc, sb],
-            [ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb],
-            [sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb],
-        ]
-    )
+    out = np.empty((3, 3))
+    out[0, 0], out[0, 1], out[0, 2] = cb * cc, -cb * sc, sb
+    out[1, 0], out[1, 1], out[1, 2] = ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb
+    out[2, 0], out[2, 1], out[2, 2] = sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb
+    return out
 
 
 @numba.njit(cache=True, nogil=True)
@@ -269,8 +259,10 @@ def euler_angles(rotation: Array, reference: Array) -> Array:
 def rotation_vector(rotation: Array) -> Array:
     """Rotation vector (3,) of a rotation matrix, by way of the unit quaternion."""
     trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
-    k = np.argmax(np.array([rotation[0, 0], rotation[1, 1], rotation[2, 2], trace]))
     quaternion = np.empty(4)  # x, y, z, w
+    quaternion[0], quaternion[1], quaternion[2] = rotation[0, 0], rotation[1, 1], rotation[2, 2]
+    quaternion[3] = trace
+    k = np.argmax(quaternion)
     if k == 3:
         quaternion[3] = 1.0 + trace
         quaternion[0] = rotation[2, 1] - rotation[1, 2]
@@ -282,38 +274,52 @@ def rotation_vector(rotation: Array) -> Array:
         quaternion[i] = rotation[i, k] + rotation[k, i]
         quaternion[j] = rotation[j, k] + rotation[k, j]
         quaternion[3] = rotation[j, i] - rotation[i, j]
-    quaternion /= np.sqrt(np.sum(quaternion**2))
+    sine_squared = quaternion[0] ** 2 + quaternion[1] ** 2 + quaternion[2] ** 2
+    length = np.sqrt(sine_squared + quaternion[3] ** 2)
     if quaternion[3] < 0.0:
-        quaternion = -quaternion
-    sine = np.sqrt(np.sum(quaternion[:3] ** 2))
-    if sine < 1e-12:
-        return 2.0 * quaternion[:3]
-    scale: float = 2.0 * np.arctan2(sine, quaternion[3]) / sine
-    return scale * quaternion[:3]
+        length = -length
+    sine = np.sqrt(sine_squared) / abs(length)
+    scale = 2.0 / length if sine < 1e-12 else 2.0 * np.arctan2(sine, quaternion[3] / length) / sine / length
+    vector: Array = scale * quaternion[:3]
+    return vector
 
 
 @numba.njit(cache=True, nogil=True)
 def handedness(axes: Array) -> float:
     """1 for right-handed orthonormal axes (3, 3); -1 for left-handed ones, where angles turn back."""
-    return 1.0 if np.dot(np.cross(axes[0], axes[1]), axes[2]) > 0.0 else -1.0
+    volume = (
+        (axes[0, 1] * axes[1, 2] - axes[0, 2] * axes[1, 1]) * axes[2, 0]
+        + (axes[0, 2] * axes[1, 0] - axes[0, 0] * axes[1, 2]) * axes[2, 1]
+        + (axes[0, 0] * axes[1, 1] - axes[0, 1] * axes[1, 0]) * axes[2, 2]
+    )
+    return 1.0 if volume > 0.0 else -1.0
+
+
+@numba.njit(cache=True, nogil=True)
+def product(one: Array, other: Array) -> Array:
+    """one @ other, (3, 3): so small that a library's call costs more than the product."""
+    out = np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            out[a, b] = one[a, 0] * other[0, b] + one[a, 1] * other[1, b] + one[a, 2] * other[2, b]
+    return out
 
 
 @numba.njit(cache=True, nogil=True)
 def apply_step(axes: Array, balls: Indices, step: Array, pose: Array) -> None:
     """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
-    old = pose.copy()
+    old, turned = pose.copy(), np.empty((3, 3))
     pose += step
     for start in balls:
         a = axes[start : start + 3]
         handed = handedness(a)
-        turn = step[start : start + 3]
-        angle = np.sqrt(np.sum(turn**2))
+        x, y, z = step[start], step[start + 1], step[start + 2]
+        angle = np.sqrt(x * x + y * y + z * z)
+        angles = handed * old[start : start + 3]
         if angle > 1e-15:
-            axis = turn / angle
-            rotation = rotation_matrix(axis, handed * angle) @ euler_matrix(handed * old[start : start + 3])
-            pose[start : start + 3] = handed * euler_angles(rotation, handed * old[start : start + 3])
-        else:
-            pose[start : start + 3] = old[start : start + 3]
+            turn(x / angle, y / angle, z / angle, handed * angle, turned)
+            angles = euler_angles(product(turned, euler_matrix(angles)), angles)
+        pose[start : start + 3] = handed * angles
 
 
 @numba.njit(cache=True, nogil=True)
@@ -335,4 +341,4 @@ def turn_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: 
 @numba.njit(cache=True, nogil=True)
 def ball_turn(handed: float, before: Array, after: Array, out: Array) -> None:
     """Fill the first three of out with the rotation vector that leads from angles (3,) to others."""
-    out[:3] = handed * rotation_vector(euler_matrix(handed * after) @ euler_matrix(handed * before).T)
+    out[:3] = handed * rotation_vector(product(euler_matrix(handed * after), euler_matrix(handed * before).T))

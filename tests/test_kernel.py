@@ -34,7 +34,7 @@ from worker.gauss_newton import (
     subtree_moments,
 )
 from worker.observation import BLOCK, Observation, observe
-from worker.surface import lay_out, order_vertices
+from worker.surface import lay_out, order_vertices, weights_first
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -155,11 +155,22 @@ def test_a_body_is_laid_out_whole() -> None:
     np.testing.assert_array_equal(np.unique(drawn, axis=0), np.unique(expected, axis=0))
     assert len(drawn) == len(expected)
     np.testing.assert_array_equal(surface.vertices, model.vertices[order])
-    np.testing.assert_array_equal(surface.skin_links, model.skin_links[order])
-    np.testing.assert_array_equal(surface.skin_weights, model.skin_weights[order])
+    used = surface.skin_links.shape[1]  # of four: no vertex has more
+    np.testing.assert_array_equal(surface.skin_links, model.skin_links[order, :used])
+    np.testing.assert_array_equal(surface.skin_weights, model.skin_weights[order, :used])
+    assert np.all(model.skin_weights[:, used:] == 0.0)
     assert [name for name, root in zip(model.dof_names, skeleton.root, strict=True) if root] == list(
         ROOT_DOFS
     )
+
+
+def test_links_of_no_weight_come_last() -> None:
+    """Wherever a vertex lists a link without weight, the others keep their order and their weights."""
+    links = np.array([[4, 5, 6], [1, 2, 3], [7, 8, 9]])
+    weights = np.array([[0.0, 0.4, 0.6], [1.0, 0.0, 0.0], [0.7, 0.0, 0.3]])
+    found, shares = weights_first(links, weights)
+    np.testing.assert_array_equal(shares, [[0.4, 0.6], [1.0, 0.0], [0.7, 0.3]])
+    np.testing.assert_array_equal(found, [[5, 6], [1, 2], [7, 9]])
 
 
 @pytest.mark.parametrize("make", [puppet, person])
@@ -447,4 +458,4 @@ def test_nothing_compiles_in_mid_run() -> None:
         icp.refine(person(), observe_few(), pose, settings)
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
-    assert len(icp.refine_particle.signatures) == 1
+    assert len(icp.refine_some.signatures) == 1

@@ -36,7 +36,7 @@ def pull_into_silhouette(
     squared (m^2), in the order of `visible`; 0 where a point projects onto the subject or outside what the
     camera saw, or where the surface is seen from the side.
     """
-    seen, nearest = evidence.seen, evidence.nearest
+    seen, nearest, depth = evidence.seen, evidence.nearest, evidence.depth
     for m in range(len(visible)):
         x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
         away[m] = 0.0
@@ -44,6 +44,9 @@ def pull_into_silhouette(
         u, v = evidence.cx + evidence.fx * x * nearer, evidence.cy + evidence.fy * y * nearer
         column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
         if seen[0] <= column < seen[2] and seen[1] <= row < seen[3] and z > CLOSEST:
+            inside = 0 <= column < depth.shape[1] and 0 <= row < depth.shape[0]
+            if inside and depth[row, column] > 0.0:
+                continue
             column = min(max(column, 0), nearest.shape[2] - 1)
             row = min(max(row, 0), nearest.shape[1] - 1)
             du, dv = nearest[1, row, column] - u, nearest[0, row, column] - v

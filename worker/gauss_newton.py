@@ -31,6 +31,7 @@ from common.kinematics import (
     handedness,
     rotation_vector,
 )
+from worker.lanes import add_products
 from worker.surface import Skeleton, Surface
 
 Array = NDArray[np.float64]
@@ -54,6 +55,7 @@ class Descent(NamedTuple):
 class Equations(NamedTuple):
     """Room for the sums and for Eq. 4; whatever it held before is written over."""
 
+    sums: Array  # (L, 4, 8) both of the following in a row, as they are summed up
     moments: Array  # (L, 4, 4)
     crosses: Array  # (L, 4, 3)
     reference: Array  # (D, 3, 4) T_camera_rest where the sums were taken
@@ -71,6 +73,7 @@ class Equations(NamedTuple):
 def lay_out_equations(dofs: int, links: int) -> Equations:
     """Room for a body of so many degrees of freedom and links."""
     return Equations(
+        np.empty((links, 4, 8)),
         np.empty((links, 4, 4)),
         np.empty((links, 4, 3)),
         np.empty((dofs, 3, 4)),
@@ -94,26 +97,19 @@ def add_correspondences(
 
     pulls (V, 4) are those points' weighted sum and weight, in the order of `visible`.
     """
-    links, weights = surface.skin_links, surface.skin_weights
-    moments, crosses = equations.moments, equations.crosses
-    moments[:] = 0.0
-    crosses[:] = 0.0
+    links, weights, sums = surface.skin_links, surface.skin_weights, equations.sums
+    sums[:] = 0.0
     for m in range(len(visible)):
-        v, mass = visible[m], pulls[m, 3]
-        x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
-        for k in range(links.shape[1]):
-            share = weights[v, k]
-            if share > 0.0 and mass > 0.0:
-                s = links[v, k]
-                for a in range(4):
-                    xa = share * (x if a == 0 else y if a == 1 else z if a == 2 else 1.0)
-                    moments[s, a, 0] += mass * xa * x
-                    moments[s, a, 1] += mass * xa * y
-                    moments[s, a, 2] += mass * xa * z
-                    moments[s, a, 3] += mass * xa
-                    crosses[s, a, 0] += xa * pulls[m, 0]
-                    crosses[s, a, 1] += xa * pulls[m, 1]
-                    crosses[s, a, 2] += xa * pulls[m, 2]
+        v = visible[m]
+        if pulls[m, 3] > 0.0:
+            for k in range(links.shape[1]):
+                share = weights[v, k]
+                if not share > 0.0:
+                    break
+                x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+                add_products(sums, links[v, k], share, x, y, z, pulls, m)  # type: ignore[call-arg]
+    equations.moments[:] = sums[:, :, :4]
+    equations.crosses[:] = sums[:, :, 4:7]
 
 
 @numba.njit(cache=True, nogil=True)

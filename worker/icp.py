@@ -42,6 +42,8 @@ from worker.visibility import View, lay_out_view, pose_some, pose_surface, visib
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+AT_ONCE = 16  # particles, so that a worker hears of its end between them
+
 
 class Room(NamedTuple):
     """What the descent of a particle works with, laid out once for a batch.
@@ -83,8 +85,18 @@ def refine(
     room = lay_out_room(skeleton, surface, evidence)
     refined = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
     log_likelihood, residual = np.empty(len(poses)), np.empty(len(poses))
-    for n in range(len(poses)):
-        log_likelihood[n], residual[n] = refine_particle(refined[n], skeleton, surface, evidence, rules, room)
+    for first in range(0, len(poses), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        refine_some(
+            refined[some],
+            skeleton,
+            surface,
+            evidence,
+            rules,
+            room,
+            log_likelihood[some],
+            residual[some],
+        )
     return give_up_flown(Refined(refined, log_likelihood, residual), poses)
 
 
@@ -116,8 +128,29 @@ def lay_out_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Ro
 
 
 @numba.njit(cache=True, nogil=True)
+def refine_some(
+    poses: Array,
+    skeleton: Skeleton,
+    surface: Surface,
+    evidence: Evidence,
+    rules: Rules,
+    room: Room,
+    log_likelihood: Array,
+    residual: Array,
+) -> None:
+    """Refine poses (N, D) in place, one after another."""
+    for n in range(len(poses)):
+        log_likelihood[n], residual[n] = refine_particle(poses[n], skeleton, surface, evidence, rules, room)
+
+
+@numba.njit(cache=True, nogil=True)
 def refine_particle(
-    pose: Array, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+    pose: Array,
+    skeleton: Skeleton,
+    surface: Surface,
+    evidence: Evidence,
+    rules: Rules,
+    room: Room,
 ) -> tuple[float, float]:
     """Refine pose (D,) in place; gives its log likelihood and mean residual in metres."""
     metric = np.array([1.0, 1.0, rules.stretch * rules.stretch])

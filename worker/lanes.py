@@ -18,6 +18,8 @@ from worker.observation import TILE
 
 FLOAT, INT, SIZE = ir.FloatType(), ir.IntType(32), ir.IntType(64)
 BITS = ir.IntType(TILE)
+DOUBLE = ir.DoubleType()
+ROW = ir.VectorType(DOUBLE, 4)
 FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)
 FINITE = ("contract", "nsz", "nnan")  # a product and a sum may become one; everything is a number
 
@@ -50,6 +52,17 @@ def box_within(_, points, first, boxes, k, nearest):  # type: ignore[no-untyped-
     points (3, P) and nearest (P,) as for `search_lanes`.
     """
     return types.boolean(points, first, boxes, k, nearest), write_box_within
+
+
+@intrinsic
+def add_products(  # type: ignore[no-untyped-def]
+    _, sums, s, share, x, y, z, pulls, m
+):
+    """Add share * X [w X; c] to the rows of sums[s], of X = [x, y, z, 1] and pulls[m] = [c; w].
+
+    sums (L, 4, 8) and pulls (V, 4) float64, all else float64, s and m integers.
+    """
+    return types.void(sums, s, share, x, y, z, pulls, m), write_add_products
 
 
 @intrinsic
@@ -113,6 +126,27 @@ def write_box_within(context: Any, builder: Any, signature: Any, values: Sequenc
     return builder.icmp_unsigned("!=", builder.bitcast(near, BITS), BITS(0))
 
 
+def write_add_products(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `add_products`."""
+    s, m = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 7))
+    sums, pulls = (context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 6))
+    pull = builder.load(lanes_at(builder, pulls, builder.mul(m, SIZE(4)), ROW), align=8)
+    weight = builder.extract_element(pull, INT(3))
+    point = (*values[3:6], DOUBLE(1.0))
+    weighted = ir.Constant(ROW, ir.Undefined)
+    for a, value in enumerate(point):
+        weighted = builder.insert_element(weighted, builder.fmul(value, weight, flags=FINITE), INT(a))
+    for a, value in enumerate(point):
+        here = spread(builder, builder.fmul(value, values[2], flags=FINITE), ROW)
+        for place, added in ((8 * a, weighted), (8 * a + 4, pull)):
+            row = lanes_at(builder, sums, builder.add(builder.mul(s, SIZE(32)), SIZE(place)), ROW)
+            total = builder.fadd(
+                builder.load(row, align=8), builder.fmul(here, added, flags=FINITE), flags=FINITE
+            )
+            builder.store(total, row, align=8)
+    return context.get_dummy_value()
+
+
 def write_lowest_bit(_: Any, builder: Any, __: Any, values: Sequence[Any]) -> Any:
     """The code of `lowest_bit`."""
     return builder.cttz(values[0], ir.IntType(1)(1))
@@ -162,7 +196,7 @@ def spread(builder: Any, value: Any, lanes: ir.VectorType) -> Any:
     """One value in every lane."""
     nothing = ir.Constant(lanes, ir.Undefined)
     alone = builder.insert_element(nothing, value, INT(0))
-    return builder.shuffle_vector(alone, nothing, INTS([0] * TILE))
+    return builder.shuffle_vector(alone, nothing, ir.VectorType(INT, lanes.count)([0] * lanes.count))
 
 
 def largest(builder: Any, lanes: Any) -> Any:

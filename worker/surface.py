@@ -33,9 +33,9 @@ class Surface(NamedTuple):
     vertices: NDArray[np.float64]  # (V, 3)
     normals: NDArray[np.float64]  # (V, 3) of length 1, or 0 where no triangle has an area
     leaves: NDArray[np.int64]  # (V,) ascending
-    triangles: NDArray[np.int64]  # (T, 3)
-    skin_links: NDArray[np.int64]  # (V, K)
-    skin_weights: NDArray[np.float64]  # (V, K)
+    triangles: NDArray[np.uint32]  # (T, 3)
+    skin_links: NDArray[np.uint32]  # (V, K)
+    skin_weights: NDArray[np.float64]  # (V, K), 0 only after all others
 
 
 _laid_out: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
@@ -52,6 +52,7 @@ def lay_out_anew(model: BodyModel) -> tuple[Skeleton, Surface]:
     """Skeleton and surface of a model."""
     order, leaves = order_vertices(model)
     rank = np.argsort(order, kind="stable")
+    skin_links, skin_weights = weights_first(model.skin_links[order], model.skin_weights[order])
     skeleton = Skeleton(
         model.kinds,
         model.parents,
@@ -66,11 +67,21 @@ def lay_out_anew(model: BodyModel) -> tuple[Skeleton, Surface]:
         np.ascontiguousarray(model.vertices[order]),
         vertex_normals(model.vertices, model.triangles)[order],
         leaves,
-        rank[model.triangles][np.argsort(rank[model.triangles[:, 0]], kind="stable")],
-        np.ascontiguousarray(model.skin_links[order]),
-        np.ascontiguousarray(model.skin_weights[order]),
+        rank[model.triangles][np.argsort(rank[model.triangles[:, 0]], kind="stable")].astype(np.uint32),
+        skin_links.astype(np.uint32),
+        skin_weights,
     )
     return skeleton, surface
+
+
+def weights_first(
+    links: NDArray[np.int64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Links and weights (V, K) of vertices, those without weight last, and no more than there must be."""
+    order = np.argsort(weights <= 0.0, axis=1, kind="stable")
+    most = max(1, int(np.count_nonzero(weights > 0.0, axis=1).max(initial=1)))
+    order = order[:, :most]
+    return np.take_along_axis(links, order, axis=1), np.take_along_axis(weights, order, axis=1)
 
 
 def order_vertices(model: BodyModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -17,6 +17,7 @@ from worker.surface import Surface
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Numbers = NDArray[np.uint32]  # of vertices and links, as the surface has them
 
 PIXEL = 0.012  # metres at the body's mean distance
 TOLERANCE = 0.03  # metres that a visible point may lie behind the depth buffer
@@ -65,7 +66,7 @@ def pose_some(some: Indices, surface: Surface, transforms: Array, link_dofs: Ind
 def pose_vertex(
     v: int,
     vertices: Array,
-    links: Indices,
+    links: Numbers,
     weights: Array,
     transforms: Array,
     link_dofs: Indices,
@@ -94,7 +95,7 @@ def moved_along(transforms: Array, t: int, a: int, x: float, y: float, z: float)
 
 
 @numba.njit(cache=True, nogil=True)
-def visible_vertices(view: View, triangles: Indices) -> Indices:
+def visible_vertices(view: View, triangles: Numbers) -> Indices:
     """Indices, ascending, of the posed vertices that the camera at the origin sees. They stay in the view."""
     left, top, right, bottom = project_vertices(view.posed, view.image)
     width = max(1, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
@@ -114,7 +115,7 @@ def visible_vertices(view: View, triangles: Indices) -> Indices:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def draw_front(view: View, triangles: Indices, left: int, top: int, buffer: NDArray[np.float32]) -> None:
+def draw_front(view: View, triangles: Numbers, left: int, top: int, buffer: NDArray[np.float32]) -> None:
     """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
 
     What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing: no surface can
