@@ -177,7 +177,7 @@ def test_boxes_hold_their_points_tightly(like: Cloud, count: int, block: int, se
 @pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK, BLOCK + 1])
 def test_padding_fills_whole_blocks_with_the_last_point(count: int) -> None:
     """Padding is no more than needed, and lies within the last block's box."""
-    points = np.random.default_rng(2).normal(size=(count, 3))
+    points = np.random.default_rng(2).normal(size=(count, 3)).astype(np.float32)
     padded = pad_to_blocks(points)
     assert len(padded) == -(-count // BLOCK) * BLOCK
     np.testing.assert_array_equal(padded[:count], points)

@@ -87,7 +87,7 @@ def test_drawing_ends() -> None:
     view.image[:] = np.tile(corners, (full + 1, 1))
     view.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
     buffer = np.empty((side, side), dtype=np.float32)
-    triangles = np.arange(3 * (full + 1)).reshape(-1, 3)
+    triangles = np.arange(3 * (full + 1), dtype=np.uint32).reshape(-1, 3)
     draw_front(view, triangles, 0, 0, buffer)
     assert np.all(view.front)
     np.testing.assert_allclose(buffer.min(), view.posed[3 * full - 1, 2])

@@ -43,7 +43,7 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     seen = np.zeros(len(vertices), dtype=bool)
     view = lay_out_view(len(vertices))
     view.posed[:] = vertices
-    seen[visible_vertices(view, np.asarray(scene.model.triangles))] = True
+    seen[visible_vertices(view, scene.model.triangles.astype(np.uint32))] = True
     shown, free, hidden = judge(vertices, scene)
     assert free.sum() > 400
     assert hidden.sum() > 600

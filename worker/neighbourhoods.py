@@ -17,27 +17,65 @@ def neighbourhoods(points: Array, small: int, large: int) -> Indices:
     As in a k-d tree: halved along the longest side of their box again and again, but always at a multiple
     of `large` points, and below that of `small`, so that only the last few are fewer.
     """
-    order = np.arange(len(points))
+    order, moved = np.arange(len(points)), points.copy()
     waiting = [(0, len(points))]
     while len(waiting) > 0:
         start, stop = waiting.pop()
         unit = large if stop - start > large else small
         if stop - start > unit:
-            half = (stop - start + unit - 1) // unit // 2 * unit
-            part = order[start:stop].copy()
-            along = points[part, longest_side(points, part)]
-            order[start:stop] = part[np.argpartition(along, half)]
-            waiting.append((start, start + half))
-            waiting.append((start + half, stop))
+            middle = start + (stop - start + unit - 1) // unit // 2 * unit
+            halve(moved, order, start, stop, middle, longest_side(moved, start, stop))
+            waiting.append((start, middle))
+            waiting.append((middle, stop))
     return order
 
 
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+def longest_side(points: Array, start: int, stop: int) -> int:
+    """The axis along which points start..stop extend most."""
+    left, top, front = points[start, 0], points[start, 1], points[start, 2]
+    right, bottom, back = left, top, front
+    for i in range(start + 1, stop):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        left, right = min(left, x), max(right, x)
+        top, bottom = min(top, y), max(bottom, y)
+        front, back = min(front, z), max(back, z)
+    width, height, depth = right - left, bottom - top, back - front
+    if width >= height and width >= depth:
+        return 0
+    return 1 if height >= depth else 2
+
+
 @numba.njit(cache=True, nogil=True)
-def longest_side(points: Array, part: Indices) -> int:
-    """The axis along which a part of the points extends most."""
-    low, high = points[part[0]].copy(), points[part[0]].copy()
-    for i in part:
-        for a in range(3):
-            low[a] = min(low[a], points[i, a])
-            high[a] = max(high[a], points[i, a])
-    return int(np.argmax(high - low))
+def halve(points: Array, order: Indices, start: int, stop: int, middle: int, axis: int) -> None:
+    """Move points start..stop and their places in `order` so that none before `middle` lies beyond one after.
+
+    Hoare's selection.
+    """
+    low, high = start, stop - 1
+    while low < high:
+        pivot = points[(low + high) // 2, axis]
+        i, j = low, high
+        while i <= j:
+            while points[i, axis] < pivot:
+                i += 1
+            while points[j, axis] > pivot:
+                j -= 1
+            if i <= j:
+                swap(points, order, i, j)
+                i += 1
+                j -= 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            return
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def swap(points: Array, order: Indices, i: int, j: int) -> None:
+    """Each takes the other's place."""
+    for a in range(3):
+        points[i, a], points[j, a] = points[j, a], points[i, a]
+    order[i], order[j] = order[j], order[i]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,9 +39,9 @@ def observe(subject: SubjectFrame) -> Observation:
     """Observed points of the picked pixels of a frame."""
     depth = subject.frame.metres()
     points = pick_points(depth, subject.picked, subject.frame.intrinsics)
-    ordered = points[neighbourhoods(points, TILE, BLOCK)]
+    ordered = points.astype(np.float32)[neighbourhoods(points, TILE, BLOCK)]
     return Observation(
-        points=pad_to_blocks(ordered).astype(np.float32),
+        points=pad_to_blocks(ordered),
         count=len(points),
         depth=depth,
         nearest=nearest_subject_pixels(depth),
@@ -53,12 +54,29 @@ def pick_points(
     depth: NDArray[np.float32], picked: NDArray[np.uint32], camera: Intrinsics
 ) -> NDArray[np.float64]:
     """Camera-frame points (P, 3) of the picked pixels."""
-    v, u = np.divmod(picked.astype(np.int64), depth.shape[1])
-    z = depth.ravel()[picked].astype(np.float64)
-    return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=1)
+    points = np.empty((len(picked), 3))
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+    back_project_some(depth.ravel(), depth.shape[1], picked, lens, points)
+    return points
 
 
-def pad_to_blocks(points: NDArray[np.float64]) -> NDArray[np.float64]:
+@numba.njit(cache=True, nogil=True)
+def back_project_some(
+    depth: NDArray[np.float32],
+    width: int,
+    picked: NDArray[np.uint32],
+    lens: tuple[float, float, float, float],
+    points: NDArray[np.float64],
+) -> None:
+    """Fill points (P, 3) with the picked pixels' of a depth row by row; the lens is fx, fy, cx, cy."""
+    fx, fy, cx, cy = lens
+    for i in range(len(picked)):
+        v, u = picked[i] // width, picked[i] % width
+        z = np.float64(depth[picked[i]])
+        points[i, 0], points[i, 1], points[i, 2] = (u - cx) / fx * z, (v - cy) / fy * z, z
+
+
+def pad_to_blocks(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """Points filled up to whole blocks with copies of the last."""
     missing = -len(points) % BLOCK
     return np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])
