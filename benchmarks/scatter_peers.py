@@ -1,17 +1,19 @@
 """The same scatter and gather by other means: a process pool with shared memory, and Ray.
 
-Each frame is put where all workers can read it; batches of poses go out, their results come back in order. A
-result is the pose itself, so that all the time is overhead.
+Batches of poses go out, the next frame is put where all workers can read it, results come back in order. A
+result is the pose itself, after as long as a kernel would take: what is above that is overhead.
 """
 
 from __future__ import annotations
 
 import logging
 import multiprocessing
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from itertools import cycle
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any
 
@@ -23,40 +25,51 @@ from coordinator.batches import split
 Array = NDArray[np.float64]
 Depth = NDArray[np.uint16]
 Frame = Callable[[Depth, Array], Array]
-"""Scatters a frame and poses (N, D), and gathers the results (N, D)."""
+"""Scatters poses (N, D) about the frame it was given last, takes the next one, and gathers results (N, D)."""
 
 _attached: dict[str, SharedMemory] = {}
 
 
 @contextmanager
-def process_pool(workers: int, shape: tuple[int, int]) -> Iterator[Frame]:
-    """ProcessPoolExecutor; the frame lies in shared memory that is allocated once."""
+def process_pool(workers: int, shape: tuple[int, int], seconds: float) -> Iterator[Frame]:
+    """ProcessPoolExecutor; two frames lie in shared memory that is allocated once, this one and the next."""
     size = int(np.prod(shape)) * np.dtype(np.uint16).itemsize
+    with ExitStack() as stack:
+        memories = [stack.enter_context(shared(size)) for _ in range(2)]
+        places: list[Depth] = [np.ndarray(shape, np.uint16, memory.buf) for memory in memories]
+        context = multiprocessing.get_context("forkserver")
+        pool = stack.enter_context(ProcessPoolExecutor(workers, context))
+        turns = cycle(range(2))
+
+        def frame(depth: Depth, poses: Array) -> Array:
+            now = next(turns)
+            futures = [
+                pool.submit(read_and_return, memories[now].name, shape, poses[start:stop], seconds)
+                for start, stop in split(len(poses), workers)
+            ]
+            places[1 - now][:] = depth
+            return np.concatenate([future.result() for future in futures])
+
+        yield frame
+
+
+@contextmanager
+def shared(size: int) -> Iterator[SharedMemory]:
+    """Memory that other processes can map."""
     memory = SharedMemory(create=True, size=size)
-    place: Depth = np.ndarray(shape, np.uint16, memory.buf)
-    context = multiprocessing.get_context("forkserver")
     try:
-        with ProcessPoolExecutor(workers, context) as pool:
-
-            def frame(depth: Depth, poses: Array) -> Array:
-                place[:] = depth
-                futures = [
-                    pool.submit(read_and_return, memory.name, shape, poses[start:stop])
-                    for start, stop in split(len(poses), workers)
-                ]
-                return np.concatenate([future.result() for future in futures])
-
-            yield frame
+        yield memory
     finally:
         memory.close()
         memory.unlink()
 
 
-def read_and_return(name: str, shape: tuple[int, int], poses: Array) -> Array:
-    """What a worker of the pool does: look at the frame, give the poses back."""
+def read_and_return(name: str, shape: tuple[int, int], poses: Array, seconds: float) -> Array:
+    """What a worker of the pool does: look at the frame, wait, give the poses back."""
     if name not in _attached:
         _attached[name] = SharedMemory(name)
     look_at(np.ndarray(shape, np.uint16, _attached[name].buf))
+    time.sleep(seconds * len(poses))
     return poses
 
 
@@ -66,8 +79,8 @@ def look_at(depth: Depth) -> int:
 
 
 @contextmanager
-def ray_tasks(workers: int) -> Iterator[Frame]:
-    """Ray: the frame in its object store, a task for each batch. ImportError where Ray is not installed."""
+def ray_tasks(workers: int, shape: tuple[int, int], seconds: float) -> Iterator[Frame]:
+    """Ray: the frames in its object store, a task for each batch. ImportError where Ray is not installed."""
     import ray
 
     with warnings.catch_warnings():
@@ -75,10 +88,12 @@ def ray_tasks(workers: int) -> Iterator[Frame]:
         ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR)
     try:
         task: Any = ray.remote(look_and_return)
+        coming: list[Any] = [ray.put(np.zeros(shape, np.uint16))]
 
         def frame(depth: Depth, poses: Array) -> Array:
-            reference = ray.put(depth)
-            tasks = [task.remote(reference, poses[a:b]) for a, b in split(len(poses), workers)]
+            now = coming.pop()
+            tasks = [task.remote(now, poses[a:b], seconds) for a, b in split(len(poses), workers)]
+            coming.append(ray.put(depth))
             return np.concatenate(ray.get(tasks))
 
         yield frame
@@ -86,7 +101,8 @@ def ray_tasks(workers: int) -> Iterator[Frame]:
         ray.shutdown()
 
 
-def look_and_return(depth: Depth, poses: Array) -> Array:
+def look_and_return(depth: Depth, poses: Array, seconds: float) -> Array:
     """What a worker of Ray's does."""
     look_at(depth)
+    time.sleep(seconds * len(poses))
     return poses

@@ -1,9 +1,10 @@
 """What the service costs beside the kernel: python -m benchmarks.service.
 
-One frame of 512 KB and N particles go to two workers whose kernel takes no time, so all that is measured is
-encode, publish, dispatch, gather; beside it, in turns, the same by a process pool with shared memory and by
-Ray. Then what the coordinator does by itself (draw, merge, record), how two real workers compare with one,
-how near to the ideal 8, 64 and 256 workers come that only wait the kernel's time, and a worker's start.
+N particles go to two workers that give them back after as long as a kernel would take, or at once, and the
+next frame of 512 KB follows them: what is above the kernel's time is encode, dispatch, publish and gather.
+Beside it, in turns, the same by a process pool with shared memory and by Ray. Then what the coordinator does
+by itself (draw, merge, record), how two real workers compare with one, how near to the ideal 8, 64 and 256
+workers come that only wait the kernel's time, and a worker's start.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ Array = NDArray[np.float64]
 
 SHAPE = (512, 512)  # of a 16-bit depth image: 512 KB
 PARTICLES = (20, 100, 1000)
+KERNEL_MS = (30.0, 0.0)  # a frame
 ROUNDS = 60
 WAITING = (sys.executable, "-m", "benchmarks.waiting_workers")
 WAIT = 0.0065  # seconds a particle, about the kernel's time
@@ -61,7 +63,7 @@ def main() -> int:
         "machine": machine("eclipse-zenoh", "numpy", "msgspec"),
         "rounds": chosen.rounds,
         "frame_bytes": SHAPE[0] * SHAPE[1] * 2,
-        "overhead_ms": [overhead(count, chosen.rounds) for count in PARTICLES],
+        "overhead_ms": [overhead(count, ms, chosen.rounds) for ms in KERNEL_MS for count in PARTICLES],
         "coordinator_ms": coordinator_stages(chosen.rounds),
         "two_workers": two_workers(max(5, chosen.rounds // 6)),
         "crowds": [crowd(count) for count in CROWDS],
@@ -72,24 +74,28 @@ def main() -> int:
     return 0
 
 
-def overhead(particles: int, rounds: int) -> dict[str, Any]:
-    """Milliseconds a frame with instant workers, ours and others' in turns: medians, and ratios to ours."""
+def overhead(particles: int, kernel_ms: float, rounds: int) -> dict[str, Any]:
+    """Milliseconds a frame above the kernel's, ours and others' in turns: medians, and ratios to ours."""
     case = standing(POINTS, SensorNoise(), 0)
     poses = np.repeat(case.start, particles, axis=0)
     depth = np.full(SHAPE, 2000, np.uint16)
+    seconds = 1e-3 * kernel_ms / (particles / 2)
     with ExitStack() as stack:
-        ours = stack.enter_context(instant_workers(case.model, 2))
-        calls: dict[str, Frame] = {"gepf": ours, "process pool": stack.enter_context(process_pool(2, SHAPE))}
+        calls: dict[str, Frame] = {
+            "gepf": stack.enter_context(pretending_workers(case.model, 2, seconds)),
+            "process pool": stack.enter_context(process_pool(2, SHAPE, seconds)),
+        }
         try:
-            calls["ray"] = stack.enter_context(ray_tasks(2))
+            calls["ray"] = stack.enter_context(ray_tasks(2, SHAPE, seconds))
         except ImportError:
             sys.stderr.write("service: Ray is not installed and is left out; pip install ray\n")
         except Exception as error:  # noqa: BLE001 - Ray raises a bare one when its processes start too slowly
             sys.stderr.write(f"service: Ray does not start and is left out: {error}\n")
         times = in_turns({name: partial(call, depth, poses) for name, call in calls.items()}, rounds)
-    median = {name: float(np.median(spent)) for name, spent in times.items()}
+    median = {name: float(np.median(spent)) - kernel_ms for name, spent in times.items()}
     return {
         "particles": particles,
+        "kernel_ms": kernel_ms,
         "median": median,
         "gepf_over": {name: median["gepf"] / other for name, other in median.items() if name != "gepf"},
     }
@@ -107,16 +113,22 @@ def in_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str
 
 
 @contextmanager
-def instant_workers(model: BodyModel, workers: int) -> Iterator[Frame]:
-    """Publish and refine with workers that give poses back."""
+def pretending_workers(model: BodyModel, workers: int, seconds: float) -> Iterator[Frame]:
+    """Refine with workers that give poses back after so many seconds each; frames are sent ahead."""
     settings = preset("default").refine
-    with ZenohRefiner(PoolOptions(local_workers=workers, worker_command=WAITING)) as refiner:
+    command = (*WAITING, "--seconds", str(seconds))
+    with ZenohRefiner(PoolOptions(local_workers=workers, worker_command=command)) as refiner:
         refiner.wait_for(workers)
         numbers = iter(range(10**9))
+        coming = [subject_of(np.zeros(SHAPE, np.uint16) + 1, next(numbers))]
 
         def frame(depth: NDArray[np.uint16], poses: Array) -> Array:
-            refiner.publish(subject_of(depth, next(numbers)))
-            return refiner.refine(model, poses, settings).poses
+            def send_ahead() -> None:
+                coming.append(subject_of(depth, next(numbers)))
+                refiner.send_ahead(coming[0])
+
+            refiner.publish(coming.pop())
+            return refiner.refine(model, poses, settings, send_ahead).poses
 
         yield frame
 
