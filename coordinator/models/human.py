@@ -31,7 +31,7 @@ DEFAULT_ACTIVE: tuple[str, ...] = (
 )  # fmt: skip
 """The 24 degrees of freedom of the paper's section 5."""
 
-CELL = 0.0145
+CELL = 0.0164
 """Distance of neighbouring vertices, about, as a fraction of stature."""
 
 _NAMED_JOINTS = {
