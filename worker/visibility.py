@@ -119,17 +119,36 @@ def draw_front(view: View, triangles: Numbers, left: int, top: int, buffer: NDAr
     """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
 
     What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing: no surface can
-    keep us drawing for ever.
+    keep us drawing for ever. All in one function: what is called for each triangle counts references.
     """
     posed, image, front, room = view.posed, view.image, view.front, MOST_PIXELS
     front[:] = False
     buffer[:] = np.inf
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        if faces_camera(image, a, b, c) and min(posed[a, 2], posed[b, 2], posed[c, 2]) > NEAR:
-            front[a] = front[b] = front[c] = True
-            if room > 0:
-                room -= draw_triangle(image, posed, a, b, c, left, top, buffer)
+        ax, ay = image[a, 0] - left, image[a, 1] - top
+        bx, by = image[b, 0] - left - ax, image[b, 1] - top - ay  # from a
+        cx, cy = image[c, 0] - left - ax, image[c, 1] - top - ay
+        shown = bx * cy < by * cx  # counter-clockwise from outside, y points down
+        if not shown or min(posed[a, 2], posed[b, 2], posed[c, 2]) <= NEAR:
+            continue
+        front[a] = front[b] = front[c] = True
+        first_column = max(0, int(np.ceil(ax + min(0.0, bx, cx))))
+        last_column = min(buffer.shape[1] - 1, int(np.floor(ax + max(0.0, bx, cx))))
+        first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
+        last_row = min(buffer.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
+        if first_column > last_column or first_row > last_row or room <= 0:
+            continue
+        room -= (last_row - first_row + 1) * (last_column - first_column + 1)
+        scale = 1.0 / (bx * cy - by * cx)
+        z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
+        for row in range(first_row, last_row + 1):
+            for column in range(first_column, last_column + 1):
+                x, y = column - ax, row - ay
+                wb, wc = (x * cy - y * cx) * scale, (bx * y - by * x) * scale
+                depth, behind = np.float32(z + wb * zb + wc * zc), buffer[row, column]
+                covered = (wb >= -1e-9) & (wc >= -1e-9) & (wb + wc <= 1.0 + 1e-9)
+                buffer[row, column] = depth if covered & (depth < behind) else behind  # no branch to guess
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -154,33 +173,3 @@ def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
         image[c, 0] - image[a, 0]
     )
     return shown
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def draw_triangle(
-    image: Array, posed: Array, a: int, b: int, c: int, left: int, top: int, buffer: NDArray[np.float32]
-) -> int:
-    """Lower the buffer to the triangle's depth at every pixel centre that it covers.
-
-    Gives the number of pixels that were looked at.
-    """
-    ax, ay = image[a, 0] - left, image[a, 1] - top
-    bx, by = image[b, 0] - left - ax, image[b, 1] - top - ay  # from a
-    cx, cy = image[c, 0] - left - ax, image[c, 1] - top - ay
-    first_column = max(0, int(np.ceil(ax + min(0.0, bx, cx))))
-    last_column = min(buffer.shape[1] - 1, int(np.floor(ax + max(0.0, bx, cx))))
-    first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
-    last_row = min(buffer.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
-    if first_column > last_column or first_row > last_row:
-        return 0
-    scale = 1.0 / (bx * cy - by * cx)
-    z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
-    for row in range(first_row, last_row + 1):
-        for column in range(first_column, last_column + 1):
-            x, y = column - ax, row - ay
-            wb, wc = (x * cy - y * cx) * scale, (bx * y - by * x) * scale
-            depth, behind = np.float32(z + wb * zb + wc * zc), buffer[row, column]
-            covered = (wb >= -1e-9) & (wc >= -1e-9) & (wb + wc <= 1.0 + 1e-9)
-            buffer[row, column] = depth if covered & (depth < behind) else behind  # no branch to guess
-    drawn: int = (last_row - first_row + 1) * (last_column - first_column + 1)
-    return drawn
