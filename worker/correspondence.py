@@ -35,6 +35,7 @@ class Search(NamedTuple):
     between: Points  # (K,) squared distances of the leaves' centres
     closest: NDArray[np.int32]  # (P,) which of them
     squared: Points  # (P,)
+    largest: Points  # (P / TILE,) of a tile's
     weights: NDArray[np.float64]  # (P,)
 
 
@@ -51,6 +52,7 @@ def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
         np.empty(leaves, dtype=np.float32),
         np.empty(points, dtype=np.int32),
         np.empty(points, dtype=np.float32),
+        np.empty(points // TILE, dtype=np.float32),
         np.empty(points),
     )
 
@@ -83,7 +85,7 @@ def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int,
     arguments alone.
     """
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
-    between = search.between  # taken out once: each time references are counted
+    between, bounds = search.between, search.largest  # taken out once: each time references are counted
     groups = bound_leaves(leaves, search)
     closest[:] = 0
     squared[:] = np.inf
@@ -91,20 +93,18 @@ def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int,
         compare_centres(blocks, b, search.leaves, leaves, between)
         first = smallest(between, leaves)
         for tile in range(b * BLOCK, (b + 1) * BLOCK, TILE):
-            largest: np.float32 = search_lanes(  # type: ignore[call-arg]
+            bounds[tile // TILE] = search_lanes(  # type: ignore[call-arg]
                 observed, tile, model, starts[first], starts[first + 1], squared, closest
             )
-            search_tile(observed, tile, tiles, largest, groups, search)
+    search_tiles(observed, tiles, groups, search)
 
 
 @numba.njit(cache=True, nogil=True)
 def closest_again(observed: Points, tiles: Points, leaves: int, search: Search) -> None:
     """As `closest_points`, where search.closest holds a guess: any places in search.model."""
-    model, squared, closest = search.model, search.squared, search.closest
     groups = bound_leaves(leaves, search)
-    for tile in range(0, tiles.shape[1] * TILE, TILE):
-        largest = bound_tile(observed, tile, model, closest, squared)
-        search_tile(observed, tile, tiles, largest, groups, search)
+    bound_tiles(observed, search)
+    search_tiles(observed, tiles, groups, search)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -147,34 +147,40 @@ def smallest(values: Points, count: int) -> int:
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
-def bound_tile(
-    observed: Points, tile: int, model: Points, closest: NDArray[np.int32], squared: Points
-) -> np.float32:
-    """Bound a tile's squared distances by those of its guesses, and a little more; gives the largest."""
-    largest = np.float32(0.0)
-    for i in range(tile, tile + TILE):
-        m = closest[i]
-        dx, dy, dz = observed[0, i] - model[m, 0], observed[1, i] - model[m, 1], observed[2, i] - model[m, 2]
-        squared[i] = LOOSER * (dx * dx + dy * dy + dz * dz) + TINY
-        largest = max(largest, squared[i])
-    return largest
+def bound_tiles(observed: Points, search: Search) -> None:
+    """Bound squared distances by those of the guesses, and a little more, and find each tile's largest."""
+    model, squared, closest, bounds = search.model, search.squared, search.closest, search.largest
+    for t in range(len(bounds)):
+        largest = np.float32(0.0)
+        for i in range(t * TILE, (t + 1) * TILE):
+            m = closest[i]
+            dx, dy, dz = (
+                observed[0, i] - model[m, 0],
+                observed[1, i] - model[m, 1],
+                observed[2, i] - model[m, 2],
+            )
+            squared[i] = LOOSER * (dx * dx + dy * dy + dz * dz) + TINY
+            largest = max(largest, squared[i])
+        bounds[t] = largest
 
 
 @numba.njit(cache=True, nogil=True)
-def search_tile(
-    observed: Points, tile: int, tiles: Points, largest: np.float32, groups: int, search: Search
-) -> None:
-    """Lower a tile's squared distances, of which the largest is given, to those of the closest points."""
+def search_tiles(observed: Points, tiles: Points, groups: int, search: Search) -> None:
+    """Lower all squared distances, of which each tile's largest is given, to those of the closest points."""
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
-    boxes, around, t = search.leaves, search.groups, tile // TILE
-    for first in range(0, groups, TILE):
-        near: int = boxes_within(tiles, t, around, first, largest)  # type: ignore[call-arg]
-        while near != 0:
-            leaf = (first + lowest_bit(near)) * TILE
-            near &= near - 1
-            within: int = boxes_within(tiles, t, boxes, leaf, largest)
-            while within != 0:
-                k = leaf + lowest_bit(within)
-                within &= within - 1
-                if box_within(observed, tile, boxes, k, squared):
-                    largest = search_lanes(observed, tile, model, starts[k], starts[k + 1], squared, closest)
+    boxes, around, bounds = search.leaves, search.groups, search.largest
+    for t in range(len(bounds)):
+        tile, largest = t * TILE, bounds[t]
+        for first in range(0, groups, TILE):
+            near: int = boxes_within(tiles, t, around, first, largest)  # type: ignore[call-arg]
+            while near != 0:
+                leaf = (first + lowest_bit(near)) * TILE
+                near &= near - 1
+                within: int = boxes_within(tiles, t, boxes, leaf, largest)
+                while within != 0:
+                    k = leaf + lowest_bit(within)
+                    within &= within - 1
+                    if box_within(observed, tile, boxes, k, squared):
+                        largest = search_lanes(
+                            observed, tile, model, starts[k], starts[k + 1], squared, closest
+                        )
