@@ -14,7 +14,7 @@ from coordinator.scenes import SCENES
 from coordinator.scenes.scene import Scene
 from worker.visibility import TOLERANCE, lay_out_view, visible_vertices
 
-AROUND = 5  # pixels: what the surface does within 10 mm counts as its edge
+AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
 SEEN, HIDDEN = 0.003, TOLERANCE + 0.02  # metres behind the z-buffer
 
 Marks = NDArray[np.bool_]
