@@ -37,10 +37,7 @@ def judge(vertices: NDArray[np.float64], scene: Scene) -> tuple[Marks, Marks, Ma
     ("name", "frame"), [("arm", 0), ("arm", 60), ("arm", 105), ("turn", 50), ("turn", 140)]
 )
 def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
-    """Next to nothing clearly hidden is seen, all that lies open is, and 19 of 20 vertices are judged alike.
-
-    At the outline of what hides it a vertex may find its pixel of 12 mm free: not one in a thousand.
-    """
+    """Nothing clearly hidden is seen, all that lies open is, and 19 of 20 vertices are judged alike."""
     scene = SCENES[name]()
     vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
     seen = np.zeros(len(vertices), dtype=bool)
@@ -48,8 +45,8 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     view.posed[:] = vertices
     seen[visible_vertices(view, scene.model.triangles.astype(np.uint32))] = True
     shown, free, hidden = judge(vertices, scene)
-    assert free.sum() > 400
-    assert hidden.sum() > 600
+    assert free.sum() > 250
+    assert hidden.sum() > 450
     assert np.mean(seen == shown) > 0.95
     assert np.mean(seen[free]) > 0.99
-    assert np.mean(seen & hidden) < 0.001
+    assert not np.any(seen & hidden)
