@@ -177,7 +177,7 @@ def track(  # noqa: PLR0913 one parameter an option
         ),
     ] = "gepf",
     preset: Annotated[
-        str, typer.Option(help="default, or paper (its constants to the letter).", rich_help_panel=METHOD)
+        str, typer.Option(help="default, or paper (its constants).", rich_help_panel=METHOD)
     ] = "default",
     particles: Annotated[
         int | None,
