@@ -252,8 +252,9 @@ class Arrivals:
         return None if self._ended else [query for query in taken if query is not None]
 
     def wake(self) -> None:
-        """Let who waits go on."""
-        self._waiting.put(None)
+        """Let who waits go on; nobody waits where there is something to take."""
+        if self._waiting.empty():
+            self._waiting.put(None)
 
     def end(self) -> None:
         """No more queries will come."""

@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,15 @@ import pytest
 from numpy.typing import NDArray
 
 from common import keys
-from common.bus import Bus, Request, open_coordinator, open_router, open_worker
+from common.bus import (
+    WAITING_REQUESTS,
+    Arrivals,
+    Bus,
+    Request,
+    open_coordinator,
+    open_router,
+    open_worker,
+)
 from common.errors import BusError, InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.messages import RefineRequest, decode_refusal, encode_request
@@ -460,6 +469,22 @@ def test_arrivals_are_bounded_and_wake_who_waits() -> None:
     assert kept == [(r, n) for r in range(84, 100) for n in (8, 9)]
     threading.Timer(0.05, lambda: arrivals.put_frame("new", 1, b"y")).start()
     assert arrivals.wait_for_frame("new", 1, 5.0) == b"y"
+
+
+def test_frames_that_come_do_not_crowd_requests_out() -> None:
+    """However often a busy worker is woken, as many requests wait for it as may, in their order."""
+    arrivals, requests = Arrivals(), [SimpleNamespace(number=n) for n in range(WAITING_REQUESTS)]
+    for request in requests:
+        for _ in range(10):
+            arrivals.wake()
+        arrivals.put(request)  # type: ignore[arg-type]
+    taken: list[Any] = []
+    while len(taken) < WAITING_REQUESTS:
+        some = arrivals.take(wait=False)
+        assert some
+        taken += some
+    assert taken == requests
+    assert arrivals.take(wait=False) == []
 
 
 def test_only_the_newest_frame_of_a_run_that_asks_is_made_ready() -> None:
