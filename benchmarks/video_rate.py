@@ -25,15 +25,19 @@ from benchmarks.worker_start import processor_seconds
 from common.errors import InputError
 from common.settings import Settings, preset
 from coordinator.chosen_body import choose_bodies
+from coordinator.estimate import Estimate
 from coordinator.runtime import PoolOptions, ZenohRefiner
 from coordinator.sources import open_source
 from coordinator.tracker import Tracker
+from coordinator.tracker_state import TrackerState
 
 SEQUENCES = ("a8_s1", "a14_s2", "a21_s1", "a27_s2")
 WORKERS = (2, 1)
 POINTS = 5_000
 SETTLED = 4  # frames that do not count: a start is sought in the first
 RESULT = Path(__file__).parent / "results" / "video_rate.json"
+
+Spent = tuple[float, list[float], float, float]
 
 
 def main() -> int:
@@ -69,12 +73,16 @@ def run(depth: Path, settings: Settings, workers: int) -> dict[str, Any]:
     with ZenohRefiner(PoolOptions(local_workers=workers)) as refiner:
         refiner.wait_for(workers)
         tracker = Tracker(refiner, settings, choose_bodies(None, settings.preset))
-        for number, estimate in enumerate(tracker.follow(frames)):
+        at: list[Spent] = []  # settled, and after the last frame
+
+        def take(estimate: Estimate, _: TrackerState) -> None:
             laps.append(time.perf_counter())
             stages.append(estimate.stage_seconds)
-            if number == SETTLED:
-                before = spent(refiner)
-        after = spent(refiner)
+            if len(laps) - 1 in (SETTLED, len(frames) - 1):
+                at.append(spent(refiner))
+
+        tracker.follow(frames, take)
+        before, after = at
     count = len(frames) - 1 - SETTLED
     spans = 1e3 * np.diff(laps)[SETTLED:]
     return {
@@ -90,7 +98,7 @@ def run(depth: Path, settings: Settings, workers: int) -> dict[str, Any]:
     }
 
 
-def spent(refiner: ZenohRefiner) -> tuple[float, list[float], float, float]:
+def spent(refiner: ZenohRefiner) -> Spent:
     """Seconds of the coordinator's processor, of each worker's, stolen from all, and of all, so far."""
     ticks = [int(word) for word in Path("/proc/stat").read_text(encoding="utf-8").split()[1:9]]
     workers = [processor_seconds(pid) for pid in refiner.local_pids.values()]

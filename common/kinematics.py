@@ -28,23 +28,29 @@ def dof_transforms(model: BodyModel, poses: Array) -> Array:
 
 def link_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
-    at_rest = np.broadcast_to(np.eye(4)[:3], (len(poses), 1, 3, 4))
-    return np.concatenate([dof_transforms(model, poses), at_rest], axis=1)[:, model.link_dofs]
+    out = np.empty((len(poses), len(model.link_dofs), 3, 4))
+    hand_to_links(dof_transforms(model, poses), model.link_dofs, out)
+    return out
 
 
 def pose_vertices(model: BodyModel, poses: Array) -> Array:
     """Surface vertices (N, V, 3) in the camera frame, for poses (N, D)."""
     posed = np.empty((len(poses), *model.vertices.shape))
-    blend_each(
-        model.vertices, model.skin_links, model.skin_weights, copied(link_transforms(model, poses)), posed
-    )
+    blend_each(model.vertices, model.skin_links, model.skin_weights, link_transforms(model, poses), posed)
     return posed
+
+
+def bounding_box(model: BodyModel, pose: Array) -> Array:
+    """Lowest and highest x, y and z (2, 3) of the surface in the camera frame, for a pose (D,)."""
+    t_links, box = link_transforms(model, pose[None])[0], np.empty((2, 3))
+    enclose(model.vertices, model.skin_links, model.skin_weights, t_links, box)
+    return box
 
 
 def joint_positions(model: BodyModel, poses: Array) -> Array:
     """Named joints (N, J, 3) in the camera frame, for poses (N, D)."""
-    t_links = link_transforms(model, poses)[:, model.joint_links]
-    positions: Array = np.einsum("njab,jb->nja", t_links[..., :3], model.joint_points) + t_links[..., 3]
+    positions = np.empty((len(poses), len(model.joint_links), 3))
+    carry_points_each(model.joint_links, model.joint_points, link_transforms(model, poses), positions)
     return positions
 
 
@@ -141,17 +147,64 @@ def chain_each(
 
 
 @numba.njit(cache=True, nogil=True)
+def hand_to_links(transforms: Array, link_dofs: Indices, out: Array) -> None:
+    """Fill out (N, L, 3, 4) with transforms (N, D, 3, 4), each its link's; none for what nothing moves."""
+    for n in range(len(out)):
+        for link in range(len(link_dofs)):
+            for a in range(3):
+                for b in range(4):
+                    if link_dofs[link] < 0:
+                        out[n, link, a, b] = 1.0 if a == b else 0.0
+                    else:
+                        out[n, link, a, b] = transforms[n, link_dofs[link], a, b]
+
+
+@numba.njit(cache=True, nogil=True)
+def blend(
+    vertices: Array, links: Indices, weights: Array, transforms: Array, v: int
+) -> tuple[float, float, float]:
+    """Where vertex v of (V, 3) is, blended over its links' T_camera_rest (L, 3, 4)."""
+    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+    moved_x = moved_y = moved_z = 0.0
+    for k in range(links.shape[1]):
+        share, link = weights[v, k], links[v, k]
+        if share != 0.0:
+            t = transforms[link]
+            moved_x += share * (t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3])
+            moved_y += share * (t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3])
+            moved_z += share * (t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3])
+    return moved_x, moved_y, moved_z
+
+
+@numba.njit(cache=True, nogil=True)
 def blend_each(vertices: Array, links: Indices, weights: Array, transforms: Array, out: Array) -> None:
     """Fill out (N, V, 3) with vertices (V, 3) blended over their links' T_camera_rest (N, L, 3, 4)."""
     for n in range(len(out)):
         for v in range(len(vertices)):
+            out[n, v, 0], out[n, v, 1], out[n, v, 2] = blend(vertices, links, weights, transforms[n], v)
+
+
+@numba.njit(cache=True, nogil=True)
+def enclose(vertices: Array, links: Indices, weights: Array, transforms: Array, box: Array) -> None:
+    """Fill box (2, 3) with the lowest and highest coordinates of vertices (V, 3) after `blend`."""
+    x_low = y_low = z_low = np.inf
+    x_high = y_high = z_high = -np.inf
+    for v in range(len(vertices)):
+        x, y, z = blend(vertices, links, weights, transforms, v)
+        x_low, y_low, z_low = min(x_low, x), min(y_low, y), min(z_low, z)
+        x_high, y_high, z_high = max(x_high, x), max(y_high, y), max(z_high, z)
+    box[0, 0], box[0, 1], box[0, 2] = x_low, y_low, z_low
+    box[1, 0], box[1, 1], box[1, 2] = x_high, y_high, z_high
+
+
+@numba.njit(cache=True, nogil=True)
+def carry_points_each(links: Indices, points: Array, transforms: Array, out: Array) -> None:
+    """Fill out (N, J, 3) with points (J, 3), each moved by its link's transform of (N, L, 3, 4)."""
+    for n in range(len(out)):
+        for j in range(len(links)):
             for a in range(3):
-                total = 0.0
-                for k in range(links.shape[1]):
-                    t = transforms[n, links[v, k], a]
-                    moved = t[0] * vertices[v, 0] + t[1] * vertices[v, 1] + t[2] * vertices[v, 2] + t[3]
-                    total += weights[v, k] * moved
-                out[n, v, a] = total
+                t = transforms[n, links[j], a]
+                out[n, j, a] = t[0] * points[j, 0] + t[1] * points[j, 1] + t[2] * points[j, 2] + t[3]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -341,4 +394,28 @@ def turn_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: 
 @numba.njit(cache=True, nogil=True)
 def ball_turn(handed: float, before: Array, after: Array, out: Array) -> None:
     """Fill the first three of out with the rotation vector that leads from angles (3,) to others."""
-    out[:3] = handed * rotation_vector(product(euler_matrix(handed * after), euler_matrix(handed * before).T))
+    bw, bx, by, bz = quaternion(handed * before[0], handed * before[1], handed * before[2])
+    aw, ax, ay, az = quaternion(handed * after[0], handed * after[1], handed * after[2])
+    w = aw * bw + ax * bx + ay * by + az * bz  # after * conjugate of before
+    x = ax * bw - aw * bx + az * by - ay * bz
+    y = ay * bw - aw * by + ax * bz - az * bx
+    z = az * bw - aw * bz + ay * bx - ax * by
+    sine = np.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * handed if sine < 1e-12 else 2.0 * handed * np.arctan2(sine, abs(w)) / sine
+    if w < 0.0:
+        scale = -scale
+    out[0], out[1], out[2] = scale * x, scale * y, scale * z
+
+
+@numba.njit(cache=True, nogil=True)
+def quaternion(a: float, b: float, c: float) -> tuple[float, float, float, float]:
+    """Rx(a) Ry(b) Rz(c) as a unit quaternion w, x, y, z."""
+    ca, sa = np.cos(0.5 * a), np.sin(0.5 * a)
+    cb, sb = np.cos(0.5 * b), np.sin(0.5 * b)
+    cc, sc = np.cos(0.5 * c), np.sin(0.5 * c)
+    return (
+        ca * cb * cc - sa * sb * sc,
+        sa * cb * cc + ca * sb * sc,
+        ca * sb * cc - sa * cb * sc,
+        ca * cb * sc + sa * sb * cc,
+    )

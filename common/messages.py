@@ -84,15 +84,20 @@ def decode_frame(payload: bytes) -> SubjectFrame:
     message = decode(payload, FrameMessage)
     frame = depth_frame(message)
     picked = unpack("picked", message.picked, "<u4", ("P",), {})
-    check_indices("picked", picked, 0, frame.depth.size)
-    if np.any(picked[1:] <= picked[:-1]):
-        raise ProtocolError("picked must be in ascending order")
-    if not np.all(frame.depth.ravel()[picked]):
-        raise ProtocolError("picked points at pixels without depth")
+    check_picked(picked, frame.depth)
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
     return SubjectFrame(frame, picked, message.view)
+
+
+def check_picked(picked: NDArray[np.uint32], depth: NDArray[np.uint16]) -> None:
+    """ProtocolError unless these are pixels with depth, in ascending order."""
+    if np.any(picked[1:] <= picked[:-1]):
+        raise ProtocolError("picked must be in ascending order")
+    check_indices("picked", picked[-1:], 0, depth.size)  # and so all of them
+    if not np.all(depth.ravel()[picked]):
+        raise ProtocolError("picked points at pixels without depth")
 
 
 def encode_live(frame: DepthFrame) -> bytes:

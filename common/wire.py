@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import reduce
+from contextlib import suppress
+from functools import lru_cache, reduce
 from operator import or_
 from typing import Annotated, Any, TypeVar
 
@@ -99,6 +100,8 @@ class RefusalMessage(Message, frozen=True, tag="refusal"):
 
 M = TypeVar("M", bound=Message)
 
+UNREADABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)
+
 
 def encode(message: Message) -> bytes:
     """A message as bytes."""
@@ -110,12 +113,31 @@ def decode(payload: bytes, *kinds: type[M]) -> M:
     if len(payload) > MAX_BYTES:
         raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
     try:
+        message: M = decoder_of(kinds).decode(payload)
+    except UNREADABLE as error:
+        raise explain(payload, kinds, error) from error
+    if message.version != PROTOCOL:
+        raise of_version(message.version)
+    return message
+
+
+@lru_cache(maxsize=16)
+def decoder_of(kinds: tuple[type[Message], ...]) -> msgspec.msgpack.Decoder[Any]:
+    """Reads messages of these kinds."""
+    either: Any = reduce(or_, kinds)
+    return msgspec.msgpack.Decoder(either)
+
+
+def explain(payload: bytes, kinds: tuple[type[Message], ...], error: Exception) -> ProtocolError:
+    """What is wrong with a message that cannot be read: it may be of another version."""
+    with suppress(*UNREADABLE):
         version = msgspec.msgpack.decode(payload, type=Header).version
         if version != PROTOCOL:
-            raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
-        either: Any = reduce(or_, kinds)
-        message: M = msgspec.msgpack.decode(payload, type=either)
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)
-        raise ProtocolError(f"not a {tags} message: {error}") from error
-    return message
+            return of_version(version)
+    tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)
+    return ProtocolError(f"not a {tags} message: {error}")
+
+
+def of_version(version: int) -> ProtocolError:
+    """A message is of another version."""
+    return ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")

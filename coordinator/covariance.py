@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,9 +34,28 @@ def estimate_covariances(
         inherited: Covariance (M, D, D) of the hypothesis that each representative was drawn from.
         reduction: Share by which every covariance shrinks each frame.
     """
-    covariances = np.array(inherited)
-    spread = difference(model, merged[group], before)
-    for m in np.flatnonzero(np.bincount(group, minlength=len(merged)) > 1):
-        members = spread[group == m]
-        covariances[m] = members.T @ members / len(members)
-    return covariances * (1.0 - reduction)
+    covariances = np.array(inherited, dtype=np.float64, order="C")
+    gather_squares(difference(model, merged[group], before), group, 1.0 - reduction, covariances)
+    return covariances
+
+
+@numba.njit(cache=True, nogil=True)
+def gather_squares(spread: Array, group: NDArray[np.int64], share: float, covariances: Array) -> None:
+    """Replace the covariances (M, D, D) of groups of more than one by the mean square of their spread (N, D).
+
+    Each is then multiplied by a share.
+    """
+    members = np.zeros(len(covariances), dtype=np.int64)
+    for m in group:
+        members[m] += 1
+    for m in range(len(covariances)):
+        if members[m] > 1:
+            covariances[m] = 0.0
+    for n in range(len(group)):
+        covariance = covariances[group[n]]
+        if members[group[n]] > 1:
+            for i in range(spread.shape[1]):
+                for j in range(spread.shape[1]):
+                    covariance[i, j] += spread[n, i] * spread[n, j]
+    for m in range(len(covariances)):
+        covariances[m] *= share / max(1, members[m]) if members[m] > 1 else share

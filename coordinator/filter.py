@@ -21,7 +21,7 @@ from coordinator.belief import Belief
 from coordinator.covariance import estimate_covariances
 from coordinator.merging import merge
 from coordinator.motion import draw_noise, propagate
-from coordinator.proposals import explore, spread_out
+from coordinator.proposals import explore, spreads, turns
 from coordinator.resampling import systematic
 
 Array = NDArray[np.float64]
@@ -61,7 +61,8 @@ def advance(
     before = scatter(model, past, ancestors, settings, rng)  # 3
     after = refine(before)  # 4, 5
     answered = after.answered
-    ancestors, before, after = ancestors[answered], before[answered], after.take(answered)
+    if len(answered) < len(before):
+        ancestors, before, after = ancestors[answered], before[answered], after.take(answered)
     chosen, group = merge(model, after.poses, after.log_likelihood, np.deg2rad(settings.merge_angle_deg))  # 6
     parents = ancestors[chosen]
     covariances = estimate_covariances(  # 7
@@ -100,5 +101,6 @@ def scatter(
 def who_spreads(ancestors: NDArray[np.int64], settings: FilterSettings) -> NDArray[np.bool_]:
     """Which particles (N,) keep the noise of their ancestor's covariance; a lone one has none."""
     if settings.explore:
-        return spread_out(ancestors)
+        spread: NDArray[np.bool_] = spreads(turns(ancestors))
+        return spread
     return np.full(len(ancestors), settings.particles > 1)

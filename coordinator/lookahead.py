@@ -38,7 +38,3 @@ class Lookahead:
                 self._next, self._error = None, error
             self._peeked = True
         return self._next
-
-
-def nothing() -> None:
-    """No frame is known to come."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +31,20 @@ def merge(model: BodyModel, poses: Array, log_likelihood: Array, angle: float) -
         The representatives (M,) as indices of particles, likeliest first, and for each particle the
         place (N,) of its representative among them.
     """
-    turning = model.kinds == ROTATION
-    turning[(model.balls[:, None] + np.arange(3)).ravel()] = False
     order = np.argsort(-log_likelihood, kind="stable")
     chosen, group = np.empty_like(order), np.empty_like(order)
     count = join_in_order(
-        order, copied(poses), angle, np.flatnonzero(turning), model.axes, model.balls, chosen, group
+        order, copied(poses), angle, find_hinges(model), model.axes, model.balls, chosen, group
     )
     return chosen[:count], group
+
+
+@lru_cache(maxsize=16)
+def find_hinges(model: BodyModel) -> Indices:
+    """Degrees of freedom that turn and are no part of a ball."""
+    turning = model.kinds == ROTATION
+    turning[(model.balls[:, None] + np.arange(3)).ravel()] = False
+    return np.flatnonzero(turning)
 
 
 @numba.njit(cache=True, nogil=True)

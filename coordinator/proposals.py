@@ -8,7 +8,9 @@ leave the others to the descent.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,8 @@ from common.body import ROTATION, BodyModel
 from common.settings import FilterSettings
 
 Array = NDArray[np.float64]
+
+FAR = 0.02  # metres that a joint which slides is thrown, one standard deviation
 
 
 def explore(
@@ -27,26 +31,52 @@ def explore(
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
     """Noise and velocities (N, D). Children take turns: predicted, resting, one limb far, spread."""
-    limbs = limbs_of(model)
-    far = np.where(model.kinds == ROTATION, np.deg2rad(settings.limb_deviation_deg), 0.02)
+    limbs, far = limbs_of(model), far_of(model, settings.limb_deviation_deg)
     standard = rng.standard_normal(noise.shape)
-    limb = limbs[rng.integers(len(limbs), size=len(noise))]
-    turn = turns(ancestors)[:, None]
-    thrown = (turn > 1) & (turn % 4 != 0)
-    noise = np.where(thrown & limb, far * standard, np.where(spread_out(ancestors)[:, None], noise, 0.0))
-    return noise, np.where(turn == 1, 0.0, velocities)
+    limb = rng.integers(len(limbs), size=len(noise))
+    noise, velocities = noise.copy(), velocities.copy()
+    take_turns(turns(ancestors), limbs, limb, far * standard, noise, velocities)
+    return noise, velocities
 
 
+@numba.njit(cache=True, nogil=True)
+def take_turns(
+    turn: NDArray[np.int64],
+    limbs: NDArray[np.bool_],
+    limb: NDArray[np.int64],
+    thrown: Array,
+    noise: Array,
+    velocities: Array,
+) -> None:
+    """Change noise and velocities (N, D) as `explore` gives them; limb (N,) and thrown (N, D) may come in."""
+    for n in range(len(turn)):
+        if turn[n] == 1:
+            velocities[n] = 0.0
+        if not spreads(turn[n]):
+            for j in range(noise.shape[1]):
+                noise[n, j] = thrown[n, j] if turn[n] > 1 and limbs[limb[n], j] else 0.0
+
+
+@numba.njit(cache=True, nogil=True)
 def turns(ancestors: NDArray[np.int64]) -> NDArray[np.int64]:
     """Which of its ancestor's children each particle is, from 0 on; ancestors (N,) ascend."""
-    return np.arange(len(ancestors)) - np.searchsorted(ancestors, ancestors)
+    turn = np.zeros(len(ancestors), dtype=np.int64)
+    for n in range(1, len(ancestors)):
+        if ancestors[n] == ancestors[n - 1]:
+            turn[n] = turn[n - 1] + 1
+    return turn
 
 
-def spread_out(ancestors: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which particles (N,) keep the noise of their ancestor's covariance in full."""
-    turn = turns(ancestors)
-    spread: NDArray[np.bool_] = (turn > 0) & (turn % 4 == 0)
-    return spread
+@numba.njit(cache=True, nogil=True)
+def spreads(turn: Any) -> Any:
+    """Whether a child, or which of many, keeps the noise of its ancestor's covariance in full."""
+    return (turn > 0) & (turn % 4 == 0)
+
+
+@lru_cache(maxsize=16)
+def far_of(model: BodyModel, limb_deviation_deg: float) -> Array:
+    """How far (D,) a limb is thrown, one standard deviation, radians and metres."""
+    return np.where(model.kinds == ROTATION, np.deg2rad(limb_deviation_deg), FAR)
 
 
 @lru_cache(maxsize=16)

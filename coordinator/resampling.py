@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +28,22 @@ def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[
 
     A hypothesis of zero weight is never drawn.
     """
-    positions = (np.arange(count) + rng.random()) / count
-    cumulative = np.cumsum(weights) / np.sum(weights)
-    last = int(np.flatnonzero(weights > 0.0)[-1])
-    return np.minimum(np.searchsorted(cumulative, positions, side="right"), last).astype(np.int64)
+    ancestors = np.empty(count, dtype=np.int64)
+    select(weights, rng.random(), ancestors)
+    return ancestors
+
+
+@numba.njit(cache=True, nogil=True)
+def select(weights: Array, offset: float, ancestors: NDArray[np.int64]) -> None:
+    """Fill ancestors (N,): who is at (n + offset) / N where all weights (M,) are stacked up."""
+    total = np.sum(weights)
+    m = last = 0
+    for k in range(len(weights)):
+        if weights[k] > 0.0:
+            last = k
+    below = weights[0]
+    for n in range(len(ancestors)):
+        while m < last and below <= (n + offset) / len(ancestors) * total:
+            m += 1
+            below += weights[m]
+        ancestors[n] = m

@@ -12,6 +12,7 @@ from common.body import BodyModel
 from coordinator.atomic_file import write_atomically
 from coordinator.bodies import Bodies
 from coordinator.chosen_body import HUMAN_DOFS, choose_bodies
+from coordinator.estimate import Estimate
 from coordinator.model_file import MODEL_FILE, TrackedBody, write_model
 from coordinator.options import AUTOMATIC, Job, Pool
 from coordinator.progress import FrameMeter, Show
@@ -27,6 +28,7 @@ from coordinator.summary import summarise
 from coordinator.terms import terms_of
 from coordinator.track import read_track
 from coordinator.tracker import Tracker
+from coordinator.tracker_state import TrackerState
 from coordinator.traffic import Traffic
 from coordinator.truth import Truth, read_truth
 
@@ -108,15 +110,17 @@ def choose_start(
 
 
 def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:
-    """Track frame after frame; each is recorded before the next begins."""
+    """Track frame after frame; each is recorded while the workers are busy with the next."""
     recorder = run.recorder
     with connect(run.job.pool, show) as refiner, meter:
+
+        def record(estimate: Estimate, state: TrackerState) -> None:
+            meter.advance(estimate)
+            recorder.append(estimate, state, refiner.traffic, meter.seconds)
+
         state = recorder.past.state if recorder.past else None
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, state)
-        frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
-        for estimate in tracker.follow(frames):
-            meter.advance(estimate)
-            recorder.append(estimate, tracker.state, refiner.traffic, meter.seconds)
+        tracker.follow((run.source.frame(number) for number in run.numbers[recorder.frames :]), record)
 
 
 def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:

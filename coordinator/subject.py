@@ -6,16 +6,16 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import project
 from common.frame import DepthFrame, SubjectFrame
 
 Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]
+Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
 CLEARANCE = 0.8  # metres around the subject in which there is nothing else
 
 
-def isolate(frame: DepthFrame, around: NDArray[np.float64] | None, points: int) -> SubjectFrame | None:
+def isolate(frame: DepthFrame, around: Array | None, points: int) -> SubjectFrame | None:
     """Crop a frame to the subject and pick the pixels that become observed points.
 
     Args:
@@ -29,78 +29,99 @@ def isolate(frame: DepthFrame, around: NDArray[np.float64] | None, points: int) 
     """
     low, high = np.full(3, -np.inf), np.full(3, np.inf)
     if around is not None:
-        across = np.ascontiguousarray(around.T)  # numpy is slow along short rows
-        low, high = across.min(axis=1) - CLEARANCE, across.max(axis=1) + CLEARANCE
-    window, camera = find_window(frame, low, high), frame.intrinsics
+        low, high = around.min(axis=0) - CLEARANCE, around.max(axis=0) + CLEARANCE
+    camera = frame.intrinsics
     lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-    kept = np.zeros(frame.depth.shape, dtype=np.uint16)
-    left, top, right, bottom = keep_within(
-        frame.depth, np.float32(frame.depth_scale), lens, low, high, window, kept
+    left, top, right, bottom = find_window(lens, camera.width, camera.height, low, high)
+    kept = np.zeros((bottom - top, right - left), dtype=np.uint16)
+    part = frame.depth[top:bottom, left:right]
+    first, above, last, below = keep_within(
+        part, np.float32(frame.depth_scale), (*lens[:2], lens[2] - left, lens[3] - top), low, high, kept
     )
-    if left >= right:
+    if first >= last:
         return None
-    depth = np.ascontiguousarray(kept[top:bottom, left:right])
-    height, width = frame.depth.shape
+    depth, left, top = np.ascontiguousarray(kept[above:below, first:last]), left + first, top + above
+    rows, columns = depth.shape
     return SubjectFrame(
         frame=DepthFrame(
-            frame.number,
-            frame.time_s,
-            depth,
-            frame.depth_scale,
-            camera.crop(left, top, right - left, bottom - top),
+            frame.number, frame.time_s, depth, frame.depth_scale, camera.crop(left, top, columns, rows)
         ),
         picked=pick(depth, points),
-        view=(-left, -top, width - left, height - top),
+        view=(-left, -top, camera.width - left, camera.height - top),
     )
-
-
-def find_window(frame: DepthFrame, low: Array, high: Array) -> Window:
-    """Left, top, right and bottom of the pixels in which a box from low (3,) to high (3,) can be seen."""
-    height, width = frame.depth.shape
-    if not low[2] > 0.0:
-        return 0, 0, width, height
-    corners = np.array(
-        [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    )
-    seen = project(corners, frame.intrinsics)
-    left, top = np.maximum(0, np.floor(seen.min(axis=0)).astype(int))
-    right, bottom = np.minimum((width, height), np.ceil(seen.max(axis=0)).astype(int) + 1)
-    return int(left), int(top), max(int(left), int(right)), max(int(top), int(bottom))
 
 
 def pick(depth: NDArray[np.uint16], points: int) -> NDArray[np.uint32]:
     """Flat indices, ascending, of at most `points` pixels with depth, evenly spread over them."""
-    measured = np.flatnonzero(depth)
-    if len(measured) > points:
-        measured = measured[np.arange(points) * len(measured) // points]
-    return measured.astype(np.uint32)
+    measured = int(np.count_nonzero(depth))
+    picked = np.empty(min(measured, points), dtype=np.uint32)
+    pick_evenly(depth.ravel(), measured, picked)
+    return picked
+
+
+@numba.njit(cache=True, nogil=True)
+def pick_evenly(depth: NDArray[np.uint16], measured: int, picked: NDArray[np.uint32]) -> None:
+    """Fill picked (P,) with places in depth, of which so many are measured: each M/P-th of these."""
+    place = count = due = 0
+    for i in range(len(depth)):
+        if depth[i] > 0:
+            if count == due and place < len(picked):
+                picked[place] = i
+                place += 1
+                due = place * measured // len(picked)
+            count += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def find_window(lens: Lens, width: int, height: int, low: Array, high: Array) -> Window:
+    """Left, top, right and bottom of the pixels in which a box from low (3,) to high (3,) can be seen."""
+    if not low[2] > 0.0:
+        return 0, 0, width, height
+    fx, fy, cx, cy = lens
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    for z in (low[2], high[2]):
+        left, right = min(left, cx + fx * low[0] / z), max(right, cx + fx * high[0] / z)
+        top, bottom = min(top, cy + fy * low[1] / z), max(bottom, cy + fy * high[1] / z)
+    first, above = int(min(max(0.0, np.floor(left)), width)), int(min(max(0.0, np.floor(top)), height))
+    last, below = int(min(max(-1.0, np.ceil(right)), width)), int(min(max(-1.0, np.ceil(bottom)), height))
+    return first, above, max(first, min(last + 1, width)), max(above, min(below + 1, height))
 
 
 @numba.njit(cache=True, nogil=True)
 def keep_within(
     depth: NDArray[np.uint16],
     scale: np.float32,
-    lens: tuple[float, float, float, float],
+    lens: Lens,
     low: Array,
     high: Array,
-    window: Window,
     kept: NDArray[np.uint16],
 ) -> Window:
-    """Copy to kept (H, W) the pixels of a window whose point lies in the box from low (3,) to high (3,).
+    """Copy to kept (H, W) the pixels of depth whose point lies in the box from low (3,) to high (3,).
 
     Gives left, top, right and bottom of what was kept.
     """
     fx, fy, cx, cy = lens
-    left, top, right, bottom = depth.shape[1], depth.shape[0], 0, 0
-    across = (np.arange(depth.shape[1]) - cx) / fx
-    for v in range(window[1], window[3]):
-        down = (v - cy) / fy
-        for u in range(window[0], window[2]):
-            if depth[v, u] > 0:
-                z = np.float32(depth[v, u]) / scale
+    rows, columns = depth.shape
+    near, far = max(1, first_from(low[2], scale)), first_from(np.nextafter(high[2], np.inf), scale)
+    across = (np.arange(columns) - cx) / fx
+    left, top, right, bottom = columns, rows, 0, 0
+    for v in range(rows):
+        line, down = depth[v], (v - cy) / fy
+        for u in range(columns):
+            if near <= line[u] < far:
+                z = np.float32(line[u]) / scale
                 x, y = across[u] * z, down * z
-                if low[2] <= z <= high[2] and low[0] <= x <= high[0] and low[1] <= y <= high[1]:
-                    kept[v, u] = depth[v, u]
+                if low[0] <= x <= high[0] and low[1] <= y <= high[1]:
+                    kept[v, u] = line[u]
                     left, right = min(left, u), max(right, u + 1)
-                    top, bottom = min(top, v), max(bottom, v + 1)
+                    top, bottom = min(top, v), v + 1
     return left, top, right, bottom
+
+
+@numba.njit(cache=True, nogil=True)
+def first_from(z: float, scale: np.float32) -> int:
+    """The least depth value that is z metres or more, of those up to 65 536."""
+    value = int(min(max(0.0, z * float(scale) - 2.0), 65_536.0))
+    while value < 65_536 and np.float32(value) / scale < z:
+        value += 1
+    return value

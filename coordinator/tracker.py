@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, natural_angles, pose_vertices
+from common.kinematics import bounding_box, joint_positions, natural_angles
 from common.refinement import Refined
 from common.settings import RefineSettings, Settings
 from coordinator.belief import Belief
 from coordinator.bodies import Bodies
 from coordinator.estimate import Estimate
-from coordinator.lookahead import Lookahead, nothing
+from coordinator.lookahead import Lookahead
 from coordinator.methods import METHODS
 from coordinator.refiner import Refiner
 from coordinator.sensor_noise import SensorNoise, measure_noise, told
@@ -88,20 +88,40 @@ class Tracker:
         assert self._around is not None
         return TrackerState(self.start, carry(self._belief, self._around, self._rng))
 
-    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
-        """Estimates of frames in their order, the same as `track` gives one by one.
+    def follow(self, frames: Iterable[DepthFrame], take: Callable[[Estimate, TrackerState], None]) -> None:
+        """Track frames in their order, the same as `track` does one by one.
 
-        Each frame is read, and sent to the workers, while they are busy with the one before.
+        While the workers are busy with a frame, `take` is given the estimate of the one before and all that
+        was known after it; and the next is read and sent to the workers.
         """
         coming = Lookahead(frames)
+        last: Finished | None = None
+
+        def tell() -> None:
+            nonlocal last
+            if last is not None:
+                told, last = last, None
+                take(self._report(told), told.state)
+
+        def meanwhile(clock: Stopwatch) -> None:
+            tell()
+            clock.lap("report")
+            self._send_ahead(coming.peek(), clock)
+
         for frame in coming:
-            yield self.track(frame, coming.peek)
+            try:
+                now = self._advance(frame, meanwhile)
+            finally:
+                tell()
+            last = now
+        tell()
 
-    def track(self, frame: DepthFrame, peek: Callable[[], DepthFrame | None] = nothing) -> Estimate:
-        """Follow the body into the next frame. InputError if nothing is seen in the first.
+    def track(self, frame: DepthFrame) -> Estimate:
+        """Follow the body into the next frame. InputError if nothing is seen in the first."""
+        return self._report(self._advance(frame, lambda _: None))
 
-        `peek` is called while the workers are busy and gives the frame that comes next, where it is known.
-        """
+    def _advance(self, frame: DepthFrame, meanwhile: Callable[[Stopwatch], None]) -> Finished:
+        """Track one frame; `meanwhile` is called while the workers are busy, if there is work for them."""
         clock = Stopwatch()
         subject = self._isolate(frame, clock)
         if subject is None:
@@ -114,14 +134,14 @@ class Tracker:
         clock.lap("start")
         answered = self._settings.filter.particles
 
-        def prepare() -> None:
+        def while_refining() -> None:
             clock.lap("refine")
-            self._send_ahead(peek(), clock)
+            meanwhile(clock)
 
         def refine(poses: Array) -> Refined:
             nonlocal answered
             clock.lap("draw")
-            refined = self._refiner.refine(self.model, poses, self.rules, prepare)
+            refined = self._refiner.refine(self.model, poses, self.rules, while_refining)
             clock.lap("refine")
             answered = min(answered, len(refined.answered))
             return replace(refined, poses=natural_angles(self.model, refined.poses))
@@ -129,13 +149,13 @@ class Tracker:
         found = self._method.advance(self.model, past, refine, self._settings.filter, self._rng)
         self._belief = found.at_rest() if guessed else found  # the way from a guess is no motion
         clock.lap("merge")
-        return self._report(frame, self._belief, clock.laps, answered)
+        return Finished(frame, self.state, self._belief, clock.laps, answered)
 
     def _isolate(self, frame: DepthFrame, clock: Stopwatch) -> SubjectFrame | None:
         """What is near the body as it was two frames ago: so it can be cut out while the last is refined."""
         if self._ahead is not None and self._ahead[0] is frame:
             return self._ahead[1]
-        subject = isolate(frame, self._surface(), self._settings.points)
+        subject = isolate(frame, self._surroundings(), self._settings.points)
         clock.lap("isolate")
         return subject
 
@@ -149,17 +169,14 @@ class Tracker:
             self._refiner.send_ahead(subject)
             clock.lap("publish")
 
-    def _surface(self) -> Array | None:
-        """Surface (V, 3) around which a frame is cut out, at first of the given pose; None for all of it."""
+    def _surroundings(self) -> Array | None:
+        """Box (2, 3) around which a frame is cut out, at first of the given pose; None for all of it."""
         if self._around is not None:
-            model, pose = self.model, self._around
-        elif self._given is not None:
+            return bounding_box(self.model, self._around)
+        if self._given is not None:
             start = given_start(self._given, self._bodies)
-            model, pose = start.model, start.pose
-        else:
-            return None
-        surface: Array = pose_vertices(model, pose[None])[0]
-        return surface
+            return bounding_box(start.model, start.pose)
+        return None
 
     @property
     def rules(self) -> RefineSettings:
@@ -178,7 +195,7 @@ class Tracker:
     def _begin_at(self, start: Start) -> Belief:
         return self._method.begin(start.model, start.pose, self._settings.filter)
 
-    def _carry_on(self, frame: DepthFrame, clock: Stopwatch) -> Estimate:
+    def _carry_on(self, frame: DepthFrame, clock: Stopwatch) -> Finished:
         """Nothing was seen: hypotheses stay where they are, the frame is lost."""
         if self._belief is None:
             where = "" if self._given is None else f" within {100 * CLEARANCE:.0f} cm of the given start"
@@ -189,25 +206,37 @@ class Tracker:
         self._around = self._belief.reported
         unseen = np.full(len(self._belief.residual), np.nan)
         self._belief = replace(self._belief.at_rest(), residual=unseen)
-        return self._report(frame, self._belief, clock.laps, answered=0)
+        return Finished(frame, self.state, self._belief, clock.laps, answered=0)
 
-    def _report(self, frame: DepthFrame, found: Belief, laps: dict[str, float], answered: int) -> Estimate:
+    def _report(self, done: Finished) -> Estimate:
         """What is said about a frame."""
-        shown, weights = found.poses[:RECORDED], found.weights
+        found, weights = done.belief, done.belief.weights
+        shown = found.poses[:RECORDED]
         joints = joint_positions(self.model, np.concatenate([found.reported[None], shown]))
         residual = float(found.residual[0])
         return Estimate(
-            frame=frame.number,
-            time_s=frame.time_s,
+            frame=done.frame.number,
+            time_s=done.frame.time_s,
             status=judge(residual, self.rules.noise_depth, weights[:RECORDED], joints[1:]),
             pose=found.reported,
             joint_positions=joints[0],
             hypothesis_pose=shown,
             hypothesis_weight=weights[:RECORDED] / weights[:RECORDED].sum(),
             residual=residual,
-            particles_answered=answered,
-            stage_seconds=laps,
+            particles_answered=done.answered,
+            stage_seconds=done.laps,
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finished:
+    """A frame that was tracked, of which nothing was said yet."""
+
+    frame: DepthFrame
+    state: TrackerState  # after it
+    belief: Belief  # the same as in the state
+    laps: dict[str, float]  # seconds by stage
+    answered: int  # particles
 
 
 class Stopwatch:

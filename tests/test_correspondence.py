@@ -78,9 +78,8 @@ def search(observed: Points, model: Points) -> tuple[NDArray[np.int32], Points]:
         array.fill(7)  # whatever an earlier search left
     room.model[: len(model)] = model
     room.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
-    closest_points(
-        np.ascontiguousarray(padded.T), boxes_of(padded, BLOCK), boxes_of(padded, TILE), leaves, room
-    )
+    across = np.ascontiguousarray(padded.T)
+    closest_points(across, boxes_of(across, BLOCK), boxes_of(across, TILE), leaves, room)
     return room.closest[: len(observed)], room.squared[: len(observed)]
 
 
@@ -94,7 +93,8 @@ def search_again(
     room.model[:] = model
     room.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
     room.closest[:] = np.resize(guess, len(padded))
-    closest_again(np.ascontiguousarray(padded.T), boxes_of(padded, TILE), leaves, room)
+    across = np.ascontiguousarray(padded.T)
+    closest_again(across, boxes_of(across, TILE), leaves, room)
     return room.closest[: len(observed)], room.squared[: len(observed)]
 
 
@@ -190,7 +190,7 @@ def test_the_order_keeps_neighbours_together() -> None:
     order = neighbourhoods(points, TILE, BLOCK)
     np.testing.assert_array_equal(np.sort(order), np.arange(len(points)))
     for size in (TILE, BLOCK):
-        boxes = boxes_of(points[order].astype(np.float32), size)
+        boxes = boxes_of(np.ascontiguousarray(points[order].T, np.float32), size)
         volume = np.prod(boxes[3:] - boxes[:3], axis=0)
         assert volume.mean() < size / len(points)
         assert np.mean(boxes[3:] - boxes[:3]) < 1.1 * (size / len(points)) ** (1 / 3)

@@ -59,12 +59,15 @@ def test_what_flew_away_is_back_where_it_began_and_explains_nothing() -> None:
     flown[0, 1], flown[1, 0] = np.nan, 1e30
     log_likelihood = np.array([-1.0, -1.0, np.nan, np.inf, -1.0, -np.inf])
     residual = np.array([0.1, 0.1, 0.1, 0.1, np.nan, np.inf])
-    kept = give_up_flown(Refined(flown, log_likelihood, residual), poses)
-    np.testing.assert_array_equal(kept.poses, [*poses[:5], flown[5]])
-    np.testing.assert_array_equal(kept.log_likelihood, np.full(6, -np.inf))
-    np.testing.assert_array_equal(kept.residual, np.full(6, np.inf))
-    good = Refined(poses, np.full(6, -1.0), np.full(6, 0.1))
-    assert give_up_flown(good, poses).log_likelihood.tolist() == [-1.0] * 6
+    good = flown[5].copy()
+    give_up_flown(poses, flown, log_likelihood, residual)
+    np.testing.assert_array_equal(flown, [*poses[:5], good])
+    np.testing.assert_array_equal(log_likelihood, np.full(6, -np.inf))
+    np.testing.assert_array_equal(residual, np.full(6, np.inf))
+    moved, explained = poses + 1.0, np.full(6, -1.0)
+    give_up_flown(poses, moved, explained, np.full(6, 0.1))
+    np.testing.assert_array_equal(moved, poses + 1.0)
+    assert explained.tolist() == [-1.0] * 6
 
 
 def test_work_without_end_is_refused() -> None:

@@ -62,7 +62,8 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
     whole = Tracker(DirectRefiner(), settings, bodies(), STANDING)
-    said = [as_bytes(estimate) for estimate in whole.follow(frames)]
+    said: list[list[bytes]] = []
+    whole.follow(frames, lambda estimate, _: said.append(as_bytes(estimate)))
 
     following = Tracker(DirectRefiner(), settings, bodies(), STANDING)
     for number, frame in enumerate(frames):

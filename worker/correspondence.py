@@ -58,10 +58,22 @@ def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
 
 
 def boxes_of(points: Points, size: int) -> Points:
-    """Bounding boxes (6, K) of every `size` points in a row."""
-    boxes = np.empty((6, len(points) // size), dtype=np.float32)
-    bounding_boxes(points, np.arange(0, len(points) + 1, size), boxes)
+    """Bounding boxes (6, K) of every `size` points in a row, of points (3, P)."""
+    boxes = np.empty((6, points.shape[1] // size), dtype=np.float32)
+    enclose_rows(points, size, boxes)
     return boxes
+
+
+@numba.njit(cache=True, nogil=True)
+def enclose_rows(points: Points, size: int, boxes: Points) -> None:
+    """Fill boxes (6, K): lowest and highest x, y, z of every `size` points (3, P) in a row."""
+    for a in range(3):
+        for k in range(boxes.shape[1]):
+            low = high = points[a, k * size]
+            for i in range(k * size + 1, (k + 1) * size):
+                low = min(low, points[a, i])
+                high = max(high, points[a, i])
+            boxes[a, k], boxes[3 + a, k] = low, high
 
 
 @numba.njit(cache=True, nogil=True)

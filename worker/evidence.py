@@ -53,12 +53,11 @@ class Rules(NamedTuple):
 
 def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evidence:
     """The observation in the metric of the noise."""
-    stretch = np.float32(settings.noise_lateral / settings.noise_depth)
-    points = observation.points.copy()
-    points[:, 2] *= stretch
+    points = np.ascontiguousarray(observation.points.T)
+    points[2] *= np.float32(settings.noise_lateral / settings.noise_depth)
     camera = observation.camera
     return Evidence(
-        np.ascontiguousarray(points.T),
+        points,
         boxes_of(points, BLOCK),
         boxes_of(points, TILE),
         observation.count,

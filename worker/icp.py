@@ -9,6 +9,7 @@ batch it came in.
 
 from __future__ import annotations
 
+import threading
 from typing import NamedTuple
 
 import numba
@@ -46,7 +47,7 @@ AT_ONCE = 16  # particles, so that a worker hears of its end between them
 
 
 class Room(NamedTuple):
-    """What the descent of a particle works with, laid out once for a batch.
+    """What the descent of a particle works with, laid out once and used again and again.
 
     Nothing passes from one particle to the next: all is written anew before it is read.
     """
@@ -82,9 +83,9 @@ def refine(
     check_work(settings, poses.shape, observation.count, len(model.vertices))
     skeleton, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observation, settings), lay_out_rules(settings)
-    room = lay_out_room(skeleton, surface, evidence)
-    refined = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
-    log_likelihood, residual = np.empty(len(poses)), np.empty(len(poses))
+    room = find_room(skeleton, surface, evidence)
+    before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
+    refined, log_likelihood, residual = before.copy(), np.empty(len(poses)), np.empty(len(poses))
     for first in range(0, len(poses), AT_ONCE):
         some = slice(first, first + AT_ONCE)
         refine_some(
@@ -97,18 +98,37 @@ def refine(
             log_likelihood[some],
             residual[some],
         )
-    return give_up_flown(Refined(refined, log_likelihood, residual), poses)
+    give_up_flown(before, refined, log_likelihood, residual)
+    return Refined(refined, log_likelihood, residual)
 
 
-def give_up_flown(refined: Refined, poses: Array) -> Refined:
-    """Particles that their descent took beyond all numbers are back at poses (N, D) and explain nothing."""
-    near = np.abs(refined.poses).max(axis=1) <= LARGEST_POSE
-    computed = near & (refined.log_likelihood < np.inf) & ~np.isnan(refined.residual)
-    return Refined(
-        np.where(computed[:, None], refined.poses, poses),
-        np.where(computed, refined.log_likelihood, -np.inf),
-        np.where(computed, refined.residual, np.inf),
-    )
+@numba.njit(cache=True, nogil=True)
+def give_up_flown(before: Array, poses: Array, log_likelihood: Array, residual: Array) -> None:
+    """Put poses (N, D) that their descent took beyond all numbers back to before; they explain nothing."""
+    for n in range(len(poses)):
+        computed = log_likelihood[n] < np.inf and not np.isnan(residual[n])
+        for j in range(poses.shape[1]):
+            computed &= abs(poses[n, j]) <= LARGEST_POSE
+        if not computed:
+            poses[n], log_likelihood[n], residual[n] = before[n], -np.inf, np.inf
+
+
+class Latest(threading.local):
+    """The room that a thread worked in last."""
+
+    sizes: tuple[int, ...] = ()
+    room: Room | None = None
+
+
+_latest = Latest()
+
+
+def find_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Room:
+    """The thread's last room if it is of the right size; a new one costs as much as a tenth of a particle."""
+    sizes = *evidence.points.shape, len(skeleton.parents), len(skeleton.link_dofs), len(surface.vertices)
+    if _latest.room is None or _latest.sizes != (*sizes, surface.leaves[-1]):
+        _latest.room, _latest.sizes = lay_out_room(skeleton, surface, evidence), (*sizes, surface.leaves[-1])
+    return _latest.room
 
 
 def lay_out_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Room:
