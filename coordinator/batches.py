@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
 from math import ceil
 
-LARGEST = 10  # particles of a batch
+LARGEST = 10  # particles of a batch of workers that are equally fast
 
 
-def split(particles: int, workers: int) -> list[tuple[int, int]]:
-    """Consecutive ranges (start, stop) of particles, of sizes that differ by one at most.
+def split(particles: int, speeds: Sequence[float]) -> list[tuple[int, int]]:
+    """Consecutive ranges (start, stop) of particles, for workers of these speeds one after the other.
 
-    Their number is a multiple of that of the workers, so that all end at about the same time.
+    Their number is a multiple of that of the workers, and their sizes go with the speeds, so that all end at
+    about the same time.
     """
-    workers = max(1, workers)
-    rounds = ceil(particles / (workers * LARGEST))
-    count = min(particles, workers * rounds)
-    ends = [particles * k // max(1, count) for k in range(count + 1)]
+    speeds = speeds or [1.0]
+    rounds = max(1, ceil(particles / (len(speeds) * LARGEST)))
+    if particles < len(speeds) * rounds:
+        return [(n, n + 1) for n in range(particles)]
+    each = particles - len(speeds) * rounds  # beyond the one that every batch has
+    reached = accumulate(rounds * list(speeds), initial=0.0)
+    total = rounds * sum(speeds)
+    ends = [k + round(each * share / total) for k, share in enumerate(reached)]
     return list(pairwise(ends))

@@ -1,10 +1,10 @@
 """Who refines what: events in, instructions out; no clock, no socket.
 
-A job is split into batches of particles. A worker has at most `WINDOW` of them in flight, so that it never
-idles between two and a faster one gets more. A batch that ends without a result goes back to those that
-wait. When nothing waits, batches that take long are sent again to idle workers. The first result of a
-batch counts, later ones are ignored. A worker that fails again and again rests for a while; a batch that
-every worker refuses fails the job.
+A job is split into batches of particles, larger ones for faster workers. A worker has at most `WINDOW` of
+them in flight, so that it never idles between two and a faster one gets more. A batch that ends without a
+result goes back to those that wait. When nothing waits, batches that take long are sent again to idle
+workers. The first result of a batch counts, later ones are ignored. A worker that fails again and again
+rests for a while; a batch that every worker refuses fails the job.
 
 Every request has a ticket. It stays in flight, and in its worker's window, until it is answered or over,
 even when its job is done: a worker that is still busy with it cannot do other work.
@@ -13,8 +13,10 @@ even when its job is done: a worker that is still busy with it cannot do other w
 from __future__ import annotations
 
 import heapq
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from statistics import median
 
 from coordinator.batches import split
 from coordinator.instructions import (
@@ -38,6 +40,11 @@ WINDOW = 2
 LATE_FACTOR = 3.0  # times the usual time from request to result
 LATE_LEAST = 0.05  # seconds
 SMOOTHING = 0.2  # of the usual time
+PACES = (
+    4  # batches, by the best of which a worker's speed is judged: what holds it up for once is passed over
+)
+SHORTEST = 1e-6  # seconds a particle
+MOST_UNLIKE = 4.0  # times that a worker is taken to be faster or slower than the usual one
 STRIKES = 3  # failures in a row until a worker rests
 REST, REST_MOST = 1.0, 30.0  # seconds; doubles each time
 PAUSE = 0.1  # seconds after a request that nothing came of: the worker may just have gone, or come
@@ -61,6 +68,8 @@ class Worker:
 
     name: str
     flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
+    paces: deque[float] = field(default_factory=lambda: deque(maxlen=PACES))  # seconds a particle, lately
+    answered_at: float = float("-inf")  # last
     strikes: int = 0
     rests: int = 0
     rests_until: float = float("-inf")
@@ -103,7 +112,7 @@ class Dispatch:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
             case JobStarted(particles):
-                self.batches = [Batch(*ends) for ends in split(particles, len(self.workers))]
+                self.batches = [Batch(*ends) for ends in split(particles, self._speeds())]
                 self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
             case WorkerJoined(name):
@@ -152,7 +161,7 @@ class Dispatch:
         if flight is None:
             return []
         flight.worker.strikes = flight.worker.rests = 0
-        self._learn(now - flight.sent_at)
+        self._learn(flight, now)
         if not current:
             return []
         flight.batch.done = True
@@ -162,9 +171,20 @@ class Dispatch:
         self.batches = []
         return [accepted, Done()]
 
-    def _learn(self, seconds: float) -> None:
+    def _learn(self, flight: Flight, now: float) -> None:
+        worker, batch = flight.worker, flight.batch
+        seconds = now - flight.sent_at
         usual = seconds if self.usual_seconds is None else self.usual_seconds
         self.usual_seconds = usual + SMOOTHING * (seconds - usual)
+        busy = now - max(flight.sent_at, worker.answered_at)
+        worker.paces.append(busy / (batch.stop - batch.start))
+        worker.answered_at = now
+
+    def _speeds(self) -> list[float]:
+        """How fast each worker is, the usual one being 1; as is one of which little is known."""
+        paces = [min(w.paces) if len(w.paces) == PACES else None for w in self.workers.values()]
+        usual = max(SHORTEST, median([pace for pace in paces if pace is not None] or [SHORTEST]))
+        return [1.0 if pace is None else clip(usual / max(SHORTEST, pace)) for pace in paces]
 
     def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:
         current = self.is_current(ticket)
@@ -255,6 +275,11 @@ class Dispatch:
         self.counts.batches_sent_again += batch.sent > 0
         batch.sent += 1
         return Send(ticket, worker.name, batch.start, batch.stop)
+
+
+def clip(speed: float) -> float:
+    """A speed so near to the usual one that each batch is worth its trip, and a slow worker may recover."""
+    return min(max(speed, 1.0 / MOST_UNLIKE), MOST_UNLIKE)
 
 
 def rank(workers: Iterable[Worker], now: float) -> list[Rank]:

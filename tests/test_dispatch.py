@@ -325,7 +325,7 @@ def test_empty_job_is_done() -> None:
 @given(st.integers(1, 500), st.integers(0, 20))
 def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
     """Batches cover all particles in order, none too large, sizes equal but for one, all workers busy."""
-    ranges = split(particles, workers)
+    ranges = split(particles, [2.5] * workers)
     sizes = [stop - start for start, stop in ranges]
     assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
     assert max(sizes) <= LARGEST
@@ -335,11 +335,58 @@ def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
 
 @pytest.mark.parametrize(
     ("particles", "workers", "sizes"),
-    [(20, 1, [10, 10]), (20, 2, [10, 10]), (22, 2, [5, 6, 5, 6]), (20, 3, [6, 7, 7]), (1, 8, [1])],
+    [(20, 1, [10, 10]), (20, 2, [10, 10]), (22, 2, [5, 6, 6, 5]), (20, 3, [7, 6, 7]), (1, 8, [1])],
 )
 def test_split_of_usual_jobs(particles: int, workers: int, sizes: list[int]) -> None:
     """As few as may be, and as many for each worker."""
-    assert [stop - start for start, stop in split(particles, workers)] == sizes
+    assert [stop - start for start, stop in split(particles, [1.0] * workers)] == sizes
+
+
+@given(st.integers(1, 500), st.lists(st.floats(0.25, 4.0), min_size=1, max_size=20))
+def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) -> None:
+    """All is covered in order, by whole rounds; batches go with the speeds but for one particle each."""
+    ranges = split(particles, speeds)
+    sizes = [stop - start for start, stop in ranges]
+    assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
+    assert min(sizes) >= 1
+    if len(ranges) >= len(speeds):
+        assert len(ranges) % len(speeds) == 0
+        rounds = len(ranges) // len(speeds)
+        share = (particles - len(ranges)) / (rounds * sum(speeds))
+        assert all(
+            abs(size - 1 - share * speed) <= 1.0 for size, speed in zip(sizes, rounds * speeds, strict=True)
+        )
+
+
+def test_a_slower_worker_gets_less() -> None:
+    """Who needs twice as long for as many particles gets half as many in the end, whatever it waited for."""
+    dispatch, now = Dispatch(), 0.0
+    for name in "ab":
+        dispatch.handle(WorkerJoined(name), now)
+    for _ in range(30):
+        sends = [s for s in dispatch.handle(JobStarted(15), now) if isinstance(s, Send)]
+        assert [s.worker for s in sends] == ["a", "b"]
+        took = [(s.stop - s.start) * (0.01 if s.worker == "a" else 0.02) for s in sends]
+        for send, seconds in sorted(zip(sends, took, strict=True), key=lambda one: one[1]):
+            dispatch.handle(Replied(send.ticket), now + seconds)
+        now += max(took) + 1.0
+    assert [(s.start, s.stop) for s in sends] == [(0, 10), (10, 15)]
+
+
+def test_one_frozen_moment_is_passed_over() -> None:
+    """One answer that took a minute changes nothing."""
+    dispatch, now = Dispatch(), 0.0
+    for name in "ab":
+        dispatch.handle(WorkerJoined(name), now)
+    shares = []
+    for job in range(40):
+        sends = [s for s in dispatch.handle(JobStarted(20), now) if isinstance(s, Send)]
+        shares.append({s.worker: s.stop - s.start for s in sends}["b"])
+        for send in sends:
+            took = 60.0 if job == 3 and send.worker == "b" else 0.01 * (send.stop - send.start)
+            dispatch.handle(Replied(send.ticket), now + took)
+        now += 100.0
+    assert set(shares) == {10}
 
 
 TICKETS = st.integers(0, 30)
@@ -379,5 +426,5 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
         assert dispatch.flights, "a good worker is idle while there is work"
         feed(Replied(next(iter(dispatch.flights))))
     accepted = [instruction.start for instruction in told if isinstance(instruction, Accept)]
-    assert sorted(accepted) == [start for start, _ in split(particles, 0)]
+    assert sorted(accepted) == [start for start, _ in split(particles, [])]
     assert told.count(Done()) == 1
