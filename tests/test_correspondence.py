@@ -69,7 +69,7 @@ def single(cloud: Array) -> Points:
     return cloud.astype(np.float32)
 
 
-def search(observed: Points, model: Points) -> tuple[NDArray[np.int32], Points]:
+def search(observed: Points, model: Points) -> tuple[NDArray[np.uint32], Points]:
     """Indices (P,) and squared distances (P,) as the kernel finds them."""
     padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
     leaves = -(-len(model) // LEAF)
@@ -84,8 +84,8 @@ def search(observed: Points, model: Points) -> tuple[NDArray[np.int32], Points]:
 
 
 def search_again(
-    observed: Points, model: Points, guess: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], Points]:
+    observed: Points, model: Points, guess: NDArray[np.uint32]
+) -> tuple[NDArray[np.uint32], Points]:
     """As `search`, from a guess (P,)."""
     padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
     leaves = -(-len(model) // LEAF)
@@ -130,7 +130,7 @@ def test_any_guess_leads_to_the_closest(
         single(in_order(cloud)) for cloud in (observed_like(rng, points), model_like(rng, others))
     )
     index, squared = search(observed, model)
-    for guess in (index, np.zeros_like(index), rng.integers(others, size=points).astype(np.int32)):
+    for guess in (index, np.zeros_like(index), rng.integers(others, size=points).astype(np.uint32)):
         again, apart = search_again(observed, model, guess)
         np.testing.assert_allclose(np.sqrt(apart), np.sqrt(squared), atol=2e-6)
         found, first = (

@@ -38,6 +38,7 @@ from worker.surface import lay_out, order_vertices, weights_first
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Numbers = NDArray[np.uint32]
 
 CAMERA = Intrinsics(200, 160, 200.0, 210.0, 98.7, 81.2)
 TRUTH = np.array(
@@ -90,7 +91,7 @@ def used(room: icp.Room) -> icp.Room:
     return room
 
 
-def looked(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[icp.Room, Array, Indices]:
+def looked(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[icp.Room, Array, Numbers]:
     """A room after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
     skeleton, surface = lay_out(model)
     room = used(icp.lay_out_room(skeleton, surface, lay_out_evidence(observe(subject()), settings)))
@@ -224,7 +225,7 @@ def test_single_factors_sum_to_the_total() -> None:
     model = puppet()
     posed, vertices, targets, weights = correspondences(model, near(), DEFAULT)
     _, surface = lay_out(model)
-    place = np.argsort(layout(model))
+    place = np.argsort(layout(model)).astype(np.uint32)
     links = len(model.link_names)
     moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
     room = lay_out_equations(len(model.dof_names), links)

@@ -14,11 +14,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.lanes import box_within, boxes_within, lowest_bit, search_lanes
+from worker.lanes import box_within, boxes_within, largest_of, lowest_bit, search_lanes
 from worker.observation import BLOCK, TILE
 
 Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
+Numbers = NDArray[np.uint32]
 
 LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that a guess itself is found again
 
@@ -27,13 +28,13 @@ class Search(NamedTuple):
     """Room for a search; whatever it held before is written over."""
 
     model: Points  # (M, 3) visible points
-    known: Indices  # (M,) the vertices they are
-    carried: Indices  # (M,) where those of the last search are now
+    known: Numbers  # (M,) the vertices they are
+    carried: Numbers  # (M,) where those of the last search are now
     starts: Indices  # (K + 1,) where their leaves begin, and the last ends
     leaves: Points  # (6, K) bounding boxes, padded to whole tiles with what is infinitely far
     groups: Points  # (6, K / TILE) those of TILE leaves in a row, padded alike
     between: Points  # (K,) squared distances of the leaves' centres
-    closest: NDArray[np.int32]  # (P,) which of them
+    closest: Numbers  # (P,) which of them
     squared: Points  # (P,)
     largest: Points  # (P / TILE,) of a tile's
     weights: NDArray[np.float64]  # (P,)
@@ -44,13 +45,13 @@ def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
     groups = -(-leaves // TILE)
     return Search(
         np.empty((vertices, 3), dtype=np.float32),
-        np.empty(vertices, dtype=np.int64),
-        np.empty(vertices, dtype=np.int64),
+        np.empty(vertices, dtype=np.uint32),
+        np.empty(vertices, dtype=np.uint32),
         np.empty(leaves + 1, dtype=np.int64),
         np.empty((6, groups * TILE), dtype=np.float32),
         np.empty((6, -(-groups // TILE) * TILE), dtype=np.float32),
         np.empty(leaves, dtype=np.float32),
-        np.empty(points, dtype=np.int32),
+        np.empty(points, dtype=np.uint32),
         np.empty(points, dtype=np.float32),
         np.empty(points // TILE, dtype=np.float32),
         np.empty(points),
@@ -76,16 +77,21 @@ def enclose_rows(points: Points, size: int, boxes: Points) -> None:
             boxes[a, k], boxes[3 + a, k] = low, high
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
     """Fill boxes (6, K): lowest and highest x, y, z of the points from each start (K + 1,) to the next."""
     for k in range(len(starts) - 1):
-        for a in range(3):
-            low = high = points[starts[k], a]
-            for i in range(starts[k] + 1, starts[k + 1]):
-                low = min(low, points[i, a])
-                high = max(high, points[i, a])
-            boxes[a, k], boxes[3 + a, k] = low, high
+        first = np.uint64(starts[k])  # what has no sign needs no look whether it counts from the end
+        left, top, front = points[first, 0], points[first, 1], points[first, 2]
+        right, bottom, back = left, top, front
+        for n in range(1, starts[k + 1] - starts[k]):
+            i = first + np.uint64(n)
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            left, right = min(left, x), max(right, x)
+            top, bottom = min(top, y), max(bottom, y)
+            front, back = min(front, z), max(back, z)
+        boxes[0, k], boxes[1, k], boxes[2, k] = left, top, front
+        boxes[3, k], boxes[4, k], boxes[5, k] = right, bottom, back
 
 
 @numba.njit(cache=True, nogil=True)
@@ -105,9 +111,10 @@ def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int,
         compare_centres(blocks, b, search.leaves, leaves, between)
         first = smallest(between, leaves)
         for tile in range(b * BLOCK, (b + 1) * BLOCK, TILE):
-            bounds[tile // TILE] = search_lanes(  # type: ignore[call-arg]
+            search_lanes(  # type: ignore[call-arg]
                 observed, tile, model, starts[first], starts[first + 1], squared, closest
             )
+            bounds[tile // TILE] = largest_of(squared, tile)
     search_tiles(observed, tiles, groups, search)
 
 
@@ -189,10 +196,14 @@ def search_tiles(observed: Points, tiles: Points, groups: int, search: Search) -
                 leaf = (first + lowest_bit(near)) * TILE
                 near &= near - 1
                 within: int = boxes_within(tiles, t, boxes, leaf, largest)
+                lower = False
                 while within != 0:
-                    k = leaf + lowest_bit(within)
+                    k = np.uint64(leaf + lowest_bit(within))
                     within &= within - 1
                     if box_within(observed, tile, boxes, k, squared):
-                        largest = search_lanes(
-                            observed, tile, model, starts[k], starts[k + 1], squared, closest
+                        search_lanes(
+                            observed, tile, model, starts[k], starts[k + np.uint64(1)], squared, closest
                         )
+                        lower = True
+                if lower:
+                    largest = largest_of(squared, tile)

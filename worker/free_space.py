@@ -14,6 +14,7 @@ from worker.surface import Surface
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Numbers = NDArray[np.uint32]
 
 CLOSEST = 0.05  # metres from the camera's plane
 GRAZING = np.cos(np.radians(78.0))  # between normal and line of sight: beyond it, nothing is measured
@@ -21,7 +22,7 @@ GRAZING = np.cos(np.radians(78.0))  # between normal and line of sight: beyond i
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def pull_into_silhouette(
-    visible: Indices,
+    visible: Numbers,
     surface: Surface,
     link_dofs: Indices,
     transforms: Array,
@@ -36,25 +37,34 @@ def pull_into_silhouette(
     squared (m^2), in the order of `visible`; 0 where a point projects onto the subject or outside what the
     camera saw, or where the surface is seen from the side.
     """
-    seen, nearest, depth = evidence.seen, evidence.nearest, evidence.depth
+    nearest, depth, fx, fy, cx, cy = (
+        evidence.nearest,
+        evidence.depth,
+        evidence.fx,
+        evidence.fy,
+        evidence.cx,
+        evidence.cy,
+    )
+    left, top, right, bottom = evidence.seen[0], evidence.seen[1], evidence.seen[2], evidence.seen[3]
+    height, width = depth.shape
     for m in range(len(visible)):
         x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
         away[m] = 0.0
         nearer = 1.0 / max(z, CLOSEST)
-        u, v = evidence.cx + evidence.fx * x * nearer, evidence.cy + evidence.fy * y * nearer
-        column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
-        if seen[0] <= column < seen[2] and seen[1] <= row < seen[3] and z > CLOSEST:
-            inside = 0 <= column < depth.shape[1] and 0 <= row < depth.shape[0]
-            if inside and depth[row, column] > 0.0:
+        u, v = cx + fx * x * nearer, cy + fy * y * nearer
+        across, along = u + (0.5 - left), v + (0.5 - top)
+        if 0.0 <= across < right - left and 0.0 <= along < bottom - top and z > CLOSEST:
+            column, row = left + int(across), top + int(along)
+            inside = 0 <= column < width and 0 <= row < height
+            if inside and depth[np.uint64(row), np.uint64(column)] > 0.0:
                 continue
-            column = min(max(column, 0), nearest.shape[2] - 1)
-            row = min(max(row, 0), nearest.shape[1] - 1)
-            du, dv = nearest[1, row, column] - u, nearest[0, row, column] - v
+            i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
+            du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
             off = abs(du) > 1.0 or abs(dv) > 1.0
             if off and faces(visible[m], surface, link_dofs, transforms, x, y, z):
-                right, down = du * z / evidence.fx, dv * z / evidence.fy
-                targets[m, 0], targets[m, 1], targets[m, 2] = x + right, y + down, z
-                away[m] = right * right + down * down
+                right_by, down_by = du * z / fx, dv * z / fy
+                targets[m, 0], targets[m, 1], targets[m, 2] = x + right_by, y + down_by, z
+                away[m] = right_by * right_by + down_by * down_by
 
 
 @numba.njit(cache=True, nogil=True)

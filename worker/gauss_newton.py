@@ -91,7 +91,7 @@ def lay_out_equations(dofs: int, links: int) -> Equations:
 
 @numba.njit(cache=True, nogil=True)
 def add_correspondences(
-    surface: Surface, visible: Indices, posed: Array, pulls: Array, equations: Equations
+    surface: Surface, visible: NDArray[np.uint32], posed: Array, pulls: Array, equations: Equations
 ) -> None:
     """Moments and crosses of the visible ones of posed (V, 3), each drawn to observed points.
 

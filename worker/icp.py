@@ -41,7 +41,7 @@ from worker.surface import Skeleton, Surface, lay_out
 from worker.visibility import View, lay_out_view, pose_some, pose_surface, visible_vertices
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Numbers = NDArray[np.uint32]  # of vertices and links
 
 AT_ONCE = 16  # particles, so that a worker hears of its end between them
 
@@ -216,7 +216,7 @@ def look_at_samples(pose: Array, skeleton: Skeleton, surface: Surface, rules: Ru
 
 
 @numba.njit(cache=True, nogil=True)
-def look(pose: Array, skeleton: Skeleton, surface: Surface, room: Room) -> Indices:
+def look(pose: Array, skeleton: Skeleton, surface: Surface, room: Room) -> Numbers:
     """Indices of the vertices that are seen in the pose; where they are stays in room.sight.posed."""
     chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
     pose_surface(surface, room.transforms, skeleton.link_dofs, room.sight.posed)
@@ -224,7 +224,7 @@ def look(pose: Array, skeleton: Skeleton, surface: Surface, room: Room) -> Indic
 
 
 @numba.njit(cache=True, nogil=True)
-def follow(pose: Array, visible: Indices, skeleton: Skeleton, surface: Surface, room: Room) -> None:
+def follow(pose: Array, visible: Numbers, skeleton: Skeleton, surface: Surface, room: Room) -> None:
     """Move the vertices that were seen last to where they are in the pose, in room.sight.posed."""
     chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
     pose_some(visible, surface, room.transforms, skeleton.link_dofs, room.sight.posed)
@@ -232,7 +232,7 @@ def follow(pose: Array, visible: Indices, skeleton: Skeleton, surface: Surface, 
 
 @numba.njit(cache=True, nogil=True)
 def correspond(
-    visible: Indices, known: int, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+    visible: Numbers, known: int, surface: Surface, evidence: Evidence, rules: Rules, room: Room
 ) -> int:
     """For each observed point its closest visible vertex, as a place in `visible`, and how far squared.
 
@@ -240,17 +240,27 @@ def correspond(
     where this one begins; 0 for the first.
     """
     search, leaves = room.search, lay_out_leaves(visible, surface, rules, room)
-    if known > 0:
-        carry_over(search.known[:known], visible, search.carried, search.closest)
-        closest_again(evidence.points, evidence.tiles, leaves, search)
-    else:
+    if known == 0:
         closest_points(evidence.points, evidence.blocks, evidence.tiles, leaves, search)
+    else:
+        if not are_same(search.known[:known], visible):
+            carry_over(search.known[:known], visible, search.carried, search.closest)
+        closest_again(evidence.points, evidence.tiles, leaves, search)
     search.known[: len(visible)] = visible
     return len(visible)
 
 
 @numba.njit(cache=True, nogil=True)
-def lay_out_leaves(visible: Indices, surface: Surface, rules: Rules, room: Room) -> int:
+def are_same(some: Numbers, others: Numbers) -> bool:
+    """Whether these are the same vertices."""
+    differences = np.uint32(0)
+    for m in range(min(len(some), len(others))):
+        differences |= some[m] ^ others[m]
+    return len(some) == len(others) and differences == 0
+
+
+@numba.njit(cache=True, nogil=True)
+def lay_out_leaves(visible: Numbers, surface: Surface, rules: Rules, room: Room) -> int:
     """Fill room.search.model with the visible vertices, and .starts; gives the number of leaves."""
     model, starts, posed, leaf_of = room.search.model, room.search.starts, room.sight.posed, surface.leaves
     leaves, leaf = 0, -1
@@ -266,7 +276,7 @@ def lay_out_leaves(visible: Indices, surface: Surface, rules: Rules, room: Room)
 
 
 @numba.njit(cache=True, nogil=True)
-def carry_over(before: Indices, visible: Indices, carried: Indices, closest: NDArray[np.int32]) -> None:
+def carry_over(before: Numbers, visible: Numbers, carried: Numbers, closest: Numbers) -> None:
     """Turn places in `before` into those in `visible` of the same vertices, or else of the next in order."""
     place = 0
     for m in range(len(before)):
@@ -279,7 +289,7 @@ def carry_over(before: Indices, visible: Indices, carried: Indices, closest: NDA
 
 @numba.njit(cache=True, nogil=True)
 def collect(
-    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+    visible: Numbers, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
 ) -> int:
     """Sum up all correspondences in room.equations, in the camera frame; gives how many points are far off.
 
@@ -319,7 +329,7 @@ def weigh(squared: NDArray[np.float32], count: int, scale_squared: float, weight
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_silhouette(
-    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+    visible: Numbers, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
 ) -> None:
     """Add to room.pulls what draws visible vertices to where the camera saw something."""
     pulls, targets, away = room.pulls, room.targets, room.away
@@ -390,7 +400,7 @@ def mean_distance(evidence: Evidence, rules: Rules, search: Search) -> float:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def outside(
-    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
+    visible: Numbers, skeleton: Skeleton, surface: Surface, evidence: Evidence, rules: Rules, room: Room
 ) -> float:
     """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
     away = room.away
@@ -403,7 +413,7 @@ def outside(
 
 @numba.njit(cache=True, nogil=True)
 def look_for_silhouette(
-    visible: Indices, skeleton: Skeleton, surface: Surface, evidence: Evidence, room: Room
+    visible: Numbers, skeleton: Skeleton, surface: Surface, evidence: Evidence, room: Room
 ) -> None:
     """Fill room.targets and room.away: where the silhouette draws visible vertices to, and how far."""
     pull_into_silhouette(

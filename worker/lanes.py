@@ -31,9 +31,15 @@ def search_lanes(  # type: ignore[no-untyped-def]
     """Lower the squared distances of one tile by those of the model points start..stop.
 
     points (3, P) float32, of which the tile begins at `first`; model (M, 3) float32; nearest (P,) float32
-    and index (P,) int32 take what is found. Gives the largest of the tile's squared distances.
+    and index (P,) uint32 take what is found.
     """
-    return types.float32(points, first, model, start, stop, nearest, index), write_search
+    return types.void(points, first, model, start, stop, nearest, index), write_search
+
+
+@intrinsic
+def largest_of(_, nearest, first):  # type: ignore[no-untyped-def]
+    """The largest squared distance of the tile that begins at `first`; nearest (P,) as for `search_lanes`."""
+    return types.float32(nearest, first), write_largest
 
 
 @intrinsic
@@ -66,6 +72,17 @@ def add_products(  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def pose_lanes(  # type: ignore[no-untyped-def]
+    _, columns, links, weights, vertices, v, posed
+):
+    """Fill posed[v] of (V, 3) with vertex v of (V, 3), blended over its links (V, K) by weights (V, K).
+
+    columns (L, 4, 4) are those of the links' transforms. What has no weight is passed over.
+    """
+    return types.void(columns, links, weights, vertices, v, posed), write_pose
+
+
+@intrinsic
 def lowest_bit(_, bits):  # type: ignore[no-untyped-def]
     """The place of the lowest bit that is set in an integer other than 0."""
     return types.int64(bits), write_lowest_bit
@@ -92,7 +109,14 @@ def write_search(context: Any, builder: Any, signature: Any, values: Sequence[An
         builder.store(builder.select(closer, this, builder.load(indices)), indices)
     builder.store(builder.load(distances), distance_at, align=4)
     builder.store(builder.load(indices), index_at, align=4)
-    return largest(builder, builder.load(distances))
+    return context.get_dummy_value()
+
+
+def write_largest(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `largest_of`."""
+    nearest = context.make_array(signature.args[0])(context, builder, values[0])
+    first = context.cast(builder, values[1], signature.args[1], types.intp)
+    return largest(builder, builder.load(lanes_at(builder, nearest, first, FLOATS), align=4))
 
 
 def write_boxes_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
@@ -144,6 +168,41 @@ def write_add_products(context: Any, builder: Any, signature: Any, values: Seque
                 builder.load(row, align=8), builder.fmul(here, added, flags=FINITE), flags=FINITE
             )
             builder.store(total, row, align=8)
+    return context.get_dummy_value()
+
+
+def write_pose(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `pose_lanes`."""
+    v = context.cast(builder, values[4], signature.args[4], types.intp)
+    columns, links, weights, vertices, posed = (
+        context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 1, 2, 3, 5)
+    )
+    first, most = builder.mul(v, SIZE(3)), builder.extract_value(links.shape, 1)
+    point = [
+        spread(builder, builder.load(builder.gep(vertices.data, [builder.add(first, SIZE(axis))])), ROW)
+        for axis in range(3)
+    ]
+    total = cgutils.alloca_once_value(builder, ROW([0.0] * 4))  # type: ignore[no-untyped-call]
+    with cgutils.for_range(builder, most) as loop:
+        place = builder.add(builder.mul(v, most), loop.index)
+        weight = builder.load(builder.gep(weights.data, [place]))
+        with builder.if_then(builder.fcmp_ordered(">", weight, DOUBLE(0.0))):
+            link = builder.zext(builder.load(builder.gep(links.data, [place])), SIZE)
+            column = [
+                builder.load(
+                    lanes_at(builder, columns, builder.add(builder.mul(link, SIZE(16)), SIZE(4 * n)), ROW),
+                    align=8,
+                )
+                for n in range(4)
+            ]
+            moved = column[3]
+            for turned, along in zip(column[:3], point, strict=True):
+                moved = builder.fadd(moved, builder.fmul(turned, along, flags=FINITE), flags=FINITE)
+            share = builder.fmul(spread(builder, weight, ROW), moved, flags=FINITE)
+            builder.store(builder.fadd(builder.load(total), share, flags=FINITE), total)
+    for axis in range(3):
+        value = builder.extract_element(builder.load(total), INT(axis))
+        builder.store(value, builder.gep(posed.data, [builder.add(first, SIZE(axis))]))
     return context.get_dummy_value()
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.bounds import MOST_PIXELS
+from worker.lanes import pose_lanes
 from worker.surface import Surface
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ class View(NamedTuple):
     image: Array  # (V, 2) pixels of the depth buffer
     front: NDArray[np.bool_]  # (V,) part of a triangle that faces us
     buffer: NDArray[np.float32]  # (LARGEST_SIDE ** 2,)
-    visible: Indices  # (V,)
+    visible: Numbers  # (V,)
 
 
 def lay_out_view(vertices: int) -> View:
@@ -42,7 +43,7 @@ def lay_out_view(vertices: int) -> View:
         np.empty((vertices, 2)),
         np.empty(vertices, dtype=np.bool_),
         np.empty(LARGEST_SIDE * LARGEST_SIDE, dtype=np.float32),
-        np.empty(vertices, dtype=np.int64),
+        np.empty(vertices, dtype=np.uint32),
     )
 
 
@@ -50,52 +51,34 @@ def lay_out_view(vertices: int) -> View:
 def pose_surface(surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
     """Fill posed (V, 3) with the vertices in the camera frame, blended over their links' T_camera_rest."""
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
+    columns = columns_of(transforms, link_dofs)
     for v in range(len(posed)):
-        pose_vertex(v, vertices, links, weights, transforms, link_dofs, posed)
+        pose_lanes(columns, links, weights, vertices, v, posed)  # type: ignore[call-arg]
 
 
 @numba.njit(cache=True, nogil=True)
-def pose_some(some: Indices, surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
+def pose_some(some: Numbers, surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
     """As `pose_surface`, for some of the vertices."""
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
+    columns = columns_of(transforms, link_dofs)
     for v in some:
-        pose_vertex(v, vertices, links, weights, transforms, link_dofs, posed)
+        pose_lanes(columns, links, weights, vertices, v, posed)  # type: ignore[call-arg]
 
 
 @numba.njit(cache=True, nogil=True)
-def pose_vertex(
-    v: int,
-    vertices: Array,
-    links: Numbers,
-    weights: Array,
-    transforms: Array,
-    link_dofs: Indices,
-    posed: Array,
-) -> None:
-    """Fill posed[v]."""
-    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-    px = py = pz = 0.0
-    for k in range(links.shape[1]):
-        weight = weights[v, k]
-        if weight > 0.0:
-            t = link_dofs[links[v, k]]  # -1, what nothing moves, is the last
-            px += weight * moved_along(transforms, t, 0, x, y, z)
-            py += weight * moved_along(transforms, t, 1, x, y, z)
-            pz += weight * moved_along(transforms, t, 2, x, y, z)
-    posed[v, 0], posed[v, 1], posed[v, 2] = px, py, pz
+def columns_of(transforms: Array, link_dofs: Indices) -> Array:
+    """The columns (L, 4, 4) of each link's transform, filled up with a zero, of transforms (D + 1, 3, 4)."""
+    columns = np.zeros((len(link_dofs), 4, 4))
+    for link in range(len(link_dofs)):
+        t = link_dofs[link]  # -1, what nothing moves, is the last
+        for a in range(3):
+            for b in range(4):
+                columns[link, b, a] = transforms[t, a, b]
+    return columns
 
 
 @numba.njit(cache=True, nogil=True)
-def moved_along(transforms: Array, t: int, a: int, x: float, y: float, z: float) -> float:
-    """Coordinate a of a point after transform t."""
-    moved: float = (
-        transforms[t, a, 0] * x + transforms[t, a, 1] * y + transforms[t, a, 2] * z + transforms[t, a, 3]
-    )
-    return moved
-
-
-@numba.njit(cache=True, nogil=True)
-def visible_vertices(view: View, triangles: Numbers) -> Indices:
+def visible_vertices(view: View, triangles: Numbers) -> Numbers:
     """Indices, ascending, of the posed vertices that the camera at the origin sees. They stay in the view."""
     left, top, right, bottom = project_vertices(view.posed, view.image)
     width = max(1, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
@@ -114,7 +97,7 @@ def visible_vertices(view: View, triangles: Numbers) -> Indices:
     return visible[:count]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def draw_front(view: View, triangles: Numbers, left: int, top: int, buffer: NDArray[np.float32]) -> None:
     """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
 
@@ -126,29 +109,38 @@ def draw_front(view: View, triangles: Numbers, left: int, top: int, buffer: NDAr
     buffer[:] = np.inf
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ax, ay = image[a, 0] - left, image[a, 1] - top
-        bx, by = image[b, 0] - left - ax, image[b, 1] - top - ay  # from a
-        cx, cy = image[c, 0] - left - ax, image[c, 1] - top - ay
+        bx, by = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
+        cx, cy = image[c, 0] - image[a, 0], image[c, 1] - image[a, 1]
         shown = bx * cy < by * cx  # counter-clockwise from outside, y points down
         if not shown or min(posed[a, 2], posed[b, 2], posed[c, 2]) <= NEAR:
             continue
         front[a] = front[b] = front[c] = True
-        first_column = max(0, int(np.ceil(ax + min(0.0, bx, cx))))
-        last_column = min(buffer.shape[1] - 1, int(np.floor(ax + max(0.0, bx, cx))))
-        first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
-        last_row = min(buffer.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
+        ax, ay = image[a, 0] - left, image[a, 1] - top
+        first_column, first_row = max(0, whole(ax + min(0.0, bx, cx))), max(0, whole(ay + min(0.0, by, cy)))
+        last_column = min(buffer.shape[1] - 1, int(ax + max(0.0, bx, cx)))
+        last_row = min(buffer.shape[0] - 1, int(ay + max(0.0, by, cy)))
         if first_column > last_column or first_row > last_row or room <= 0:
             continue
         room -= (last_row - first_row + 1) * (last_column - first_column + 1)
         scale = 1.0 / (bx * cy - by * cx)
+        bx, by, cx, cy = bx * scale, by * scale, cx * scale, cy * scale
         z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
         for row in range(first_row, last_row + 1):
+            y = row - ay
             for column in range(first_column, last_column + 1):
-                x, y = column - ax, row - ay
-                wb, wc = (x * cy - y * cx) * scale, (bx * y - by * x) * scale
-                depth, behind = np.float32(z + wb * zb + wc * zc), buffer[row, column]
-                covered = (wb >= -1e-9) & (wc >= -1e-9) & (wb + wc <= 1.0 + 1e-9)
-                buffer[row, column] = depth if covered & (depth < behind) else behind  # no branch to guess
+                x = column - ax
+                wb, wc = x * cy - y * cx, bx * y - by * x
+                depth, behind = np.float32(z + wb * zb + wc * zc), buffer[np.uint64(row), np.uint64(column)]
+                covered = min(wb, wc, 1.0 - wb - wc) >= -1e-9
+                nearer = depth if covered & (depth < behind) else behind  # no branch to guess
+                buffer[np.uint64(row), np.uint64(column)] = nearer
+
+
+@numba.njit(cache=True, nogil=True)
+def whole(value: float) -> int:
+    """The least integer that is not below a value above -1."""
+    below = int(value)
+    return below + (below < value)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
