@@ -19,7 +19,7 @@ from common.settings import FilterSettings, preset
 from coordinator.covariance import estimate_covariances
 from coordinator.filter import Hypotheses, advance, begin
 from coordinator.merging import merge
-from coordinator.motion import draw_noise, propagate
+from coordinator.motion import draw_noise, propagate, take_root
 from coordinator.proposals import explore, find_limbs
 from coordinator.resampling import effective_sample_size, normalise, systematic
 from tests.bodies import hinges, puppet
@@ -164,6 +164,20 @@ def test_noise_has_the_ancestors_covariance() -> None:
         np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=0.05)
         np.testing.assert_allclose(np.cov(drawn.T), expected, atol=0.03 * max(1.0, expected.max()))
     assert np.all(noise[ancestors == 0, 2] == 0.0)
+
+
+@given(seeds, st.integers(1, 12), st.integers(0, 12))
+def test_a_root_gives_its_covariance_back(seed: int, dofs: int, members: int) -> None:
+    """Of whatever rank and scale: root root^T is the covariance; what does not vary stays exactly still."""
+    rng = np.random.default_rng(seed)
+    spread = 10.0 ** rng.uniform(-3.0, 1.0, dofs) * rng.normal(size=(members, dofs))
+    spread[:, rng.random(dofs) < 0.2] = 0.0
+    covariance, root = spread.T @ spread, np.full((dofs, dofs), np.nan)
+    take_root(covariance, root)
+    np.testing.assert_allclose(
+        root @ root.T, covariance, atol=1e-12 * max(1e-300, covariance.max(initial=0.0))
+    )
+    assert np.all(root[np.diag(covariance) == 0.0] == 0.0)
 
 
 def test_limbs_are_the_branches_and_the_trunk() -> None:

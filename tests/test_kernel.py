@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -382,6 +383,26 @@ def test_a_batch_is_its_particles_one_by_one() -> None:
             assert getattr(together, field)[n].tobytes() == mine
             assert getattr(backward, field)[len(poses) - 1 - n].tobytes() == mine
     assert len(np.unique(together.log_likelihood)) == len(poses)
+
+
+def test_what_was_refined_before_leaves_nothing_behind() -> None:
+    """After other frames, settings and bodies, and in threads side by side, results have the same bytes."""
+    asked = [
+        (model, observation, starts(2), settings)
+        for model in (puppet(), replace(puppet(), vertices=1.1 * puppet().vertices))
+        for observation in (observe(subject()), observe_few())
+        for settings in (DEFAULT, PAPER)
+    ]
+
+    def refine(which: int) -> bytes:
+        found = icp.refine(*asked[which])
+        return found.poses.tobytes() + found.log_likelihood.tobytes() + found.residual.tobytes()
+
+    alone = [refine(which) for which in range(len(asked))]
+    assert len(set(alone)) == len(alone)
+    order = np.random.default_rng(0).integers(len(asked), size=40)
+    with ThreadPoolExecutor(3) as threads:
+        assert list(threads.map(refine, order)) == [alone[which] for which in order]
 
 
 def test_without_iterations_poses_are_only_assessed() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.camera import Intrinsics, back_project
 from common.frame import DepthFrame
-from coordinator.subject import CLEARANCE, isolate
+from coordinator.subject import CLEARANCE, first_from, isolate
 
 
 @settings(deadline=None, max_examples=30)
@@ -36,3 +37,17 @@ def test_nothing_near_is_no_subject() -> None:
     """Depth far from where the subject must be is not the subject's."""
     frame = DepthFrame(0, 0.0, np.full((4, 4), 5000, np.uint16), 1000.0, Intrinsics(4, 4, 4.0, 4.0, 2.0, 2.0))
     assert isolate(frame, np.array([[0.0, 0.0, 1.0]]), 100) is None
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0, 8000.0, 10_000.0])
+def test_depths_are_told_apart_as_metres(scale: float) -> None:
+    """The least value that is so far away: by the numbers themselves, at any bound and between any two."""
+    metres = np.arange(65_537).astype(np.float32) / np.float32(scale)
+    bounds = [
+        *np.random.default_rng(0).uniform(-1.0, 70_000.0 / scale, 200),
+        *metres[:70_000:500],
+        -np.inf,
+        np.inf,
+    ]
+    for bound in np.array(bounds, np.float64):
+        assert first_from(bound, np.float32(scale)) == min(65_536, int(np.searchsorted(metres, bound)))

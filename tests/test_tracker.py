@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -10,18 +11,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.camera import Intrinsics, back_project
 from common.errors import InputError
-from common.frame import DepthFrame
+from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
-from common.settings import Settings, preset
+from common.refinement import Refined
+from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies import Bodies, name_pose
 from coordinator.estimate import Estimate
 from coordinator.models.human import DEFAULT_ACTIVE, human
+from coordinator.refiner import idle
 from coordinator.rendering import DepthRenderer
 from coordinator.status import judge
 from coordinator.subject import CLEARANCE, isolate
 from coordinator.tracker import Tracker
+from coordinator.tracker_state import TrackerState
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]
@@ -172,6 +177,65 @@ def test_the_same_seed_gives_the_same_estimates() -> None:
     once = poses(SETTINGS)
     assert poses(SETTINGS) == once
     assert poses(msgspec.structs.replace(SETTINGS, seed=1)) != once
+
+
+class Watched(DirectRefiner):
+    """Tells what is done while the workers are busy, and may fail at a frame."""
+
+    def __init__(self, fails_at: int | None = None) -> None:
+        super().__init__()
+        self.events: list[str] = []
+        self._fails_at, self._frame = fails_at, -1
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Another frame is begun."""
+        self._frame = subject.frame.number
+        self.events.append(f"begin {self._frame}")
+        super().publish(subject)
+
+    def refine(
+        self, model: BodyModel, poses: Array, settings: RefineSettings, meanwhile: Callable[[], None] = idle
+    ) -> Refined:
+        """As ever, between two marks."""
+        if self._frame == self._fails_at:
+            raise RuntimeError("the workers are gone")
+        self.events.append("busy")
+        refined = super().refine(model, poses, settings, meanwhile)
+        self.events.append("idle")
+        return refined
+
+
+def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
+    """The last is told at the end; each with the state that was known after it, and nothing else changes."""
+    frames, refiner = list(shown("standing").frames), Watched()
+    frames[2] = empty(2)  # nothing to be busy with: the frame before is told all the same
+    states: list[TrackerState] = []
+
+    def take(estimate: Estimate, state: TrackerState) -> None:
+        refiner.events.append(f"told {estimate.frame}")
+        states.append(state)
+
+    Tracker(refiner, SETTINGS, known(), STANDING).follow(frames, take)
+    assert refiner.events == [
+        *("begin 0", "busy", "idle", "begin 1", "busy", "told 0", "idle", "told 1"),
+        *("begin 3", "busy", "told 2", "idle", "told 3"),
+    ]
+    one_by_one = tracker()
+    for frame, state in zip(frames, states, strict=True):
+        one_by_one.track(frame)
+        assert state.carried.generator == one_by_one.state.carried.generator
+        for name, array in state.carried.belief.items():
+            np.testing.assert_array_equal(array, one_by_one.state.carried.belief[name])
+
+
+def test_what_was_tracked_is_told_before_a_failure() -> None:
+    """A frame that cannot be refined does not take the one before with it."""
+    told: list[int] = []
+    with pytest.raises(RuntimeError, match="gone"):
+        Tracker(Watched(fails_at=2), SETTINGS, known(), STANDING).follow(
+            shown("standing").frames, lambda estimate, _: told.append(estimate.frame)
+        )
+    assert told == [0, 1]
 
 
 def test_an_empty_frame_is_lost_and_it_goes_on() -> None:
