@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from functools import lru_cache, reduce
 from operator import or_
 from typing import Annotated, Any, TypeVar
@@ -98,9 +97,9 @@ class RefusalMessage(Message, frozen=True, tag="refusal"):
     lasting: bool = True
 
 
-M = TypeVar("M", bound=Message)
+HEADER = msgspec.msgpack.Decoder(Header)
 
-UNREADABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)
+M = TypeVar("M", bound=Message)
 
 
 def encode(message: Message) -> bytes:
@@ -113,11 +112,13 @@ def decode(payload: bytes, *kinds: type[M]) -> M:
     if len(payload) > MAX_BYTES:
         raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
     try:
+        version = HEADER.decode(payload).version
+        if version != PROTOCOL:
+            raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
         message: M = decoder_of(kinds).decode(payload)
-    except UNREADABLE as error:
-        raise explain(payload, kinds, error) from error
-    if message.version != PROTOCOL:
-        raise of_version(message.version)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)
+        raise ProtocolError(f"not a {tags} message: {error}") from error
     return message
 
 
@@ -126,18 +127,3 @@ def decoder_of(kinds: tuple[type[Message], ...]) -> msgspec.msgpack.Decoder[Any]
     """Reads messages of these kinds."""
     either: Any = reduce(or_, kinds)
     return msgspec.msgpack.Decoder(either)
-
-
-def explain(payload: bytes, kinds: tuple[type[Message], ...], error: Exception) -> ProtocolError:
-    """What is wrong with a message that cannot be read: it may be of another version."""
-    with suppress(*UNREADABLE):
-        version = msgspec.msgpack.decode(payload, type=Header).version
-        if version != PROTOCOL:
-            return of_version(version)
-    tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)
-    return ProtocolError(f"not a {tags} message: {error}")
-
-
-def of_version(version: int) -> ProtocolError:
-    """A message is of another version."""
-    return ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")

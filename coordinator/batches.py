@@ -19,8 +19,8 @@ def split(particles: int, speeds: Sequence[float]) -> list[tuple[int, int]]:
     rounds = max(1, ceil(particles / (len(speeds) * LARGEST)))
     if particles < len(speeds) * rounds:
         return [(n, n + 1) for n in range(particles)]
-    each = particles - len(speeds) * rounds  # beyond the one that every batch has
+    rest = particles - len(speeds) * rounds  # beyond the one that every batch has
     reached = accumulate(rounds * list(speeds), initial=0.0)
     total = rounds * sum(speeds)
-    ends = [k + round(each * share / total) for k, share in enumerate(reached)]
+    ends = [k + round(rest * share / total) for k, share in enumerate(reached)]
     return list(pairwise(ends))

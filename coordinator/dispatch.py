@@ -40,9 +40,7 @@ WINDOW = 2
 LATE_FACTOR = 3.0  # times the usual time from request to result
 LATE_LEAST = 0.05  # seconds
 SMOOTHING = 0.2  # of the usual time
-PACES = (
-    4  # batches, by the best of which a worker's speed is judged: what holds it up for once is passed over
-)
+PACES = 5  # batches, by whose median a worker's speed is judged: what holds it up for once is passed over
 SHORTEST = 1e-6  # seconds a particle
 MOST_UNLIKE = 4.0  # times that a worker is taken to be faster or slower than the usual one
 STRIKES = 3  # failures in a row until a worker rests
@@ -112,7 +110,7 @@ class Dispatch:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
             case JobStarted(particles):
-                self.batches = [Batch(*ends) for ends in split(particles, self._speeds())]
+                self.batches = [Batch(*ends) for ends in split(particles, self._speeds(now))]
                 self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
             case WorkerJoined(name):
@@ -121,8 +119,8 @@ class Dispatch:
             case WorkerLeft(name):
                 self._forget(name)
                 outcome = []
-            case Replied(ticket):
-                outcome = self._accept(ticket, now)
+            case Replied(ticket, at):
+                outcome = self._accept(ticket, now if at is None else at)
             case Refused(ticket, reason):
                 outcome = self._refuse(ticket, reason, now)
             case Ended(ticket) | Hindered(ticket):
@@ -155,13 +153,13 @@ class Dispatch:
             del flight.worker.flights[ticket]
         return flight
 
-    def _accept(self, ticket: int, now: float) -> list[Instruction]:
+    def _accept(self, ticket: int, at: float) -> list[Instruction]:
         current = self.is_current(ticket)
         flight = self._land(ticket)
         if flight is None:
             return []
         flight.worker.strikes = flight.worker.rests = 0
-        self._learn(flight, now)
+        self._learn(flight, at)
         if not current:
             return []
         flight.batch.done = True
@@ -171,18 +169,22 @@ class Dispatch:
         self.batches = []
         return [accepted, Done()]
 
-    def _learn(self, flight: Flight, now: float) -> None:
+    def _learn(self, flight: Flight, at: float) -> None:
         worker, batch = flight.worker, flight.batch
-        seconds = now - flight.sent_at
+        seconds = at - flight.sent_at
         usual = seconds if self.usual_seconds is None else self.usual_seconds
         self.usual_seconds = usual + SMOOTHING * (seconds - usual)
-        busy = now - max(flight.sent_at, worker.answered_at)
-        worker.paces.append(busy / (batch.stop - batch.start))
-        worker.answered_at = now
+        worker.paces.append((at - max(flight.sent_at, worker.answered_at)) / (batch.stop - batch.start))
+        worker.answered_at = at
 
-    def _speeds(self) -> list[float]:
-        """How fast each worker is, the usual one being 1; as is one of which little is known."""
-        paces = [min(w.paces) if len(w.paces) == PACES else None for w in self.workers.values()]
+    def _speeds(self, now: float) -> list[float]:
+        """How fast each worker is, in the order in which they get batches; the usual one is 1.
+
+        So is one of which little is known.
+        """
+        workers = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
+        workers += [worker for worker in self.workers.values() if worker.rests_until > now]
+        paces = [median(w.paces) if len(w.paces) == PACES else None for w in workers]
         usual = max(SHORTEST, median([pace for pace in paces if pace is not None] or [SHORTEST]))
         return [1.0 if pace is None else clip(usual / max(SHORTEST, pace)) for pace in paces]
 

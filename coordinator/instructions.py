@@ -31,6 +31,7 @@ class Replied:
     """A request has brought a result that makes sense."""
 
     ticket: int
+    at: float | None = None  # when it came, which may be before it is handled
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ class Publication:
         self.current = -1  # number of the frame that is to be refined on
         self._sent: SubjectFrame | None = None  # last
         self._number = -1  # under which it was sent
+        self._offered: BodyModel | None = None  # last
         self._lock = threading.Lock()
         self._frames: dict[str, bytes] = {}  # by number
         self._models: dict[str, bytes] = {}  # by hash
@@ -44,6 +45,9 @@ class Publication:
 
     def offer(self, model: BodyModel) -> None:
         """Have a model ready for who asks for it."""
+        if model is self._offered:
+            return
+        self._offered = model
         with self._lock:
             known = self._models.get(model.hash)
             keep(self._models, model.hash, known or encode_model(model), MODELS_KEPT)

@@ -87,6 +87,7 @@ class Reply:
 
     ticket: int
     payload: bytes
+    at: float  # when, by the monotonic clock
 
 
 class ZenohRefiner:
@@ -188,7 +189,8 @@ class ZenohRefiner:
             raise ValueError("there is nothing to refine")
         with self._timed("refine"):
             self._publication.offer(model)
-            self._handle(JobStarted(0))  # gives up what is left of a job that failed
+            if self._dispatch.batches:
+                self._handle(JobStarted(0))  # gives up what is left of a job that failed
             self._catch_up()
             self._request = RefineRequest(self.run, self._publication.current, model.hash, settings, poses)
             self._parts.clear()
@@ -196,6 +198,7 @@ class ZenohRefiner:
             self._done = False
             self._handle(JobStarted(len(poses)))
             meanwhile()
+            self._catch_up()  # what is there already is in time, however long that took
             while not self._done and not (self._parts and time.monotonic() >= self._due):
                 self._step()
             return self._gather(poses)
@@ -238,8 +241,8 @@ class ZenohRefiner:
 
     def _interpret(self, arrival: Event | Reply) -> Event:
         match arrival:
-            case Reply(ticket, payload):
-                return self._read_reply(ticket, payload)
+            case Reply():
+                return self._read(arrival)
             case Hindered(ticket, reason):
                 self._tell_of_hindrance(ticket, reason)
             case WorkerJoined(worker):
@@ -248,18 +251,19 @@ class ZenohRefiner:
                 self._members.dismiss(worker)
         return arrival
 
-    def _read_reply(self, ticket: int, payload: bytes) -> Event:
+    def _read(self, reply: Reply) -> Event:
+        ticket, read = reply.ticket, Replied(reply.ticket, reply.at)
         flight = self._dispatch.flights.get(ticket)
         if flight is None or self._request is None or not self._dispatch.is_current(ticket):
-            return Replied(ticket)
+            return read
         asked = (flight.batch.stop - flight.batch.start, self._request.poses.shape[1])
         try:
-            self._refined[ticket] = decode_refined(payload, asked)
+            self._refined[ticket] = decode_refined(reply.payload, asked)
         except ProtocolError as error:
             self._traffic.replies_malformed += 1
             self._tell(f"worker {flight.worker.name} sent a reply that makes no sense: {error}")
             return Refused(ticket, f"a reply made no sense: {error}")
-        return Replied(ticket)
+        return read
 
     def _tell_of_hindrance(self, ticket: int, reason: str) -> None:
         flight = self._dispatch.flights.get(ticket)
@@ -294,7 +298,7 @@ class ZenohRefiner:
         )
         self._members.asker(send.worker).ask(
             encode_request(batch),
-            on_reply=lambda payload: self._inbox.put(Reply(send.ticket, payload)),
+            on_reply=lambda payload: self._inbox.put(Reply(send.ticket, payload, time.monotonic())),
             on_refusal=lambda payload: self._inbox.put(read_refusal(send.ticket, payload)),
             on_end=lambda: self._inbox.put(Ended(send.ticket)),
         )

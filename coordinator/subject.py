@@ -34,9 +34,8 @@ def isolate(frame: DepthFrame, around: Array | None, points: int) -> SubjectFram
     lens = (camera.fx, camera.fy, camera.cx, camera.cy)
     left, top, right, bottom = find_window(lens, camera.width, camera.height, low, high)
     kept = np.zeros((bottom - top, right - left), dtype=np.uint16)
-    part = frame.depth[top:bottom, left:right]
     first, above, last, below = keep_within(
-        part, np.float32(frame.depth_scale), (*lens[:2], lens[2] - left, lens[3] - top), low, high, kept
+        frame.depth, np.float32(frame.depth_scale), lens, low, high, left, top, kept
     )
     if first >= last:
         return None
@@ -94,19 +93,21 @@ def keep_within(
     lens: Lens,
     low: Array,
     high: Array,
+    left_of: int,
+    top_of: int,
     kept: NDArray[np.uint16],
 ) -> Window:
     """Copy to kept (H, W) the pixels of depth whose point lies in the box from low (3,) to high (3,).
 
-    Gives left, top, right and bottom of what was kept.
+    kept begins at column left_of and row top_of of depth. Gives left, top, right and bottom of what was kept.
     """
     fx, fy, cx, cy = lens
-    rows, columns = depth.shape
+    rows, columns = kept.shape
     near, far = max(1, first_from(low[2], scale)), first_from(np.nextafter(high[2], np.inf), scale)
-    across = (np.arange(columns) - cx) / fx
+    across = (np.arange(left_of, left_of + columns) - cx) / fx
     left, top, right, bottom = columns, rows, 0, 0
     for v in range(rows):
-        line, down = depth[v], (v - cy) / fy
+        line, down = depth[top_of + v, left_of : left_of + columns], (top_of + v - cy) / fy
         for u in range(columns):
             if near <= line[u] < far:
                 z = np.float32(line[u]) / scale

@@ -108,13 +108,13 @@ class Tracker:
             clock.lap("report")
             self._send_ahead(coming.peek(), clock)
 
-        for frame in coming:
-            try:
+        try:
+            for frame in coming:
                 now = self._advance(frame, meanwhile)
-            finally:
                 tell()
-            last = now
-        tell()
+                last = now
+        finally:
+            tell()
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame. InputError if nothing is seen in the first."""

@@ -373,6 +373,40 @@ def test_a_slower_worker_gets_less() -> None:
     assert [(s.start, s.stop) for s in sends] == [(0, 10), (10, 15)]
 
 
+def test_a_pace_is_by_when_answers_came() -> None:
+    """Two answers that are handled at once, late, are two batches one after the other."""
+    dispatch, now = Dispatch(), 0.0
+    for name in "ab":
+        dispatch.handle(WorkerJoined(name), now)
+    for _ in range(10):
+        sends = [s for s in dispatch.handle(JobStarted(40), now) if isinstance(s, Send)]
+        assert [s.stop - s.start for s in sends] == [10, 10, 10, 10]
+        for k, send in enumerate(sends):
+            dispatch.handle(Replied(send.ticket, now + 0.1 * (1 + k // 2)), now + 0.25)
+        now += 10.0
+
+
+def test_larger_batches_go_to_faster_workers_whoever_is_busy() -> None:
+    """A worker that is still busy with an old job comes last, and its share with it."""
+    dispatch, now = Dispatch(), 0.0
+    for name in "ab":
+        dispatch.handle(WorkerJoined(name), now)
+    stuck = None
+    for job in range(12):
+        sends = {s.worker: s for s in dispatch.handle(JobStarted(20), now) if isinstance(s, Send)}
+        if stuck is not None:
+            assert (sends["b"].stop - sends["b"].start) > 10 > (sends["a"].stop - sends["a"].start)
+            return
+        dispatch.handle(Replied(sends["b"].ticket), now + 0.01 * (sends["b"].stop - sends["b"].start))
+        if job == 10:
+            stuck = sends["a"]  # is never answered: b does it, too
+            (again,) = (s for s in dispatch.handle(Ticked(), now + 60.0) if isinstance(s, Send))
+            dispatch.handle(Replied(again.ticket), now + 61.0)
+        else:
+            dispatch.handle(Replied(sends["a"].ticket), now + 0.03 * (sends["a"].stop - sends["a"].start))
+        now += 100.0
+
+
 def test_one_frozen_moment_is_passed_over() -> None:
     """One answer that took a minute changes nothing."""
     dispatch, now = Dispatch(), 0.0

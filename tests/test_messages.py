@@ -178,6 +178,14 @@ def test_decoded_arrays_suit_the_kernel() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_message_without_a_version_is_none(kind: str) -> None:
+    """Nobody can tell what it means."""
+    message = msgspec.msgpack.decode(KINDS[kind].payload)
+    del message["version"]
+    refuse(kind, msgspec.msgpack.encode(message), "version")
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_other_version_names_both(kind: str) -> None:
     """A message of another version is refused, and both versions are named."""
     payload = changed(kind, set_to("version", value=PROTOCOL + 1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -235,6 +235,19 @@ def test_what_was_tracked_is_told_before_a_failure() -> None:
         Tracker(Watched(fails_at=2), SETTINGS, known(), STANDING).follow(
             shown("standing").frames, lambda estimate, _: told.append(estimate.frame)
         )
+    assert told == [0, 1]
+
+
+def test_what_was_tracked_is_told_before_a_frame_that_cannot_be_read() -> None:
+    """The source's fault does not take the frame before with it, either."""
+
+    def torn() -> Iterator[DepthFrame]:
+        yield from shown("standing").frames[:2]
+        raise InputError("frame 2 is torn")
+
+    told: list[int] = []
+    with pytest.raises(InputError, match="torn"):
+        tracker().follow(torn(), lambda estimate, _: told.append(estimate.frame))
     assert told == [0, 1]
 
 

@@ -49,7 +49,8 @@ AT_ONCE = 16  # particles, so that a worker hears of its end between them
 class Room(NamedTuple):
     """What the descent of a particle works with, laid out once and used again and again.
 
-    Nothing passes from one particle to the next: all is written anew before it is read.
+    Nothing passes from one particle to the next: all is written anew before it is read, or is left as it was
+    found (the last transform, which moves nothing).
     """
 
     transforms: Array  # (D + 1, 3, 4), the last for what nothing moves
@@ -125,9 +126,15 @@ _latest = Latest()
 
 def find_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Room:
     """The thread's last room if it is of the right size; a new one costs as much as a tenth of a particle."""
-    sizes = *evidence.points.shape, len(skeleton.parents), len(skeleton.link_dofs), len(surface.vertices)
-    if _latest.room is None or _latest.sizes != (*sizes, surface.leaves[-1]):
-        _latest.room, _latest.sizes = lay_out_room(skeleton, surface, evidence), (*sizes, surface.leaves[-1])
+    sizes = (
+        evidence.points.shape[1],
+        len(skeleton.parents),
+        len(skeleton.link_dofs),
+        len(surface.vertices),
+        int(surface.leaves[-1]),
+    )
+    if _latest.room is None or _latest.sizes != sizes:
+        _latest.room, _latest.sizes = lay_out_room(skeleton, surface, evidence), sizes
     return _latest.room
 
 

@@ -68,8 +68,8 @@ def lay_out_anew(model: BodyModel) -> tuple[Skeleton, Surface]:
         vertex_normals(model.vertices, model.triangles)[order],
         leaves,
         rank[model.triangles][np.argsort(rank[model.triangles[:, 0]], kind="stable")].astype(np.uint32),
-        skin_links.astype(np.uint32),
-        skin_weights,
+        np.ascontiguousarray(skin_links, np.uint32),
+        np.ascontiguousarray(skin_weights),
     )
     return skeleton, surface
 
