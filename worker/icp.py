@@ -9,7 +9,6 @@ batch it came in.
 
 from __future__ import annotations
 
-import threading
 from typing import NamedTuple
 
 import numba
@@ -47,10 +46,9 @@ AT_ONCE = 16  # particles, so that a worker hears of its end between them
 
 
 class Room(NamedTuple):
-    """What the descent of a particle works with, laid out once and used again and again.
+    """What the descent of a particle works with, laid out once for a batch.
 
-    Nothing passes from one particle to the next: all is written anew before it is read, or is left as it was
-    found (the last transform, which moves nothing).
+    Nothing passes from one particle to the next: all is written anew before it is read.
     """
 
     transforms: Array  # (D + 1, 3, 4), the last for what nothing moves
@@ -84,7 +82,7 @@ def refine(
     check_work(settings, poses.shape, observation.count, len(model.vertices))
     skeleton, surface = lay_out(model)
     evidence, rules = lay_out_evidence(observation, settings), lay_out_rules(settings)
-    room = find_room(skeleton, surface, evidence)
+    room = lay_out_room(skeleton, surface, evidence)
     before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
     refined, log_likelihood, residual = before.copy(), np.empty(len(poses)), np.empty(len(poses))
     for first in range(0, len(poses), AT_ONCE):
@@ -112,30 +110,6 @@ def give_up_flown(before: Array, poses: Array, log_likelihood: Array, residual: 
             computed &= abs(poses[n, j]) <= LARGEST_POSE
         if not computed:
             poses[n], log_likelihood[n], residual[n] = before[n], -np.inf, np.inf
-
-
-class Latest(threading.local):
-    """The room that a thread worked in last."""
-
-    sizes: tuple[int, ...] = ()
-    room: Room | None = None
-
-
-_latest = Latest()
-
-
-def find_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Room:
-    """The thread's last room if it is of the right size; a new one costs as much as a tenth of a particle."""
-    sizes = (
-        evidence.points.shape[1],
-        len(skeleton.parents),
-        len(skeleton.link_dofs),
-        len(surface.vertices),
-        int(surface.leaves[-1]),
-    )
-    if _latest.room is None or _latest.sizes != sizes:
-        _latest.room, _latest.sizes = lay_out_room(skeleton, surface, evidence), sizes
-    return _latest.room
 
 
 def lay_out_room(skeleton: Skeleton, surface: Surface, evidence: Evidence) -> Room:
