@@ -358,13 +358,19 @@ def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) 
         )
 
 
+TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
+
+
+def sends_of(dispatch: Dispatch, particles: int, now: float) -> list[Send]:
+    """The batches that a job begins with."""
+    return [told for told in dispatch.handle(JobStarted(particles), now) if isinstance(told, Send)]
+
+
 def test_a_slower_worker_gets_less() -> None:
     """Who needs twice as long for as many particles gets half as many in the end, whatever it waited for."""
-    dispatch, now = Dispatch(), 0.0
-    for name in "ab":
-        dispatch.handle(WorkerJoined(name), now)
+    dispatch, now = play(TWO_IDLE), 0.0
     for _ in range(30):
-        sends = [s for s in dispatch.handle(JobStarted(15), now) if isinstance(s, Send)]
+        sends = sends_of(dispatch, 15, now)
         assert [s.worker for s in sends] == ["a", "b"]
         took = [(s.stop - s.start) * (0.01 if s.worker == "a" else 0.02) for s in sends]
         for send, seconds in sorted(zip(sends, took, strict=True), key=lambda one: one[1]):
@@ -375,11 +381,9 @@ def test_a_slower_worker_gets_less() -> None:
 
 def test_a_pace_is_by_when_answers_came() -> None:
     """Two answers that are handled at once, late, are two batches one after the other."""
-    dispatch, now = Dispatch(), 0.0
-    for name in "ab":
-        dispatch.handle(WorkerJoined(name), now)
+    dispatch, now = play(TWO_IDLE), 0.0
     for _ in range(10):
-        sends = [s for s in dispatch.handle(JobStarted(40), now) if isinstance(s, Send)]
+        sends = sends_of(dispatch, 40, now)
         assert [s.stop - s.start for s in sends] == [10, 10, 10, 10]
         for k, send in enumerate(sends):
             dispatch.handle(Replied(send.ticket, now + 0.1 * (1 + k // 2)), now + 0.25)
@@ -388,12 +392,10 @@ def test_a_pace_is_by_when_answers_came() -> None:
 
 def test_larger_batches_go_to_faster_workers_whoever_is_busy() -> None:
     """A worker that is still busy with an old job comes last, and its share with it."""
-    dispatch, now = Dispatch(), 0.0
-    for name in "ab":
-        dispatch.handle(WorkerJoined(name), now)
+    dispatch, now = play(TWO_IDLE), 0.0
     stuck = None
     for job in range(12):
-        sends = {s.worker: s for s in dispatch.handle(JobStarted(20), now) if isinstance(s, Send)}
+        sends = {s.worker: s for s in sends_of(dispatch, 20, now)}
         if stuck is not None:
             assert (sends["b"].stop - sends["b"].start) > 10 > (sends["a"].stop - sends["a"].start)
             return
@@ -409,12 +411,10 @@ def test_larger_batches_go_to_faster_workers_whoever_is_busy() -> None:
 
 def test_one_frozen_moment_is_passed_over() -> None:
     """One answer that took a minute changes nothing."""
-    dispatch, now = Dispatch(), 0.0
-    for name in "ab":
-        dispatch.handle(WorkerJoined(name), now)
+    dispatch, now = play(TWO_IDLE), 0.0
     shares = []
     for job in range(40):
-        sends = [s for s in dispatch.handle(JobStarted(20), now) if isinstance(s, Send)]
+        sends = sends_of(dispatch, 20, now)
         shares.append({s.worker: s.stop - s.start for s in sends}["b"])
         for send in sends:
             took = 60.0 if job == 3 and send.worker == "b" else 0.01 * (send.stop - send.start)
