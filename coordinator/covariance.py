@@ -58,4 +58,4 @@ def gather_squares(spread: Array, group: NDArray[np.int64], share: float, covari
                 for j in range(spread.shape[1]):
                     covariance[i, j] += spread[n, i] * spread[n, j]
     for m in range(len(covariances)):
-        covariances[m] *= share / max(1, members[m]) if members[m] > 1 else share
+        covariances[m] *= share / members[m] if members[m] > 1 else share
