@@ -26,15 +26,15 @@ test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow
 
 chaos: setup ## workers disturbed all the time, coordinators killed, two runs on one pool: the same bytes?
-	$(BIN)/python -m tests.chaos
-	$(BIN)/python -m tests.resume_kills
-	$(BIN)/python -m tests.two_runs
+	$(BIN)/python -m tests.disturbance.chaos
+	$(BIN)/python -m tests.disturbance.resume_kills
+	$(BIN)/python -m tests.disturbance.two_runs
 
 fuzz: setup ## hostile messages against the decoders, a live worker and a live coordinator
-	$(BIN)/python -m tests.fuzz
+	$(BIN)/python -m tests.disturbance.fuzz
 
 hosts: setup ## coordinator, router and workers on network hosts that fail: the same bytes? (as root)
-	$(BIN)/python -m pytest -q -m slow tests/test_hosts.py
+	$(BIN)/python -m pytest -q -m slow tests/disturbance/test_hosts.py
 
 check: setup ## lint, format, types, walls, images' recipes
 	$(BIN)/ruff check $(PACKAGES)

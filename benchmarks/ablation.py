@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.real_people import DATA
-from coordinator.local_workers import THREADS
+from coordinator.pool.local_workers import THREADS
 
 RESULT = Path(__file__).parent / "results" / "ablation.json"
 PEOPLE = ("a14_s2", "a24_s2")

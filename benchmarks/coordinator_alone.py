@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from benchmarks.standing import CAMERA, POSE, standing
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
-from common.messages import encode_frame
+from common.protocol.messages import encode_frame
 from common.refinement import Refined
 from common.settings import RefineSettings, preset
-from coordinator.chosen_body import choose_bodies
-from coordinator.recorder import Recorder
-from coordinator.refiner import idle
-from coordinator.sensor_noise import SensorNoise
-from coordinator.tracker import Tracker
-from coordinator.traffic import Traffic
+from coordinator.bodies.choice import choose_bodies
+from coordinator.pool.statistics import Traffic
+from coordinator.results.recorder import Recorder
+from coordinator.tracking.refiner import idle
+from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.tracker import Tracker
 
 SCATTER = 0.03  # radians and metres by which the pretended descent ends apart, so that there is work to merge
 

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
 from typing import Any, TypeVar
 
-from coordinator.local_workers import describe_end
+from coordinator.pool.local_workers import describe_end
 
 J = TypeVar("J")
 R = TypeVar("R")

@@ -23,9 +23,9 @@ from benchmarks.standing import CAMERA, Case, standing
 from benchmarks.timing import machine, stay_on_one_core, take_turns
 from common.camera import Intrinsics
 from common.settings import RefineSettings, preset
-from coordinator.sensor_noise import SensorNoise
-from tests import plain_path
-from worker.icp import refine
+from coordinator.tracking.sensor_noise import SensorNoise
+from tests.support import plain_path
+from worker.kernel.icp import refine
 
 POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS, SEED = 10_000, 3, 51, 3, 0
 LARGE = Intrinsics(1920, 1440, 3 * CAMERA.fx, 3 * CAMERA.fy, 959.5, 719.5)

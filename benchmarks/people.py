@@ -18,7 +18,7 @@ from benchmarks.sequences import Recording, choose, find_recordings
 from benchmarks.tables import accuracy_cells, show
 from benchmarks.tracking import Tracked, prepare, track
 from common.settings import Settings
-from coordinator.atomic_file import write_atomically
+from coordinator.files.atomic import write_atomically
 
 WIDTH = 150  # columns of a table that goes to no terminal
 

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from coordinator.local_workers import THREADS
+from coordinator.pool.local_workers import THREADS
 
 HERE = Path(__file__).parent
 DATA = HERE.parent.parent / "shared" / "data"

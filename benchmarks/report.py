@@ -12,7 +12,7 @@ from benchmarks.sequences import Recording
 from benchmarks.timing import machine
 from benchmarks.tracking import Tracked
 from common.settings import Settings
-from coordinator.versions import versions
+from coordinator.results.versions import versions
 
 Results = Mapping[str, Tracked | Crash]
 

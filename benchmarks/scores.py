@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.comparison import Comparison
 from benchmarks.tracking import Tracked
-from coordinator.evaluation import NEAR_M
+from coordinator.results.evaluation import NEAR_M
 
 Array = NDArray[np.float64]
 

@@ -33,9 +33,10 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.settings import preset
-from coordinator.local_workers import COMMAND
-from coordinator.runtime import PoolOptions, ZenohRefiner
-from coordinator.sensor_noise import SensorNoise
+from coordinator.pool.local_workers import COMMAND
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from coordinator.tracking.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 
@@ -117,7 +118,7 @@ def pretending_workers(model: BodyModel, workers: int, seconds: float) -> Iterat
     """Refine with workers that give poses back after so many seconds each; frames are sent ahead."""
     settings = preset("default").refine
     command = (*WAITING, "--seconds", str(seconds))
-    with ZenohRefiner(PoolOptions(local_workers=workers, worker_command=command)) as refiner:
+    with ZenohRefiner(Pool(workers=workers, worker_command=command)) as refiner:
         refiner.wait_for(workers)
         numbers = iter(range(10**9))
         coming = [subject_of(np.zeros(SHAPE, np.uint16) + 1, next(numbers))]
@@ -148,7 +149,7 @@ def two_workers(rounds: int) -> dict[str, Any]:
     settings = preset("default").refine
     with ExitStack() as stack:
         refiners = {
-            count: stack.enter_context(ZenohRefiner(PoolOptions(local_workers=count, worker_command=COMMAND)))
+            count: stack.enter_context(ZenohRefiner(Pool(workers=count, worker_command=COMMAND)))
             for count in (1, 2)
         }
         for count, refiner in refiners.items():
@@ -169,7 +170,7 @@ def crowd(workers: int) -> dict[str, Any]:
     poses = np.repeat(case.start, SHARE * workers, axis=0)
     with tempfile.TemporaryDirectory(prefix="gepf-") as folder, ExitStack() as stack:
         endpoint = f"unixsock-stream/{folder}/bus"
-        refiner = stack.enter_context(ZenohRefiner(PoolOptions(listen=(endpoint,))))
+        refiner = stack.enter_context(ZenohRefiner(Pool(workers=0, listen=endpoint)))
         for first in range(0, workers, PER_PROCESS):
             count = min(PER_PROCESS, workers - first)
             stack.callback(start_waiting(endpoint, f"crowd{first}", count).kill)

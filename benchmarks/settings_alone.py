@@ -26,8 +26,8 @@ from benchmarks.timing import machine
 from benchmarks.tracking import prepare, track
 from common.errors import InputError
 from common.settings import PRESETS, Settings
-from coordinator.bodies import Bodies
-from coordinator.versions import versions
+from coordinator.bodies.tracked import Bodies
+from coordinator.results.versions import versions
 
 WHOLE = "all of preset default"
 

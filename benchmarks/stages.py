@@ -10,11 +10,11 @@ import numpy as np
 from benchmarks.standing import Case
 from common.kinematics import chain
 from common.settings import RefineSettings
-from worker.evidence import lay_out_evidence, lay_out_rules
-from worker.gauss_newton import Descent, clamp, extend, minimise
-from worker.icp import assess, collect, correspond, follow, lay_out_room
-from worker.surface import lay_out
-from worker.visibility import pose_surface, visible_vertices
+from worker.kernel.evidence import lay_out_evidence, lay_out_rules
+from worker.kernel.gauss_newton import Descent, clamp, extend, minimise
+from worker.kernel.icp import assess, collect, correspond, follow, lay_out_room
+from worker.kernel.surface import lay_out
+from worker.kernel.visibility import pose_surface, visible_vertices
 
 STAGES = ("pose", "visibility", "closest points", "moments", "solve", "likelihood")
 

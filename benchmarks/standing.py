@@ -13,15 +13,15 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import RefineSettings
-from coordinator.models.human import DEFAULT_ACTIVE, human
-from coordinator.rendering import DepthRenderer
-from coordinator.scenes.noise import add_noise
-from coordinator.sensor_noise import SensorNoise
-from coordinator.subject import isolate
-from worker.evidence import lay_out_evidence
-from worker.icp import lay_out_room, look
-from worker.observation import Observation, observe
-from worker.surface import lay_out
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.subject import isolate
+from worker.kernel.evidence import lay_out_evidence
+from worker.kernel.icp import lay_out_room, look
+from worker.kernel.observation import Observation, observe
+from worker.kernel.surface import lay_out
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 UNITS_PER_METRE = 1000.0

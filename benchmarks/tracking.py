@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from benchmarks.comparison import Comparison, compare_people, compare_skinned
 from benchmarks.sequences import Recording
 from common.settings import Settings
-from coordinator.bodies import REFERENCE_STATURE, Bodies
-from coordinator.chosen_body import choose_bodies
-from coordinator.estimate import Estimate
-from coordinator.run import choose_start
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.tracked import REFERENCE_STATURE, Bodies
+from coordinator.commands.track import choose_start
+from coordinator.results.summary import count_status
 from coordinator.sources import Source, open_source
 from coordinator.sources.source import check_frames
-from coordinator.start import GIRTHS
-from coordinator.summary import count_status
-from coordinator.tracker import Tracker
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.start import GIRTHS
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from worker.cli import load_kernel
 

@@ -24,12 +24,13 @@ from benchmarks.timing import machine
 from benchmarks.worker_start import processor_seconds
 from common.errors import InputError
 from common.settings import Settings, preset
-from coordinator.chosen_body import choose_bodies
-from coordinator.estimate import Estimate
-from coordinator.runtime import PoolOptions, ZenohRefiner
+from coordinator.bodies.choice import choose_bodies
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.sources import open_source
-from coordinator.tracker import Tracker
-from coordinator.tracker_state import TrackerState
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.state import TrackerState
+from coordinator.tracking.tracker import Tracker
 
 SEQUENCES = ("a8_s1", "a14_s2", "a21_s1", "a27_s2")
 WORKERS = (2, 1)
@@ -70,7 +71,7 @@ def run(depth: Path, settings: Settings, workers: int) -> dict[str, Any]:
     source = open_source(depth)
     frames = [source.frame(number) for number in source.numbers]
     laps, stages = [], []
-    with ZenohRefiner(PoolOptions(local_workers=workers)) as refiner:
+    with ZenohRefiner(Pool(workers=workers)) as refiner:
         refiner.wait_for(workers)
         tracker = Tracker(refiner, settings, choose_bodies(None, settings.preset))
         at: list[Spent] = []  # settled, and after the last frame

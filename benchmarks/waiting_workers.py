@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.bus import open_worker
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.transport.bus import open_worker
 from worker.service import Kernel, Service
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from coordinator.runtime import PoolOptions, ZenohRefiner
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 
 
 def worker_start(rounds: int) -> dict[str, Any]:
@@ -22,7 +23,7 @@ def worker_start(rounds: int) -> dict[str, Any]:
 def start_one() -> tuple[float, float, float]:
     """Seconds, seconds of its processor and megabytes of a fresh worker."""
     began = time.perf_counter()
-    with ZenohRefiner(PoolOptions(local_workers=1)) as refiner:
+    with ZenohRefiner(Pool(workers=1)) as refiner:
         refiner.wait_for(1)
         seconds = time.perf_counter() - began
         (pid,) = refiner.local_pids.values()

@@ -1,20 +1,7 @@
-"""Values that can be computed with: what comes off the wire is within these bounds or is refused.
-
-The kernels check no index and no overflow of their own; within these bounds they need not.
-"""
+"""Bounds within which the kernels check no index and no overflow of their own: they need not."""
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any
-
-import msgspec
-import numpy as np
-from numpy.typing import NDArray
-
-from common.arrays import check_finite, check_indices, check_numbers
-from common.body import ROTATION, TRANSLATION
-from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.settings import RefineSettings
 
@@ -34,54 +21,6 @@ SMALLEST_POSITIVE = 1e-6
 LARGEST_OVERSTEP = 10.0  # beyond it the descent cannot but fly apart
 
 
-def check_camera(camera: Intrinsics, depth_scale: float) -> None:
-    """ProtocolError unless the numbers make a camera."""
-    check_finite("the camera", np.array([camera.fx, camera.fy, camera.cx, camera.cy, depth_scale]))
-    if not (camera.width > 0 and camera.height > 0 and camera.width * camera.height <= MAX_PIXELS):
-        raise ProtocolError(
-            f"a frame has 1 to {MAX_PIXELS} pixels, this one {camera.width} by {camera.height}"
-        )
-    if min(camera.fx, camera.fy, depth_scale) <= 0.0:
-        raise ProtocolError("focal lengths and depth scale must be above zero")
-    check_range("a focal length", min(camera.fx, camera.fy), 1e-3, LARGEST_PIXEL)
-    check_range("a focal length", max(camera.fx, camera.fy), 1e-3, LARGEST_PIXEL)
-    check_range("the depth scale", depth_scale, 1e-3, LARGEST_PIXEL)
-    check_range("the camera's centre", max(abs(camera.cx), abs(camera.cy)), 0.0, LARGEST_PIXEL)
-
-
-def check_range(what: str, value: float, least: float, largest: float) -> None:
-    """ProtocolError unless least <= value <= largest."""
-    if not least <= value <= largest:
-        raise ProtocolError(f"{what} is {value:g}, expected {least:g} to {largest:g}")
-
-
-def check_poses(poses: NDArray[np.float64]) -> None:
-    """ProtocolError unless there are poses (N, D) of a possible size and number."""
-    if not 0 < len(poses) <= MAX_PARTICLES:
-        raise ProtocolError(f"a batch has 1 to {MAX_PARTICLES} poses, this one {len(poses)}")
-    if not 0 < poses.shape[1] <= MAX_DOFS:
-        raise ProtocolError(f"a pose has 1 to {MAX_DOFS} values, these {poses.shape[1]}")
-    check_magnitude("poses", poses, LARGEST_POSE)
-
-
-def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> None:
-    """ProtocolError if there is a value beyond plus or minus `largest`, or something that is no number."""
-    if array.size and not np.abs(array).max() <= largest:  # nor for a NaN; one look at what is mostly right
-        check_finite(what, array)
-        raise ProtocolError(f"{what} holds values above {largest:g}")
-
-
-def check_refined(arrays: dict[str, NDArray[np.float64]]) -> None:
-    """ProtocolError unless these can be refined particles; where nothing was observed some are infinite."""
-    poses, log_likelihood, residual = (arrays[name] for name in ("poses", "log_likelihood", "residual"))
-    check_magnitude("the reply's poses", poses, LARGEST_POSE)
-    seen = log_likelihood[log_likelihood != -np.inf]
-    check_magnitude("the reply's log_likelihood", seen, LARGEST_LOG_LIKELIHOOD)
-    if not residual.min(initial=0.0) >= 0.0:
-        check_numbers("the reply's residual", residual)
-        raise ProtocolError("the reply's residual holds values below zero")
-
-
 def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> None:
     """ProtocolError if refining poses of shape (N, D) on so many points could take for ever."""
     count, dofs = poses
@@ -90,57 +29,3 @@ def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, ve
     work = looks * (points * vertices + MOST_PIXELS) + steps * dofs**3
     if work > MOST_WORK:
         raise ProtocolError(f"the request asks for up to {work:.0e} steps of work, expected {MOST_WORK:.0e}")
-
-
-@lru_cache(maxsize=64)  # a run's are always the same
-def check_settings(settings: RefineSettings) -> None:
-    """ProtocolError for numbers that no refinement can be done with."""
-    for name, value in msgspec.structs.asdict(settings).items():
-        if isinstance(value, float):
-            check_finite(f"setting {name}", value)
-            least = SMALLEST_POSITIVE if name in POSITIVE_SETTINGS else 0.0
-            check_range(f"setting {name}", value, least, LARGEST_SETTING)
-        elif isinstance(value, int) and not 0 <= value <= MAX_ITERATIONS:
-            raise ProtocolError(f"setting {name} is {value}, expected 0 to {MAX_ITERATIONS}")
-    check_range("setting overstep", settings.overstep, 0.0, LARGEST_OVERSTEP)
-    if settings.look_every < 1:
-        raise ProtocolError(f"setting look_every is {settings.look_every}, expected 1 or more")
-
-
-def check_model(arrays: dict[str, NDArray[Any]], sizes: dict[str, int]) -> None:
-    """ProtocolError where an index would leave its array, or a number is none or beyond computing with."""
-    for letter, what in (("D", "degrees of freedom"), ("L", "links"), ("V", "vertices"), ("K", "skin links")):
-        if sizes[letter] == 0:
-            raise ProtocolError(f"the model has no {what}")
-    if sizes["D"] > MAX_DOFS:
-        raise ProtocolError(f"the model has {sizes['D']} degrees of freedom, expected at most {MAX_DOFS}")
-    for name, array in arrays.items():
-        check_numbers(f"the model's {name}", array)
-        if array.dtype.kind == "f" and name != "limits":
-            check_magnitude(f"the model's {name}", array, LARGEST_LENGTH)
-    check_limits(arrays["limits"])
-    check_links(arrays, sizes)
-
-
-def check_limits(limits: NDArray[np.float64]) -> None:
-    """ProtocolError unless there is a possible value between all limits (D, 2)."""
-    lower, upper = limits[:, 0], limits[:, 1]
-    if np.any(lower > upper) or np.any(lower > LARGEST_POSE) or np.any(upper < -LARGEST_POSE):
-        raise ProtocolError("the model's limits leave no room between them")
-
-
-def check_links(arrays: dict[str, NDArray[Any]], sizes: dict[str, int]) -> None:
-    """ProtocolError where an index would leave its array."""
-    ranges = {
-        "kinds": (TRANSLATION, ROTATION + 1),
-        "parents": (-1, sizes["D"]),
-        "balls": (0, sizes["D"] - 2),
-        "link_dofs": (-1, sizes["D"]),
-        "triangles": (0, sizes["V"]),
-        "skin_links": (0, sizes["L"]),
-        "joint_links": (0, sizes["L"]),
-    }
-    for name, (least, end) in ranges.items():
-        check_indices(f"the model's {name}", arrays[name], least, end)
-    if np.any(np.diff(arrays["balls"]) < 3):
-        raise ProtocolError("the model's balls must be in ascending order and share nothing")

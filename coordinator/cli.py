@@ -21,7 +21,7 @@ import typer
 from common.errors import GepfError, InputError
 
 if TYPE_CHECKING:
-    from coordinator.progress import Show
+    from coordinator.commands.progress import Show
 
 DONE, FAILED, INPUT_AT_FAULT = 0, 1, 2
 DEBUG = "GEPF_DEBUG"
@@ -144,7 +144,7 @@ def gepf(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
     else:
-        from coordinator.config_file import use_config
+        from coordinator.commands.config_file import use_config
 
         use_config(context, config)
 
@@ -158,8 +158,8 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Track an arm behind heavy noise: a table of errors, and pictures."""
-    from coordinator.demo import run_demo
-    from coordinator.pool import connect_workers
+    from coordinator.commands.demo import run_demo
+    from coordinator.commands.workers import connect_workers
 
     end_as_interrupted()
     run_demo(out, on_stderr(quiet=quiet), connect_workers)
@@ -285,16 +285,16 @@ def track(  # noqa: PLR0913 one parameter an option
     ] = False,
 ) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
-    from coordinator.options import (
+    from coordinator.bodies.choice import choose_model
+    from coordinator.commands.options import (
         Job,
         choose_deadline,
         choose_dofs,
-        choose_model,
         choose_pool,
         choose_settings,
         tell_noise,
     )
-    from coordinator.security import TlsFiles, choose_security
+    from coordinator.security.tls import TlsFiles, choose_security
 
     settings = choose_settings(method, preset, particles, points, seed)
     settings = tell_noise(settings, noise_depth, noise_lateral)
@@ -304,9 +304,9 @@ def track(  # noqa: PLR0913 one parameter an option
         sequence, out, settings, pool, choose_model(model), choose_dofs(dof), init, frames, resume, color
     )
 
-    from coordinator.live_run import track_stream
-    from coordinator.pool import connect_workers
-    from coordinator.run import track_sequence
+    from coordinator.commands.track import track_sequence
+    from coordinator.commands.track_live import track_stream
+    from coordinator.commands.workers import connect_workers
     from coordinator.sources.live import live_key
 
     end_as_interrupted()
@@ -315,7 +315,7 @@ def track(  # noqa: PLR0913 one parameter an option
     else:
         track_stream(job, on_stderr(quiet=quiet), connect_workers)
     if as_json:
-        from coordinator.recorder import SUMMARY_FILE
+        from coordinator.results.summary import SUMMARY_FILE
 
         sys.stdout.write((out / SUMMARY_FILE).read_text(encoding="utf-8"))
 
@@ -342,9 +342,9 @@ def fit(
     ] = False,
 ) -> None:
     """Measure a person in a few frames, for track --model: stature, girth and the lengths of limbs."""
-    from coordinator.fit_run import FitJob, fit_sequence
-    from coordinator.options import choose_pool, choose_settings
-    from coordinator.pool import connect_workers
+    from coordinator.commands.fit import FitJob, fit_sequence
+    from coordinator.commands.options import choose_pool, choose_settings
+    from coordinator.commands.workers import connect_workers
 
     settings = choose_settings("gepf", "default", None, None, seed)
     end_as_interrupted()
@@ -376,9 +376,9 @@ def publish(  # noqa: PLR0913 one parameter an option
     quiet: Quiet = False,
 ) -> None:
     """Publish a recorded sequence in real time, as a camera would: input for gepf track zenoh:KEY."""
-    from coordinator.options import choose_pool
-    from coordinator.publisher import Broadcast, publish_sequence
-    from coordinator.security import TlsFiles, choose_security
+    from coordinator.commands.options import choose_pool
+    from coordinator.commands.publish import Broadcast, publish_sequence
+    from coordinator.security.tls import TlsFiles, choose_security
 
     security = choose_security(listen, connect, TlsFiles(tls_ca, tls_cert, tls_key), insecure=insecure)
     end_as_interrupted()
@@ -394,9 +394,9 @@ def evaluate(
     """Compare a run with the truth; prints one JSON object."""
     import msgspec
 
-    from coordinator.evaluation import evaluate
-    from coordinator.track import read_track
-    from coordinator.truth import check_truth_of, read_truth
+    from coordinator.results.evaluation import evaluate
+    from coordinator.results.track import read_track
+    from coordinator.results.truth import check_truth_of, read_truth
 
     check_truth_of(run, truth)
     result = evaluate(read_track(run), read_truth(truth))
@@ -423,8 +423,7 @@ def show(
     model: Model = "human",
 ) -> None:
     """Draw a body at rest from three sides."""
-    from coordinator.chosen_body import read_model
-    from coordinator.options import choose_model
+    from coordinator.bodies.choice import choose_model, read_model
     from coordinator.pictures.portrait import draw_portrait
 
     draw_portrait(read_model(choose_model(model)), out)
@@ -440,8 +439,7 @@ def help_with_models(context: typer.Context) -> None:
 @model_app.command()
 def dofs(model: Model = "human") -> None:
     """List a body's degrees of freedom, for --dof and init.json."""
-    from coordinator.chosen_body import read_model
-    from coordinator.options import choose_model
+    from coordinator.bodies.choice import choose_model, read_model
 
     sys.stdout.write("".join(f"{name}\n" for name in read_model(choose_model(model)).dof_names))
 
@@ -452,9 +450,8 @@ def export_model(
     model: Model = "human",
 ) -> None:
     """Write a body as URDF, with a mesh for every link."""
-    from coordinator.chosen_body import read_model
-    from coordinator.options import choose_model
-    from coordinator.urdf.writing import write_urdf
+    from coordinator.bodies.choice import choose_model, read_model
+    from coordinator.bodies.urdf.writing import write_urdf
 
     write_urdf(read_model(choose_model(model)), out)
 
@@ -476,7 +473,7 @@ def view(
     quiet: Quiet = False,
 ) -> None:
     """Show a run on a time line: points, model, hypotheses, residuals, angles, status."""
-    from coordinator.viewing import save_run, serve_run
+    from coordinator.commands.view import save_run, serve_run
 
     if save is not None:
         save_run(run, sequence, save, on_stderr(quiet=quiet))
@@ -513,7 +510,7 @@ def info(
     """Say what a sequence is: format, frames, size, rate, camera, range of depth."""
     import msgspec
 
-    from coordinator.description import describe, thumbnail
+    from coordinator.commands.info import describe, thumbnail
 
     facts, middle = describe(sequence)
     if picture is not None:
@@ -550,7 +547,7 @@ def synth(  # noqa: PLR0913 one parameter an option
     quiet: Quiet = False,
 ) -> None:
     """Render a sequence with truth and the start it is meant to be tracked from."""
-    from coordinator.synth import synthesise
+    from coordinator.synthesis.sequence import synthesise
 
     with on_stderr(quiet=quiet).steps("rendering") as advance:
         synthesise(scene, out, frames, noise_depth, noise_lateral, seed, advance, model=model, kinect=kinect)
@@ -572,9 +569,9 @@ def certificates(
     ] = None,
 ) -> None:
     """Make certificates for a trial: an authority, coordinator, router and workers."""
-    from coordinator.certificates import make_certificates
-    from coordinator.options import at_least
-    from coordinator.roster import choose_names
+    from coordinator.commands.options import at_least
+    from coordinator.security.certificates import make_certificates
+    from coordinator.security.roster import choose_names
 
     at_least(1, "--days", days)
     listed = tuple(host.strip() for host in hosts.split(",") if host.strip())
@@ -595,9 +592,9 @@ def router(
     insecure: Insecure = False,
 ) -> None:
     """Let coordinators and workers meet, until stopped."""
-    from common.access import ROUTER
-    from coordinator.router import route
-    from coordinator.security import TlsFiles, choose_security
+    from common.transport.access import ROUTER
+    from coordinator.commands.router import route
+    from coordinator.security.tls import TlsFiles, choose_security
 
     files = TlsFiles(tls_ca, tls_cert, tls_key)
     route(listen, connect, choose_security(listen, connect, files, holder=ROUTER, insecure=insecure), say)
@@ -612,7 +609,7 @@ def on_stderr(*, quiet: bool = False) -> Show:
     """Progress for people, unless they want none."""
     from rich.console import Console
 
-    from coordinator.progress import show_on
+    from coordinator.commands.progress import show_on
 
     return show_on(Console(stderr=True, quiet=quiet))
 

@@ -14,10 +14,10 @@ from common.camera import Intrinsics
 from common.errors import GepfError, InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
-from coordinator.estimate import Estimate
-from coordinator.models.measures import Measures
-from coordinator.options import Pool
+from coordinator.bodies.human.measures import Measures
+from coordinator.pool.options import Pool
 from coordinator.sources import ArraySource, Source, open_source
+from coordinator.tracking.estimate import Estimate
 from gepf.tracker import Tracker
 
 __all__ = [

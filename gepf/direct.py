@@ -11,9 +11,9 @@ from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from coordinator.refiner import idle
-from worker.icp import refine
-from worker.observation import Observation, observe
+from coordinator.tracking.refiner import idle
+from worker.kernel.icp import refine
+from worker.kernel.observation import Observation, observe
 
 
 class DirectRefiner:

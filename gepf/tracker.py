@@ -16,20 +16,19 @@ from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
-from coordinator.bodies import Bodies
-from coordinator.chosen_body import bodies_of, choose_bodies, person
-from coordinator.estimate import Estimate
-from coordinator.models.measures import Measures
-from coordinator.options import HUMAN, Pool, choose_model
-from coordinator.pool import pool_options
-from coordinator.recorded import deviation_of
-from coordinator.refiner import Refiner
-from coordinator.runtime import ZenohRefiner
-from coordinator.security import TlsFiles, choose_security
+from coordinator.bodies.choice import HUMAN, bodies_of, choose_bodies, choose_model, person
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.tracked import Bodies
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from coordinator.results.recorded import deviation_of
+from coordinator.security.tls import TlsFiles, choose_security
 from coordinator.sources.arrays import camera_of, whole_depth
 from coordinator.sources.camera_file import DEFAULT_FPS
-from coordinator.start_file import read_start
-from coordinator.tracker import Tracker as Following
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.start_file import read_start
+from coordinator.tracking.tracker import Tracker as Following
 from gepf.direct import DirectRefiner
 
 log = logging.getLogger("gepf")
@@ -115,7 +114,7 @@ class Tracker:
     def _open(self, workers: Workers | None) -> Refiner:
         if workers is None:
             return DirectRefiner()
-        return self._stack.enter_context(ZenohRefiner(pool_options(choose_workers(workers)), log.info))
+        return self._stack.enter_context(ZenohRefiner(choose_workers(workers), log.info))
 
     def _frame_of(self, depth: NDArray[np.generic], time_s: float | None) -> DepthFrame:
         """An array as the next frame."""

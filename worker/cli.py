@@ -17,12 +17,12 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from common.bus import open_worker
-from common.credentials import Credentials, check_holder, holder_of, read_credentials
-from common.endpoints import check_endpoint
 from common.errors import GepfError, InputError
-from common.keys import check_name
-from common.session import Security
+from common.protocol.keys import check_name
+from common.transport.bus import open_worker
+from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
+from common.transport.endpoints import check_endpoint
+from common.transport.session import Security
 from worker.admission import check_admission
 from worker.health import check_alive
 from worker.service import Kernel, Service
@@ -129,9 +129,9 @@ def serve(place: Place, load: Callable[[], Kernel[Any]], *, tied: bool) -> None:
 
 def load_kernel() -> Kernel[Any]:
     """The kernel, compiled and loaded."""
-    from worker.icp import refine
-    from worker.observation import observe
-    from worker.warm import warm_up
+    from worker.kernel.icp import refine
+    from worker.kernel.observation import observe
+    from worker.warm_up import warm_up
 
     kernel = Kernel(observe, refine)
     warm_up(kernel)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 
-from common import keys
-from common.bus import open_worker
 from common.errors import BusError
-from common.session import Security
+from common.protocol import keys
+from common.transport.bus import open_worker
+from common.transport.session import Security
 
 PATIENCE = 3.0  # seconds
 

@@ -16,12 +16,11 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common import keys
 from common.body import BodyModel
-from common.bus import Bus, Request, Requests
 from common.errors import BusError, ProtocolError
 from common.frame import SubjectFrame
-from common.messages import (
+from common.protocol import keys
+from common.protocol.messages import (
     RefineRequest,
     decode_frame,
     decode_model,
@@ -31,8 +30,9 @@ from common.messages import (
 )
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.transport.bus import Bus, Request, Requests
+from worker.fair_queue import Turns
 from worker.store import Memory, RunMemory
-from worker.turns import Turns
 
 PATIENCE = 0.2  # seconds that a published frame may be behind the first request for it
 FETCH_TIMEOUT = 2.0  # seconds

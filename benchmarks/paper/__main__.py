@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from coordinator.local_workers import THREADS
+from coordinator.pool.local_workers import THREADS
 
 ROOT = Path(__file__).parent.parent.parent
 QUICK_SEEDS = 2

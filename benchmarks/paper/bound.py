@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.rendering import DepthRenderer
-from coordinator.scenes.scene import Scene
-from coordinator.sensor_noise import SensorNoise
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes.scene import Scene
+from coordinator.tracking.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 

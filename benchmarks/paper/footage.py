@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame
-from coordinator.scenes import SCENES
-from coordinator.scenes.noise import add_noise
-from coordinator.scenes.scene import Scene
-from coordinator.sensor_noise import SensorNoise
-from coordinator.synth import DEPTH_SCALE, render, to_units
+from coordinator.synthesis.scenes import SCENES
+from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.sequence import DEPTH_SCALE, render, to_units
+from coordinator.tracking.sensor_noise import SensorNoise
 
 
 @dataclass(frozen=True, slots=True, eq=False)

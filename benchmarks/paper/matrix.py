@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.scenes.arm import MOVING
-from coordinator.sensor_noise import SensorNoise, told
-from worker.evidence import lay_out_rules
+from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.tracking.sensor_noise import SensorNoise, told
+from worker.kernel.evidence import lay_out_rules
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 SEEDS = 10

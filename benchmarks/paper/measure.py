@@ -22,8 +22,8 @@ from benchmarks.paper.scores import score_row, score_run
 from benchmarks.paper.shelf import Shelf
 from benchmarks.paper.tables import show
 from benchmarks.people import WIDTH, keep
-from coordinator.scenes.arm import MOVING
-from coordinator.scenes.scene import Scene
+from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.scenes.scene import Scene
 from worker.cli import load_kernel
 
 EVERY = 4  # frames between those whose information is rendered

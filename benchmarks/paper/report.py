@@ -9,8 +9,8 @@ import msgspec
 from benchmarks.paper.bound import Bound
 from benchmarks.paper.scores import RowScore
 from benchmarks.timing import machine
-from coordinator.sensor_noise import SensorNoise
-from coordinator.versions import versions
+from coordinator.results.versions import versions
+from coordinator.tracking.sensor_noise import SensorNoise
 
 
 class Bounds(msgspec.Struct, frozen=True):

@@ -13,10 +13,10 @@ from benchmarks.paper.footage import Footage
 from benchmarks.paper.matrix import Row
 from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
-from coordinator.chosen_body import choose_bodies
-from coordinator.estimate import Estimate
-from coordinator.evaluation import angle_error_deg, best_hypothesis, positions
-from coordinator.tracker import Tracker
+from coordinator.bodies.choice import choose_bodies
+from coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]

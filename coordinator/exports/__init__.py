@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import BinaryIO
 
 from common.errors import InputError
-from coordinator.atomic_file import write_atomically
 from coordinator.exports.bap import write_bap
 from coordinator.exports.bvh import write_bvh
 from coordinator.exports.csv import write_csv
@@ -15,6 +14,7 @@ from coordinator.exports.gltf import write_glb, write_gltf
 from coordinator.exports.json import write_json
 from coordinator.exports.recorded import RecordedRun, read_run
 from coordinator.exports.trc import write_trc
+from coordinator.files.atomic import write_atomically
 
 Export = Callable[[RecordedRun, BinaryIO], None]
 

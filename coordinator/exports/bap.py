@@ -23,8 +23,8 @@ from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS
 from common.errors import InputError
+from coordinator.bodies.human.mpeg4 import BODY_ANIMATION_PARAMETERS, ROOT_PARAMETERS
 from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
-from coordinator.models.mpeg4 import BODY_ANIMATION_PARAMETERS, ROOT_PARAMETERS
 
 Array = NDArray[np.float64]
 

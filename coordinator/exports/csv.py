@@ -6,7 +6,7 @@ import csv
 import io
 from typing import BinaryIO
 
-from coordinator.track import Track
+from coordinator.results.track import Track
 
 
 def write_csv(track: Track, file: BinaryIO) -> None:

@@ -8,7 +8,7 @@ from typing import BinaryIO
 import msgspec
 import numpy as np
 
-from coordinator.track import Track
+from coordinator.results.track import Track
 
 
 def write_json(track: Track, file: BinaryIO) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.model_file import TrackedBody, read_model
-from coordinator.track import Track, read_track
+from coordinator.results.model_file import TrackedBody, read_model
+from coordinator.results.track import Track, read_track
 
 USUAL_RATE = 30.0
 

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from coordinator.evaluation import NEAR_M, Errors, compare, known_mean
 from coordinator.pictures.style import HYPOTHESIS, REPORTED, draw_status, new_figure, save, styled
-from coordinator.track import Track
-from coordinator.truth import Truth
+from coordinator.results.evaluation import NEAR_M, Errors, compare, known_mean
+from coordinator.results.track import Track
+from coordinator.results.truth import Truth
 
 COLOURS = "magma_r"
 WORST_CM, WORST_DEG = 30.0, 45.0  # the darkest colour

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
 from coordinator.pictures.style import HYPOTHESIS, REPORTED, TRUE, draw_status, new_figure, save, styled
-from coordinator.track import Track
-from coordinator.truth import Truth
+from coordinator.results.track import Track
+from coordinator.results.truth import Truth
 
 MOST_ANGLES = 6
 OUTLIERS = 1.0  # percent of the hypotheses at either end that need not be shown

@@ -18,7 +18,7 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.pictures.shading import contours, lambert, shade_depth
 from coordinator.pictures.skeleton import bones
 from coordinator.pictures.view import View
-from coordinator.rendering import DepthRenderer
+from coordinator.synthesis.rendering import DepthRenderer
 
 Array = NDArray[np.float64]
 Colours = NDArray[np.float32]  # (H, W, 3), 0-255

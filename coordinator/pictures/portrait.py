@@ -11,13 +11,13 @@ from PIL import Image, ImageDraw
 from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.atomic_file import write_atomically
+from coordinator.files.atomic import write_atomically
 from coordinator.pictures.overlay import BACKGROUND, MODEL_COLOUR, SKELETON_COLOUR
 from coordinator.pictures.shading import contours, lambert
 from coordinator.pictures.sheet import tile
 from coordinator.pictures.skeleton import bones
-from coordinator.rendering import DepthRenderer
-from coordinator.scenes.roam import fit_in_view
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes.roam import fit_in_view
 
 CAMERA = Intrinsics(720, 960, 1800.0, 1800.0, 359.5, 479.5)
 TURNS_DEG = (0.0, 40.0, 90.0)

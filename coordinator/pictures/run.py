@@ -11,19 +11,19 @@ from PIL import Image
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.errors import GepfError, InputError
-from coordinator.atomic_file import write_atomically
-from coordinator.evaluation import compare
+from coordinator.files.atomic import write_atomically
 from coordinator.pictures.animation import encode_gif
 from coordinator.pictures.errors import draw_errors
 from coordinator.pictures.hypotheses import draw_hypotheses
 from coordinator.pictures.overlay import Painter, Shown
 from coordinator.pictures.sheet import spread, tile
 from coordinator.pictures.view import around
-from coordinator.rendering import DepthRenderer
+from coordinator.results.evaluation import compare
+from coordinator.results.track import Track
+from coordinator.results.truth import Truth
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
-from coordinator.track import Track
-from coordinator.truth import Truth
+from coordinator.synthesis.rendering import DepthRenderer
 
 ANIMATION_FILE, SHEET_FILE = "overlay.gif", "sheet.png"
 HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics, project
-from coordinator.track import Track
+from coordinator.results.track import Track
 
 Image = NDArray[np.float32]
 

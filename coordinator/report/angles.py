@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS
 from coordinator.pictures.hypotheses import half_turn
 from coordinator.pictures.style import HYPOTHESIS, REPORTED, new_figure, styled
-from coordinator.track import Track
-from coordinator.uncertainty import deviation
+from coordinator.results.track import Track
+from coordinator.results.uncertainty import deviation
 
 COLUMNS = 3
 SIDES = {"r": "right arm and leg", "l": "left arm and leg"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import groupby
 
-from coordinator.track import Track
+from coordinator.results.track import Track
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from coordinator.estimate import Status
-from coordinator.track import Track
+from coordinator.results.track import Track
+from coordinator.tracking.estimate import Status
 
 Summary = dict[str, Any]
 

@@ -7,19 +7,18 @@ import json
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from common.errors import InputError
-from coordinator.atomic_file import write_atomically
+from coordinator.files.atomic import write_atomically
 from coordinator.pictures.run import ANIMATION_FILE, ERRORS_FILE, HYPOTHESES_FILE, SHEET_FILE
 from coordinator.report.angles import draw_angles, group_angles
 from coordinator.report.doubts import find_doubts
 from coordinator.report.facts import flatten, tell_facts, tell_stages
-from coordinator.track import Track, read_track
+from coordinator.results.summary import read_summary
+from coordinator.results.track import Track, read_track
 
-SUMMARY_FILE = "summary.json"
 TEMPLATE = "page.html.j2"
 PICTURES = (ANIMATION_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
 MEDIA = {".gif": "image/gif", ".png": "image/png"}
@@ -56,16 +55,6 @@ def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
         settings=flatten(summary.get("settings", {})),
         whole=json.dumps(summary, indent=2),
     )
-
-
-def read_summary(run: Path) -> dict[str, Any]:
-    """What `gepf track` wrote beside the track; InputError if it is missing or damaged."""
-    try:
-        return msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.MsgspecError):
-        raise InputError(
-            f"{run} holds no {SUMMARY_FILE} that can be read; give the --out folder of a finished gepf track"
-        ) from None
 
 
 def embed(picture: Path) -> str | None:

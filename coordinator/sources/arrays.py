@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.array_file import ArrayFile, read_arrays
+from coordinator.files.arrays import ArrayFile, read_arrays
 from coordinator.sources.camera_file import DEFAULT_FPS
 from coordinator.sources.source import Recording
 

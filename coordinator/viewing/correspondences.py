@@ -12,7 +12,7 @@ from common.body import BodyModel
 from common.camera import back_project
 from common.frame import DepthFrame
 from common.kinematics import pose_vertices
-from coordinator.subject import isolate
+from coordinator.tracking.subject import isolate
 
 Array = NDArray[np.float64]
 

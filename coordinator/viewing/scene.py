@@ -15,8 +15,8 @@ from common.body import ROTATION, BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.pictures.skeleton import bones
 from coordinator.pictures.style import STATUS
+from coordinator.results.track import Track
 from coordinator.sources import Source
-from coordinator.track import Track
 from coordinator.viewing.correspondences import Correspondences, correspond
 from coordinator.viewing.spread import ellipsoids
 

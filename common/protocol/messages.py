@@ -1,0 +1,230 @@
+"""What crosses the wire: msgpack maps with a protocol version, limited in size, checked on arrival.
+
+Every decoder raises ProtocolError, and its message says what is wrong. Nothing is unpickled or evaluated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.errors import ProtocolError
+from common.frame import DepthFrame, SubjectFrame
+from common.protocol.arrays import Dims, check_finite, check_indices, pack, unpack
+from common.protocol.checks import check_camera, check_model, check_poses, check_refined, check_settings
+from common.protocol.wire import (
+    MAX_REASON,
+    FrameMessage,
+    LiveEndMessage,
+    LiveFrameMessage,
+    ModelMessage,
+    RefusalMessage,
+    ReplyMessage,
+    RequestMessage,
+    decode,
+    encode,
+)
+from common.refinement import Refined
+from common.settings import RefineSettings
+
+# Of the arrays of a model and of a reply; a field that is not named here is checked less closely.
+MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
+    "kinds": ("<i8", ("D",)),
+    "parents": ("<i8", ("D",)),
+    "axes": ("<f8", ("D", 3)),
+    "points": ("<f8", ("D", 3)),
+    "limits": ("<f8", ("D", 2)),
+    "balls": ("<i8", ("B",)),
+    "link_dofs": ("<i8", ("L",)),
+    "vertices": ("<f8", ("V", 3)),
+    "triangles": ("<i8", ("T", 3)),
+    "skin_links": ("<i8", ("V", "K")),
+    "skin_weights": ("<f8", ("V", "K")),
+    "joint_links": ("<i8", ("J",)),
+    "joint_points": ("<f8", ("J", 3)),
+}
+REPLY_ARRAYS: dict[str, tuple[str, Dims]] = {
+    "poses": ("<f8", ("N", "D")),
+    "log_likelihood": ("<f8", ("N",)),
+    "residual": ("<f8", ("N",)),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefineRequest:
+    """One batch: refine `poses` (N, D) of a model on a frame of a run."""
+
+    run: str
+    frame: int
+    model_hash: str
+    settings: RefineSettings
+    poses: NDArray[np.float64]  # (N, D)
+
+
+def encode_frame(subject: SubjectFrame) -> bytes:
+    """A frame for the workers."""
+    frame = subject.frame
+    message = FrameMessage(
+        number=frame.number,
+        time_s=frame.time_s,
+        depth_scale=frame.depth_scale,
+        intrinsics=frame.intrinsics,
+        depth=pack(frame.depth),
+        picked=pack(subject.picked),
+        view=subject.view,
+    )
+    return encode(message)
+
+
+def decode_frame(payload: bytes) -> SubjectFrame:
+    """A frame, or ProtocolError."""
+    message = decode(payload, FrameMessage)
+    frame = depth_frame(message)
+    picked = unpack("picked", message.picked, "<u4", ("P",), {})
+    check_picked(picked, frame.depth)
+    left, top, right, bottom = message.view
+    if left > right or top > bottom:
+        raise ProtocolError(f"view {message.view} ends before it begins")
+    return SubjectFrame(frame, picked, message.view)
+
+
+def check_picked(picked: NDArray[np.uint32], depth: NDArray[np.uint16]) -> None:
+    """ProtocolError unless these are pixels with depth, in ascending order."""
+    if np.any(picked[1:] <= picked[:-1]):
+        raise ProtocolError("picked must be in ascending order")
+    check_indices("picked", picked[-1:], 0, depth.size)  # and so all of them
+    if not np.all(depth.ravel()[picked]):
+        raise ProtocolError("picked points at pixels without depth")
+
+
+def encode_live(frame: DepthFrame) -> bytes:
+    """A whole depth image for whoever tracks."""
+    message = LiveFrameMessage(
+        number=frame.number,
+        time_s=frame.time_s,
+        depth_scale=frame.depth_scale,
+        intrinsics=frame.intrinsics,
+        depth=pack(frame.depth),
+    )
+    return encode(message)
+
+
+def encode_live_end() -> bytes:
+    """The end of a stream of depth images."""
+    return encode(LiveEndMessage())
+
+
+def decode_live(payload: bytes) -> DepthFrame | None:
+    """A whole depth image, None at the end of the stream, or ProtocolError."""
+    message = decode(payload, LiveFrameMessage, LiveEndMessage)
+    return depth_frame(message) if isinstance(message, LiveFrameMessage) else None
+
+
+def depth_frame(message: FrameMessage | LiveFrameMessage) -> DepthFrame:
+    """The depth image in a message, of the size that its camera has."""
+    camera = message.intrinsics
+    check_camera(camera, message.depth_scale)
+    check_finite("the frame's time", message.time_s)
+    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
+    return DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
+
+
+def encode_model(model: BodyModel) -> bytes:
+    """A model for the workers, with its hash."""
+    values = {field.name: getattr(model, field.name) for field in fields(model)}
+    message = ModelMessage(
+        hash=model.hash,
+        texts={name: value for name, value in values.items() if isinstance(value, str)},
+        names={name: value for name, value in values.items() if isinstance(value, tuple)},
+        arrays={name: pack(value) for name, value in values.items() if isinstance(value, np.ndarray)},
+    )
+    return encode(message)
+
+
+def decode_model(payload: bytes) -> BodyModel:
+    """A model whose content has the hash that it names, or ProtocolError."""
+    message = decode(payload, ModelMessage)
+    values = {**message.texts, **message.names, **message.arrays}
+    if len(values) < len(message.texts) + len(message.names) + len(message.arrays):
+        raise ProtocolError("the model has a field twice")
+    check_fields("model", set(values), {field.name for field in fields(BodyModel)})
+    sizes = {
+        letter: len(message.names.get(name, ()))
+        for letter, name in (("D", "dof_names"), ("L", "link_names"), ("J", "joint_names"))
+    }
+    for name, array in message.arrays.items():
+        dtype, dims = MODEL_ARRAYS.get(name, (array.dtype, array.shape))
+        values[name] = unpack(f"the model's {name}", array, dtype, dims, sizes)
+    try:
+        check_model({name: v for name, v in values.items() if isinstance(v, np.ndarray)}, sizes)
+        model = BodyModel(**values)  # type: ignore[arg-type]
+    except (ValueError, TypeError, KeyError) as error:
+        raise ProtocolError(f"the model contradicts itself: {error}") from error
+    if model.hash != message.hash:
+        raise ProtocolError(f"the model names the hash {message.hash} and has {model.hash}")
+    return model
+
+
+def encode_request(request: RefineRequest) -> bytes:
+    """A batch for one worker."""
+    message = RequestMessage(
+        run=request.run,
+        frame=request.frame,
+        model=request.model_hash,
+        settings=request.settings,
+        poses=pack(request.poses),
+    )
+    return encode(message)
+
+
+def decode_request(payload: bytes) -> RefineRequest:
+    """A batch, or ProtocolError."""
+    message = decode(payload, RequestMessage)
+    poses = unpack("poses", message.poses, "<f8", ("N", "D"), {})
+    check_poses(poses)
+    check_settings(message.settings)
+    return RefineRequest(message.run, message.frame, message.model, message.settings, poses)
+
+
+def encode_refined(refined: Refined) -> bytes:
+    """Refined particles for the coordinator."""
+    arrays = {field.name: pack(getattr(refined, field.name)) for field in fields(refined)}
+    return encode(ReplyMessage(arrays=arrays))
+
+
+def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
+    """Refined particles for poses of shape `asked` (N, D), or ProtocolError.
+
+    Poses are finite; the other arrays may hold infinities where nothing was observed.
+    """
+    message = decode(payload, ReplyMessage)
+    check_fields("reply", set(message.arrays), {field.name for field in fields(Refined)})
+    count, dofs = asked
+    values: dict[str, NDArray[np.float64]] = {}
+    for name, array in message.arrays.items():
+        dtype, dims = REPLY_ARRAYS.get(name, ("<f8", ("N", "D", "D")[: max(1, len(array.shape))]))
+        values[name] = unpack(f"the reply's {name}", array, dtype, dims, {"N": count, "D": dofs})
+    check_refined(values)
+    return Refined(**values)
+
+
+def encode_refusal(reason: str, *, lasting: bool = True) -> bytes:
+    """Why a request cannot be served."""
+    return encode(RefusalMessage(reason=reason[:MAX_REASON], lasting=lasting))
+
+
+def decode_refusal(payload: bytes) -> RefusalMessage:
+    """A refusal, its reason without what a terminal would act on, or ProtocolError."""
+    refusal = decode(payload, RefusalMessage)
+    plain = "".join(letter if letter.isprintable() else " " for letter in refusal.reason)
+    return RefusalMessage(reason=plain, lasting=refusal.lasting)
+
+
+def check_fields(what: str, given: set[str], expected: set[str]) -> None:
+    """ProtocolError that names missing and unknown fields."""
+    if given != expected:
+        missing, unknown = sorted(expected - given), sorted(given - expected)
+        raise ProtocolError(f"the {what} lacks fields {missing} and has unknown fields {unknown[:10]}")

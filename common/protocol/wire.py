@@ -1,0 +1,129 @@
+"""The form of every message: msgpack maps of this protocol version, limited in size."""
+
+from __future__ import annotations
+
+from functools import lru_cache, reduce
+from operator import or_
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+
+from common.camera import Intrinsics
+from common.errors import ProtocolError
+from common.protocol.arrays import Array
+from common.protocol.keys import NAME
+from common.settings import RefineSettings
+
+PROTOCOL = 1
+MAX_BYTES = 64 * 2**20  # of one message
+MAX_REASON = 1_000  # characters
+
+Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
+Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
+Name = Annotated[str, msgspec.Meta(max_length=200)]
+Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
+FEW = msgspec.Meta(max_length=50)  # fields of a map
+Hash = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
+RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
+
+
+class Header(msgspec.Struct, frozen=True):
+    """What every message of every version begins with."""
+
+    version: int
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    """A message of this version."""
+
+    version: int = PROTOCOL
+
+
+class FrameMessage(Message, frozen=True, tag="frame"):
+    """A SubjectFrame."""
+
+    number: Natural
+    time_s: float
+    depth_scale: float
+    intrinsics: Intrinsics
+    depth: Array
+    picked: Array
+    view: tuple[Pixel, Pixel, Pixel, Pixel]
+
+
+class LiveFrameMessage(Message, frozen=True, tag="live-frame"):
+    """A whole depth image from somebody's camera."""
+
+    number: Natural
+    time_s: float
+    depth_scale: float
+    intrinsics: Intrinsics
+    depth: Array
+
+
+class LiveEndMessage(Message, frozen=True, tag="live-end"):
+    """No more depth images will come."""
+
+
+class ModelMessage(Message, frozen=True, tag="model"):
+    """A BodyModel: its texts, lists of names and arrays by field."""
+
+    hash: Hash
+    texts: Annotated[dict[str, Name], FEW]
+    names: Annotated[dict[str, Names], FEW]
+    arrays: Annotated[dict[str, Array], FEW]
+
+
+class RequestMessage(Message, frozen=True, tag="request"):
+    """A RefineRequest."""
+
+    run: RunName
+    frame: Natural
+    model: Hash
+    settings: RefineSettings
+    poses: Array
+
+
+class ReplyMessage(Message, frozen=True, tag="reply"):
+    """Refined particles: arrays by field."""
+
+    arrays: Annotated[dict[str, Array], FEW]
+
+
+class RefusalMessage(Message, frozen=True, tag="refusal"):
+    """Why a request cannot be served; not lasting if it can, once something is found that is missing."""
+
+    reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
+    lasting: bool = True
+
+
+HEADER = msgspec.msgpack.Decoder(Header)
+
+M = TypeVar("M", bound=Message)
+
+
+def encode(message: Message) -> bytes:
+    """A message as bytes."""
+    return msgspec.msgpack.encode(message)
+
+
+def decode(payload: bytes, *kinds: type[M]) -> M:
+    """A message of one of the kinds and of this version, or ProtocolError."""
+    if len(payload) > MAX_BYTES:
+        raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
+    try:
+        version = HEADER.decode(payload).version
+        if version != PROTOCOL:
+            raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
+        message: M = decoder_of(kinds).decode(payload)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)
+        raise ProtocolError(f"not a {tags} message: {error}") from error
+    return message
+
+
+@lru_cache(maxsize=16)
+def decoder_of(kinds: tuple[type[Message], ...]) -> msgspec.msgpack.Decoder[Any]:
+    """Reads messages of these kinds."""
+    either: Any = reduce(or_, kinds)
+    return msgspec.msgpack.Decoder(either)

@@ -1,0 +1,74 @@
+"""What a session is opened with, in the form that Zenoh reads; a router of its own reads the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from common.protocol.wire import MAX_BYTES
+from common.transport.access import access_control
+from common.transport.credentials import Credentials
+
+LEASE_MS = 1_000  # a peer that is silent for so long is gone
+RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
+WAIT_BEFORE_CLOSE_US = 1_500_000  # above the lease, or a lost worker's token stays
+FOR_EVER_MS = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Security:
+    """A certificate, and on the side that listens the workers that it lets in."""
+
+    credentials: Credentials
+    workers: tuple[str, ...] | None = None  # None for no access control
+
+
+def session_settings(
+    mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None = None
+) -> dict[str, Any]:
+    """Explicit endpoints only: no multicast, no gossip. Connects for ever, in the background if a peer."""
+    first, longest = RETRY_MS
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "listen": {"endpoints": list(listen)},
+        "connect": {
+            "endpoints": list(connect),
+            "timeout_ms": FOR_EVER_MS,
+            "exit_on_failure": False,
+            "retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 2},
+        },
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            "link": {
+                "tx": {
+                    "lease": LEASE_MS,
+                    "queue": {"congestion_control": {"block": {"wait_before_close": WAIT_BEFORE_CLOSE_US}}},
+                },
+                "rx": {"max_message_size": MAX_BYTES},
+            },
+        },
+    }
+    if security is not None:
+        settings["transport"]["link"] |= encryption(security.credentials)
+        if security.workers is not None:
+            settings["access_control"] = access_control(security.workers)
+    return settings
+
+
+def encryption(credentials: Credentials) -> dict[str, Any]:
+    """Both sides show certificates; besides that only sockets of this host are spoken."""
+    cert, key = str(credentials.cert), str(credentials.key)
+    return {
+        "protocols": ["tls", "unixsock-stream"],
+        "tls": {
+            "root_ca_certificate": str(credentials.ca),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+            "listen_certificate": cert,
+            "listen_private_key": key,
+            "connect_certificate": cert,
+            "connect_private_key": key,
+        },
+    }

@@ -1,0 +1,88 @@
+"""The body that the command line names, and its degrees of freedom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from common.body import ROOT_DOFS, BodyModel, unknown_dof
+from common.errors import InputError
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.mpeg4 import JOINT_ANGLES
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
+from coordinator.bodies.person_file import read_person
+from coordinator.bodies.tracked import Bodies, OneBody
+
+HUMAN = "human"
+PERSON_SUFFIX = ".json"
+HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
+JOINTS = "joints"
+"""Stands for all that is usually active but the root: what moves where the base is known to stand still."""
+
+TRUNK = ("vl3_tilt", "vl3_roll", "vl3_torsion")
+"""One joint in the small of the back stands in for the spine: people who bend at the waist need it."""
+
+USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + TRUNK}
+"""Preset -> what is active of a person unless the user says otherwise."""
+
+
+def choose_model(model: str) -> str:
+    """The human template or a file that there is."""
+    if model != HUMAN and not Path(model).is_file():
+        raise InputError(f"unknown model '{model}'; give {HUMAN}, a URDF file, or a file of gepf fit")
+    return model
+
+
+def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMAN) -> Bodies:
+    """The bodies that `model` names: people of any stature, one person of a file, or what a URDF describes.
+
+    Only the degrees of freedom `active` move: by default the preset's of a person, all of a URDF. Raises
+    InputError for a file that is none, and for unknown degrees of freedom.
+    """
+    usual = USUAL[preset]
+    if model == HUMAN:
+        return Bodies(human, usual, choose_active(active, usual, HUMAN_DOFS), dof_names=HUMAN_DOFS)
+    path = Path(model)
+    if path.suffix == PERSON_SUFFIX:
+        return person(read_person(path), active, preset)
+    return bodies_of(read_model(model), active)
+
+
+def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> Bodies:
+    """One person who was measured."""
+    usual = USUAL[preset]
+    chosen = choose_active(active, usual, HUMAN_DOFS)
+    return OneBody(human_of(measures), usual, chosen, (measures.stature, measures.girth))
+
+
+def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
+    """One body that is given with all its degrees of freedom; all of them move unless told."""
+    return OneBody(model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
+
+
+def read_model(model: str) -> BodyModel:
+    """One body with all its degrees of freedom; of people, an average one."""
+    if model == HUMAN:
+        return human()
+    path = Path(model)
+    if path.suffix == PERSON_SUFFIX:
+        return human_of(read_person(path))
+    from coordinator.bodies.urdf.reading import read_urdf
+
+    return read_urdf(path)
+
+
+def choose_active(
+    wanted: tuple[str, ...] | None, usual: tuple[str, ...], known: tuple[str, ...]
+) -> tuple[str, ...]:
+    """What a user wants to move, `usual` for None; InputError for what is not `known`."""
+    if wanted is None:
+        return usual
+    chosen: list[str] = []
+    for name in wanted:
+        chosen.extend([n for n in usual if n not in ROOT_DOFS] if name == JOINTS else [name])
+    for name in chosen:
+        if name not in known:
+            raise unknown_dof(name, known)
+    if not chosen:
+        raise InputError("this body has no joints; leave --dof out to have its place and turn tracked")
+    return tuple(chosen)

@@ -1,0 +1,232 @@
+"""Joint centres of the human template and the table of its degrees of freedom.
+
+Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms hang a little
+off the vertical, by `ARM_TILT`, so that they clear an average trunk; all angles are zero there whatever
+the girth, so that angles of different people compare. Coordinates are those of `common.body`: x to the
+person's left, y down, z to the person's back, the root between the hip joints at the origin.
+
+Signs, the same on both sides of the body:
+
+- flexion of shoulder and hip moves the limb forward, of the elbow the hand forward, of the knee the heel
+  backward, of the ankle and the toes the foot up, of wrist and fingers the hand towards the palm, of the
+  subtalar joint the sole inward;
+- abduct moves the limb (or the shoulder, for the clavicle) out and up, sideways;
+- twisting and the clavicle's rotate turn inward: what is in front moves to the body's midline;
+- pivot moves the hand or finger to the side of the thumb; the thumb's away from the palm;
+- tilt bends forward, torsion turns to the person's left, roll leans to the person's right.
+
+The legs hang off the root and the spine stands on the sacroiliac joint, so bending the waist leaves the
+legs; in the standard the spine stands on the root and the legs hang off the sacroiliac joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, ROTATION, TRANSLATION
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.mpeg4 import FINGERS, VERTEBRAE_UPWARD
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Motions = dict[str, Vector]
+Bone = tuple[str, str | None, str, Motions, int]
+
+LEFT, DOWN, BACK = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+RIGHT, UP, FRONT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
+
+ARM_TILT = np.radians(11.0)
+
+_SPINE_MOTIONS = {"roll": FRONT, "torsion": UP, "tilt": LEFT}
+_THUMB_DIRECTION = (0.0, 0.8, -0.6)
+_FINGER = {
+    0: {"flexion": BACK},
+    1: {"flexion": BACK, "pivot": RIGHT, "twisting": DOWN},
+    2: {"flexion": BACK},
+    3: {"flexion": BACK},
+}
+_THUMB = {
+    1: {"flexion": LEFT, "pivot": (0.0, 0.6, 0.8), "twisting": _THUMB_DIRECTION},
+    2: {"flexion": LEFT},
+    3: {"flexion": LEFT},
+}
+
+# Left side: bone, its joint, and the axis of each motion. The right side is its mirror image.
+_LEG = {
+    ("thigh", "hip"): {"flexion": RIGHT, "abduct": FRONT, "twisting": DOWN},
+    ("shank", "knee"): {"flexion": LEFT, "twisting": DOWN},
+    ("talus", "ankle"): {"flexion": RIGHT, "twisting": DOWN},
+    ("heel", "subtalar"): {"flexion": BACK},
+    ("foot", "midtarsal"): {"twisting": BACK},
+    ("toes", "metatarsal"): {"flexion": RIGHT},
+}
+_GIRDLE = {
+    ("clavicle", "sternoclavicular"): {"abduct": FRONT, "rotate": DOWN},
+    ("scapula", "acromioclavicular"): {"abduct": FRONT, "rotate": DOWN},
+}
+_ARM = {
+    ("upper_arm", "shoulder"): {"flexion": RIGHT, "abduct": FRONT, "twisting": DOWN},
+    ("forearm", "elbow"): {"flexion": RIGHT, "twisting": DOWN},
+    ("hand", "wrist"): {"flexion": BACK, "pivot": RIGHT, "twisting": DOWN},
+}
+
+
+@dataclass(frozen=True)
+class Dof:
+    """One degree of freedom: its parent's name, its axis, and the joint through which the axis goes."""
+
+    name: str
+    kind: int
+    parent: str | None
+    axis: Vector
+    joint: str
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Joint centres (3,) by name, degrees of freedom in chain order, links with their last one."""
+
+    joints: dict[str, Array]
+    dofs: tuple[Dof, ...]
+    links: dict[str, str]
+
+
+def build_skeleton(measures: Measures) -> Skeleton:
+    """Joints, degrees of freedom and links for these measures."""
+    joints = place_joints(measures)
+    dofs: list[Dof] = []
+    links: dict[str, str] = {}
+    for link, parent, joint, axes, kind in _bones():
+        above = links.get(parent) if parent else None
+        for name, axis in axes.items():
+            dofs.append(Dof(name, kind, above, axis, joint))
+            above = name
+        links[link] = dofs[-1].name
+    return Skeleton(joints, tuple(dofs), links)
+
+
+def _bones() -> Iterator[Bone]:
+    """Link, parent link, joint, axes by degree of freedom, and kind; parents before children."""
+    axes = (LEFT, DOWN, BACK)
+    yield "root", None, "pelvis", dict(zip(ROOT_DOFS[:3], axes, strict=True)), TRANSLATION
+    yield "pelvis", "root", "pelvis", dict(zip(ROOT_DOFS[3:], axes, strict=True)), ROTATION
+    sacroiliac = {f"sacroiliac_{m}": _SPINE_MOTIONS[m] for m in ("tilt", "torsion", "roll")}
+    yield "sacrum", "pelvis", "sacroiliac", sacroiliac, ROTATION
+    below = "sacrum"
+    for bone in (*VERTEBRAE_UPWARD, "skull"):
+        stem = "skullbase" if bone == "skull" else bone
+        yield bone, below, stem, {f"{stem}_{m}": axis for m, axis in _SPINE_MOTIONS.items()}, ROTATION
+        below = bone
+    for side in "lr":
+        yield from _limb(side, "vt1", _GIRDLE, 0.0)
+        yield from _limb(side, f"{side}_scapula", _ARM, ARM_TILT)
+        yield from _fingers(side, ARM_TILT)
+        yield from _limb(side, "pelvis", _LEG, 0.0)
+
+
+def _limb(side: str, parent: str, bones: dict[tuple[str, str], Motions], tilt: float) -> Iterator[Bone]:
+    for (bone, joint), motions in bones.items():
+        yield f"{side}_{bone}", parent, f"{side}_{joint}", _axes(side, joint, motions, tilt), ROTATION
+        parent = f"{side}_{bone}"
+
+
+def _fingers(side: str, tilt: float) -> Iterator[Bone]:
+    for finger in (*FINGERS, "thumb"):
+        parent = f"{side}_hand"
+        for n, motions in _THUMB.items() if finger == "thumb" else _FINGER.items():
+            joint = f"{finger}{n}"
+            yield f"{side}_{joint}", parent, f"{side}_{joint}", _axes(side, joint, motions, tilt), ROTATION
+            parent = f"{side}_{joint}"
+
+
+def _axes(side: str, joint: str, motions: Motions, tilt: float) -> Motions:
+    """Axis of each degree of freedom of a joint of either side, in a limb that hangs tilted."""
+    return {f"{side}_{joint}_{motion}": _sided(side, tilted(axis, tilt)) for motion, axis in motions.items()}
+
+
+def tilted(vector: Vector, angle: float) -> Vector:
+    """A vector of an upright left limb after it was raised sideways by `angle`."""
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    x, y, z = vector
+    return c * x + s * y, c * y - s * x, z
+
+
+def _sided(side: str, axis: Vector) -> Vector:
+    """The axis of a left joint, or of its mirror image on the right."""
+    return axis if side == "l" else (axis[0], -axis[1], -axis[2])
+
+
+def place_joints(measures: Measures) -> dict[str, Array]:
+    """Joint centres (3,) in metres, rest frame."""
+    spine = _spine(measures)
+    head = spine["skullbase"] + np.array([0.0, -0.034, 0.0]) * measures.stature
+    joints = {"pelvis": np.zeros(3), **spine, "head": head}
+    left = {**_leg(measures), **_arm(measures)}
+    for name, point in left.items():
+        joints[f"l_{name}"] = point
+        joints[f"r_{name}"] = point * (-1.0, 1.0, 1.0)
+    return joints
+
+
+def _spine(measures: Measures) -> dict[str, Array]:
+    """Vertebra joints along a curve through known levels, up from the hips (fractions of the trunk)."""
+    t = measures.trunk
+    known = np.array([0.0, 5.0, 11.0, 17.0, 24.0])  # vl5, vt12, vt6, vc7, skullbase
+    height = np.interp(np.arange(25), known, np.array([0.20, 0.585, 0.89, 1.165, 1.40]) * t)
+    depth = np.interp(np.arange(25), known, np.array([0.06, 0.08, 0.12, 0.06, 0.0]) * t)
+    names = (*VERTEBRAE_UPWARD, "skullbase")
+    spine = {name: np.array([0.0, -height[i], depth[i]]) for i, name in enumerate(names)}
+    return {"sacroiliac": np.array([0.0, -0.10 * t, 0.09 * t]), **spine}
+
+
+def _leg(measures: Measures) -> dict[str, Array]:
+    x = 0.5 * measures.hip_width
+    knee = measures.thigh
+    ankle = knee + measures.shank
+    sole = ankle + measures.ankle_height
+    lift = measures.ankle_height
+    foot = measures.foot
+    return {
+        "hip": np.array([x, 0.0, 0.0]),
+        "knee": np.array([x, knee, 0.005 * measures.stature]),
+        "ankle": np.array([x, ankle, 0.014 * measures.stature]),
+        "subtalar": np.array([x, sole - 0.6 * lift, 0.014 * measures.stature]),
+        "midtarsal": np.array([x, sole - 0.55 * lift, 0.014 * measures.stature - 0.17 * foot]),
+        "metatarsal": np.array([x, sole - 0.25 * lift, 0.014 * measures.stature - 0.46 * foot]),
+    }
+
+
+def _arm(measures: Measures) -> dict[str, Array]:
+    x = 0.5 * measures.shoulder_width
+    shoulder = np.array([x, -measures.trunk, 0.012 * measures.stature])
+    down = np.array(tilted(DOWN, ARM_TILT))
+    wrist = shoulder + (measures.upper_arm + measures.forearm) * down
+    joints = {
+        "sternoclavicular": np.array([0.1 * x, -1.04 * measures.trunk, -0.025 * measures.stature]),
+        "acromioclavicular": shoulder + np.array([-0.02, -0.022, 0.0]) * measures.stature,
+        "shoulder": shoulder,
+        "elbow": shoulder + measures.upper_arm * down,
+        "wrist": wrist,
+    }
+    return {**joints, **_hand(measures, wrist)}
+
+
+def _hand(measures: Measures, wrist: Array) -> dict[str, Array]:
+    """Finger joints, on lines down the hanging hand; the index finger is in front."""
+
+    def at(down: float, front: float) -> Array:
+        return wrist + measures.hand * np.array(tilted((0.0, down, -front), ARM_TILT))
+
+    joints = {}
+    for i, finger in enumerate(FINGERS):
+        front = (i - 1.5) * 0.11
+        for n, down in enumerate((0.12, 0.47, 0.70, 0.86)):
+            joints[f"{finger}{n}"] = at(down, front * min(1.0, 0.5 + n))
+    _, down, back = _THUMB_DIRECTION
+    for n, along in ((1, 0.0), (2, 0.24), (3, 0.40)):
+        joints[f"thumb{n}"] = at(0.13 + along * down, 0.12 - along * back)
+    return joints

@@ -1,0 +1,1 @@
+"""What each command of `gepf` does: one file a command, and the options they share."""

@@ -1,0 +1,110 @@
+"""What gepf is for, in a minute or two: an arm behind heavy noise, which gradient tracking loses.
+
+The sequence is that of section 5 of the paper, noise of 15 cm in depth and 1 cm across, started 50
+degrees off in one shoulder angle.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError
+from coordinator.commands.options import Job, choose_settings
+from coordinator.commands.progress import Show
+from coordinator.commands.track import Connect, track_sequence
+from coordinator.pool.options import Pool
+from coordinator.results.evaluation import Errors, compare, lost_from
+from coordinator.results.track import read_track
+from coordinator.results.truth import read_truth
+from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.sequence import synthesise
+from coordinator.tracking.sensor_noise import SensorNoise
+
+NOISE = SensorNoise(depth=0.15, lateral=0.01)
+FRAMES = 110
+SETTLED = 30  # frames that the table leaves out: tracking starts with a wrong pose
+WORKERS = 2
+METHODS = {"gradient": None, "gepf": 20}  # particles
+DEFAULT_FOLDER = Path("gepf-demo")
+SEQUENCE = "sequence"
+
+
+def run_demo(out: Path | None, show: Show, connect: Connect, frames: int = FRAMES) -> None:
+    """Make the sequence, track it with each method, and show a table of errors.
+
+    `out` gets a folder for the sequence and one for each method's run, with pictures; an earlier demo there
+    is replaced. Raises InputError if it holds anything else.
+    """
+    out = DEFAULT_FOLDER if out is None else out
+    make_room(out)
+    with show.steps("rendering the sequence") as advance:
+        synthesise("arm", out / SEQUENCE, frames, NOISE.depth, NOISE.lateral, advance=advance)
+    for method, particles in METHODS.items():
+        show.say(f"tracking with {method}")
+        settings = choose_settings(method, "default", particles, None, seed=0)
+        job = Job(out / SEQUENCE, out / method, settings, Pool(WORKERS), active=MOVING)
+        track_sequence(job, show, connect)
+    for line in tabulate({method: errors_of(out, method) for method in METHODS}):
+        show.say(line)
+    show.say(f"look at {out / 'gepf' / 'overlay.gif'} and the other pictures beside it")
+
+
+def make_room(out: Path) -> None:
+    """Remove an earlier demo from `out`; InputError if there is anything else."""
+    ours = {SEQUENCE, *METHODS}
+    try:
+        held = {path.name for path in out.iterdir()} if out.exists() else set()
+        if held - ours:
+            raise InputError(f"'{out}' holds other things than a demo; choose another --out")
+        for name in held:
+            shutil.rmtree(out / name)
+    except OSError as error:
+        raise InputError(f"cannot write to '{out}' ({error.strerror}); choose another --out") from error
+
+
+def errors_of(out: Path, method: str) -> Errors:
+    """Errors of a method's run."""
+    return compare(read_track(out / method), read_truth(out / SEQUENCE / "truth.npz"))
+
+
+def tabulate(errors: dict[str, Errors]) -> list[str]:
+    """Lines of a table: mean absolute error of each angle, by method, reported and best hypothesis."""
+    columns = {
+        "gradient": errors["gradient"].angle_deg,
+        "gepf": errors["gepf"].angle_deg,
+        "gepf, best hypothesis": errors["gepf"].best_angle_deg,
+    }
+    names = errors["gepf"].dof_names
+    settled = min(SETTLED, len(errors["gepf"].frame) // 2)
+    rows = [
+        justify(name, [f"{value:.1f}" for value in row], list(columns))
+        for name, row in mean_rows(names, list(columns.values()), settled)
+    ]
+    lost = [f"{method}: {told_lost(lost_from(found))}" for method, found in errors.items()]
+    heading = f"mean absolute error in degrees from frame {settled} on, noise of 15 cm in depth"
+    return [heading, justify("", list(columns), list(columns)), *rows, "; ".join(lost)]
+
+
+def justify(name: str, cells: list[str], heads: list[str]) -> str:
+    """A line with the name to the left and cells under their heads to the right."""
+    return f"{name:<20}" + "".join(
+        f"  {cell:>{max(6, len(head))}}" for cell, head in zip(cells, heads, strict=True)
+    )
+
+
+def mean_rows(
+    names: tuple[str, ...], columns: list[NDArray[np.float64]], settled: int
+) -> list[tuple[str, list[float]]]:
+    """Mean of each angle, and of all, for every column (F, A)."""
+    means = np.array([np.nanmean(column[settled:], axis=0) for column in columns])  # (C, A)
+    rows = [(name, means[:, a].tolist()) for a, name in enumerate(names)]
+    return [*rows, ("mean", means.mean(axis=1).tolist())]
+
+
+def told_lost(frame: int | None) -> str:
+    """When tracking was lost, in words."""
+    return "not lost" if frame is None else f"lost from frame {frame} on"

@@ -1,0 +1,134 @@
+"""`gepf fit`: track a person through a few frames, then fit the template's measures to what was seen."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from common.body import BodyModel
+from common.errors import InputError
+from common.kinematics import pose_vertices
+from common.settings import Settings
+from coordinator.bodies.choice import HUMAN_DOFS, PERSON_SUFFIX, choose_bodies, person
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.person_file import write_person
+from coordinator.commands.progress import Show
+from coordinator.commands.track import choose_start
+from coordinator.pool.options import Pool
+from coordinator.sources import Source, open_source
+from coordinator.sources.source import check_frames, select_frames
+from coordinator.tracking.fitting import FITTED, Fit, Fitter, Posed
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.subject import isolate
+from coordinator.tracking.tracker import Tracker
+
+USED = 20  # frames that are fitted to, spread over those that are explained well
+TRACKED = 90  # frames at most, unless told
+
+
+Connect = Callable[[Pool, Show], AbstractContextManager[Refiner]]
+
+
+@dataclass(frozen=True, slots=True)
+class FitJob:
+    """One `gepf fit`."""
+
+    sequence: Path
+    out: Path
+    settings: Settings
+    pool: Pool
+    init: str | None = None
+    frames: str | None = None
+
+
+def fit_sequence(job: FitJob, show: Show, connect: Connect) -> tuple[Fit, Fit]:
+    """Fit, tell what was found, and write the measures; gives the fit before and after.
+
+    All input is checked before anything is tracked.
+    """
+    require_place(job.out)
+    source = open_source(job.sequence)
+    numbers = select_frames(source.numbers, job.frames)
+    if job.frames is None:
+        numbers = numbers[:TRACKED]
+    with show.steps("reading frames") as advance:
+        check_frames(source, numbers, advance)
+    with connect(job.pool, show) as refiner:
+        tracker, frames = follow(job, source, numbers, refiner, show)
+        start = tracker.start
+        build = builder(start.held, job.settings.preset)
+        fitter = Fitter(frames, build, refiner, tracker.rules)
+        with show.steps("fitting measures") as advance:
+            before, after = fitter.fit(Measures.of(start.stature, start.girth), advance)
+    write_person(after.measures, job.out)
+    for line in tell(before, after):
+        show.say(line)
+    show.say(f"the measures are in {job.out}; track with --model {job.out}")
+    return before, after
+
+
+def require_place(out: Path) -> None:
+    """InputError unless the measures can be written to `out`, and be read from there by --model."""
+    if out.suffix != PERSON_SUFFIX:
+        raise InputError(f"--out {out} is no name for a person's measures; end it in {PERSON_SUFFIX}")
+    there = next(folder for folder in out.absolute().parents if folder.exists())
+    if out.is_dir() or not there.is_dir() or not os.access(there, os.W_OK):
+        raise InputError(f"cannot write {out}; choose another --out")
+
+
+def follow(
+    job: FitJob, source: Source, numbers: range, refiner: Refiner, show: Show
+) -> tuple[Tracker, list[Posed]]:
+    """Track, and keep some of the frames in which the person was seen well."""
+    bodies = choose_bodies(None, job.settings.preset)
+    tracker = Tracker(refiner, job.settings, bodies, choose_start(job.init, source, HUMAN_DOFS))
+    seen = []
+    with show.frames(len(numbers)) as meter:
+        for number in numbers:
+            frame = source.frame(number)
+            estimate = tracker.track(frame)
+            meter.advance(estimate)
+            surface = pose_vertices(tracker.model, estimate.pose[None])[0]
+            subject = isolate(frame, surface, job.settings.points)
+            if estimate.status == "tracked" and subject is not None:
+                seen.append((estimate.residual, Posed(subject, estimate.pose)))
+    if not seen:
+        raise InputError(f"the person is tracked in no frame of {source.name}; give other --frames")
+    return tracker, spread(explained_well(seen), USED)
+
+
+def explained_well(seen: Sequence[tuple[float, Posed]]) -> list[Posed]:
+    """The frames with the smaller half of the residuals: in the others the pose may be what is wrong."""
+    usual = float(np.median([residual for residual, _ in seen]))
+    return [frame for residual, frame in seen if residual <= usual]
+
+
+def spread(frames: Sequence[Posed], count: int) -> list[Posed]:
+    """At most `count` frames, evenly spread."""
+    chosen = np.unique(np.linspace(0, len(frames) - 1, count).round().astype(int))
+    return [frames[n] for n in chosen.tolist()]
+
+
+def builder(held: Mapping[str, float], preset_name: str) -> Callable[[Measures], BodyModel]:
+    """Makes tracked bodies from measures; what does not move is held."""
+
+    def build(measures: Measures) -> BodyModel:
+        return person(measures, None, preset_name).tracked(measures.stature, measures.girth, held)[0]
+
+    return build
+
+
+def tell(before: Fit, after: Fit) -> list[str]:
+    """What was found, for people."""
+    old, new = asdict(before.measures), asdict(after.measures)
+    changes = [f"{name} {old[name]:.3f} -> {new[name]:.3f}" for name in FITTED]
+    then, now = 1000.0 * before.residual.mean(), 1000.0 * after.residual.mean()
+    return [
+        f"fitted to {len(after.residual)} frames: {', '.join(changes)}",
+        f"mean residual {then:.2f} mm before, {now:.2f} mm after",
+    ]

@@ -1,0 +1,189 @@
+"""What a person sees on stderr while a run goes on."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from types import TracebackType
+from typing import Protocol, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from coordinator.tracking.estimate import Estimate
+
+QUIET_SECONDS = 5.0  # between two lines where there is no terminal
+
+Advance = Callable[[int, int], None]
+"""Tells how many are done, and of how many."""
+
+
+class Show(Protocol):
+    """Where a run tells how it goes."""
+
+    def say(self, text: str) -> None:
+        """One line."""
+        ...
+
+    def steps(self, text: str) -> AbstractContextManager[Advance]:
+        """A count of something that takes a while."""
+        ...
+
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
+        """A meter for the frames of a run, None if nobody knows how many; a context manager.
+
+        Some of them may be done before.
+        """
+        ...
+
+
+class FrameMeter:
+    """Frame rate, hypotheses, residual and status, frame by frame; subclasses show them."""
+
+    def __init__(self, total: int | None, done: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
+        self.total = total
+        self.done = self._before = done
+        self._clock = clock
+        self._began = self._first = self._last = clock()
+
+    def __enter__(self) -> Self:
+        self._began = self._clock()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def seconds(self) -> float:
+        """From the start to the last frame."""
+        return self._last - self._began
+
+    @property
+    def rate(self) -> float:
+        """Frames per second; the first, for which workers start, does not count if there are others."""
+        done = self.done - self._before
+        if done > 1:
+            return (done - 1) / max(self._last - self._first, 1e-9)
+        return done / max(self.seconds, 1e-9)
+
+    def advance(self, estimate: Estimate, note: str = "") -> None:
+        """One frame more, and what else there is to say."""
+        self.done += 1
+        self._last = self._clock()
+        if self.done == self._before + 1:
+            self._first = self._last
+        self.show(describe(estimate, self.rate) + note)
+
+    def show(self, text: str) -> None:
+        """Make the state known."""
+
+    def close(self) -> None:
+        """No more frames."""
+
+
+def describe(estimate: Estimate, rate: float) -> str:
+    """A frame's state in one short line."""
+    count = len(estimate.hypothesis_weight)
+    residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
+    return f"{rate:.1f} frames/s, {count} hypotheses, residual {residual}, {estimate.status}"
+
+
+class ConsoleShow:
+    """Lines on a console."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def say(self, text: str) -> None:
+        """One line, above a bar if there is one."""
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+class TerminalShow(ConsoleShow):
+    """Bars that move."""
+
+    @contextmanager
+    def steps(self, text: str) -> Iterator[Advance]:
+        """A bar that goes away at the end."""
+        with _bar(self._console, transient=True) as bar:
+            task = bar.add_task(text, total=None)
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
+        """A bar with the run's state."""
+        return _TerminalMeter(total, done, self._console)
+
+
+class PlainShow(ConsoleShow):
+    """A line now and then, for logs."""
+
+    @contextmanager
+    def steps(self, text: str) -> Iterator[Advance]:
+        """A line every few seconds."""
+        last = time.monotonic()
+
+        def advance(done: int, total: int) -> None:
+            nonlocal last
+            if time.monotonic() - last > QUIET_SECONDS:
+                last = time.monotonic()
+                self.say(f"{text}: {done} of {total}")
+
+        yield advance
+
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
+        """Lines with the run's state."""
+        return _PlainMeter(total, done, self)
+
+
+class _TerminalMeter(FrameMeter):
+    def __init__(self, total: int | None, done: int, console: Console) -> None:
+        super().__init__(total, done)
+        self._bar = _bar(console, transient=False)
+        self._task = self._bar.add_task("starting", total=total, completed=done)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return super().__enter__()
+
+    def show(self, text: str) -> None:
+        """Move the bar."""
+        self._bar.update(self._task, completed=self.done, description=text)
+
+    def close(self) -> None:
+        """Leave the bar as it stands."""
+        self._bar.stop()
+
+
+class _PlainMeter(FrameMeter):
+    def __init__(self, total: int | None, done: int, show: PlainShow) -> None:
+        super().__init__(total, done)
+        self._show = show
+        self._text = ""
+        self._said = time.monotonic()
+
+    def show(self, text: str) -> None:
+        """Write a line if there was none for a while."""
+        of_total = "" if self.total is None else f" of {self.total}"
+        self._text = f"frame {self.done}{of_total}: {text}"
+        if time.monotonic() - self._said > QUIET_SECONDS:
+            self.close()
+
+    def close(self) -> None:
+        """Write the last state, unless it was written."""
+        if self._text:
+            self._show.say(self._text)
+        self._text, self._said = "", time.monotonic()
+
+
+def show_on(console: Console) -> Show:
+    """Bars on a terminal, lines elsewhere."""
+    return TerminalShow(console) if console.is_terminal else PlainShow(console)
+
+
+def _bar(console: Console, *, transient: bool) -> Progress:
+    columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("{task.description}"))
+    return Progress(*columns, TimeRemainingColumn(), console=console, transient=transient)

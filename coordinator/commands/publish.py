@@ -1,0 +1,87 @@
+"""`gepf publish`: a recorded sequence as a camera would show it, in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from common.errors import InputError
+from common.frame import DepthFrame
+from common.protocol.keys import check_stream
+from common.protocol.messages import encode_live, encode_live_end
+from common.transport.bus import Bus, Publisher, open_coordinator
+from coordinator.commands.progress import Show
+from coordinator.pool.options import Pool
+from coordinator.sources import open_source
+from coordinator.sources.source import check_frames, select_frames
+
+LOOK = 0.05  # seconds between looks for a listener
+FASTEST = 1000.0  # frames per second
+
+
+@dataclass(frozen=True, slots=True)
+class Broadcast:
+    """One `gepf publish`."""
+
+    sequence: Path
+    key: str
+    reached: Pool  # by whom, as far as endpoints go
+    rate: float | None = None  # frames per second; None for the sequence's own
+    frames: str | None = None
+
+
+def publish_sequence(broadcast: Broadcast, show: Show) -> None:
+    """Publish the frames in real time, from when somebody listens. All input is checked before."""
+    key = check_stream(broadcast.key, guarded=broadcast.reached.security is not None)
+    rate = check_rate(broadcast.rate)
+    source = open_source(broadcast.sequence)
+    numbers = select_frames(source.numbers, broadcast.frames)
+    with show.steps("reading frames") as advance:
+        check_frames(source, numbers, advance)
+    with open_session(broadcast.reached) as bus:
+        publisher = bus.publish(key)
+        wait_for_listener(publisher, lambda: show.say(f"waiting for someone to listen to {key}"))
+        play(map(source.frame, numbers), rate or source.fps, publisher)
+    show.say(f"{len(numbers)} frames were published on {key}")
+
+
+def check_rate(rate: float | None) -> float | None:
+    """The rate, if frames can be published at it; InputError otherwise."""
+    if rate is not None and not 0 < rate <= FASTEST:
+        raise InputError(f"--rate {rate:g} is no frame rate; give up to {FASTEST:g} frames per second")
+    return rate
+
+
+def open_session(reached: Pool) -> Bus:
+    """A session at the endpoints; InputError if there is none."""
+    if reached.listen is None and reached.connect is None:
+        raise InputError("nobody could receive this; add --connect or --listen with an endpoint")
+    listen, connect = ((endpoint,) if endpoint else () for endpoint in (reached.listen, reached.connect))
+    return open_coordinator(listen, connect, reached.security)
+
+
+def wait_for_listener(publisher: Publisher, tell: Callable[[], None]) -> None:
+    """Return when somebody listens; `tell` is called if nobody does yet."""
+    if not publisher.followed:
+        tell()
+    while not publisher.followed:
+        time.sleep(LOOK)
+
+
+def play(frames: Iterable[DepthFrame], rate: float, publisher: Publisher) -> None:
+    """Publish each frame at its time, then the end; also when interrupted."""
+    try:
+        for frame in paced(frames, rate):
+            publisher.put(encode_live(frame))
+    finally:
+        publisher.put_surely(encode_live_end())
+
+
+def paced(frames: Iterable[DepthFrame], rate: float) -> Iterator[DepthFrame]:
+    """Frame k at k / rate seconds after the first; a late one at once."""
+    began = time.monotonic()
+    for k, frame in enumerate(frames):
+        time.sleep(max(0.0, began + k / rate - time.monotonic()))
+        yield frame

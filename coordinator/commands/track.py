@@ -1,0 +1,175 @@
+"""One run from its options to its files: read, track, record, draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from common.body import BodyModel
+from coordinator.bodies.choice import HUMAN_DOFS, choose_bodies
+from coordinator.bodies.tracked import Bodies
+from coordinator.commands.options import Job
+from coordinator.commands.progress import FrameMeter, Show
+from coordinator.exports.csv import write_csv
+from coordinator.files.atomic import write_atomically
+from coordinator.pool.options import Pool
+from coordinator.pool.statistics import Traffic
+from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_model
+from coordinator.results.recorded import Recorded
+from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
+from coordinator.results.run_configuration import AUTOMATIC, terms_of
+from coordinator.results.summary import summarise
+from coordinator.results.track import read_track
+from coordinator.results.truth import Truth, read_truth
+from coordinator.sources import Source, open_source
+from coordinator.sources.colour_folder import ColourFolder
+from coordinator.sources.source import check_frames, select_frames
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.start import require_start
+from coordinator.tracking.start_file import read_start
+from coordinator.tracking.state import TrackerState
+from coordinator.tracking.tracker import Tracker
+
+
+class PooledRefiner(Refiner, Protocol):
+    """A refiner that can tell who did the work."""
+
+    @property
+    def traffic(self) -> Traffic:
+        """Workers and batches so far."""
+        ...
+
+
+Connect = Callable[[Pool, Show], AbstractContextManager[PooledRefiner]]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What one run works with."""
+
+    job: Job
+    source: Source
+    numbers: range
+    bodies: Bodies
+    start: Mapping[str, float] | None
+    recorder: Recorder
+    colours: ColourFolder | None = None
+
+
+def track_sequence(job: Job, show: Show, connect: Connect) -> None:
+    """Do a `gepf track`. All input is checked before the folder of results is made.
+
+    If it ends early, by the user or by a fault, the frames so far are in the folder all the same, and
+    another one with `resume` goes on from there.
+    """
+    source = open_source(job.sequence)
+    numbers = select_frames(source.numbers, job.frames)
+    bodies = choose_bodies(job.active, job.settings.preset, job.model)
+    start = choose_start(job.init, source, bodies.dof_names)
+    require_start(start, bodies)
+    truth = read_truth(source.truth) if source.truth else None
+    colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
+    terms = terms_of(job.sequence, source.frame(numbers.start), numbers, job.asked(bodies, start))
+    if job.resume and is_complete(job.out, terms):
+        show.say(f"all {len(numbers)} frames are in {job.out} already")
+        return
+    with show.steps("reading frames") as advance:
+        check_frames(source, numbers, advance)
+    with Recorder(job.out, terms, resume=job.resume) as recorder:
+        run = Run(job, source, numbers, bodies, start, recorder, colours)
+        meter = show.frames(len(numbers), recorder.frames)
+        if job.resume:
+            show.say(tell_resume(run))
+        try:
+            if recorder.frames < len(numbers):
+                follow(run, meter, show, connect)
+        finally:
+            recorded = finish(run, meter, show)
+        if recorded is not None:
+            draw(run, recorded.state.start.model, truth, show)
+
+
+def tell_resume(run: Run) -> str:
+    """Where a resumed run goes on."""
+    done, total = run.recorder.frames, len(run.numbers)
+    if done == total:
+        return f"all {total} frames are recorded in {run.job.out}; writing the results"
+    if done:
+        return f"going on with frame {run.numbers[done]}; {done} of {total} are recorded"
+    return f"nothing to resume in {run.job.out}; beginning anew"
+
+
+def choose_start(
+    init: str | None, source: Source, dof_names: Sequence[str] = HUMAN_DOFS
+) -> Mapping[str, float] | None:
+    """The pose to start from: of a file, else of the file that comes with the sequence, else to be found."""
+    path = source.init if init is None else None if init == AUTOMATIC else Path(init)
+    return None if path is None else read_start(path, dof_names)
+
+
+def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:
+    """Track frame after frame; each is recorded while the workers are busy with the next."""
+    recorder = run.recorder
+    with connect(run.job.pool, show) as refiner, meter:
+
+        def record(estimate: Estimate, state: TrackerState) -> None:
+            meter.advance(estimate)
+            recorder.append(estimate, state, refiner.traffic, meter.seconds)
+
+        state = recorder.past.state if recorder.past else None
+        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, state)
+        tracker.follow((run.source.frame(number) for number in run.numbers[recorder.frames :]), record)
+
+
+def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
+    """Write the final files of what was recorded, be it all or not."""
+    recorded = run.recorder.read()
+    if recorded is None:
+        return None
+    count = len(recorded.estimates)
+    complete = count == len(run.numbers)
+    rate = meter.rate or count / max(recorded.seconds, 1e-9)
+    colour = None if run.job.colour is None else str(run.job.colour)
+    said = {"complete": complete, "frame_rate": rate, "pool": tell_pool(run.job.pool), "color": colour}
+    write_results(run.recorder, recorded, said, complete=complete)
+    if not complete:
+        show.say(
+            f"ended early with {count} of {len(run.numbers)} frames in {run.job.out}; "
+            "the same command with --resume goes on"
+        )
+    return recorded
+
+
+def tell_pool(pool: Pool) -> dict[str, object]:
+    """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
+    return {
+        "workers": pool.workers,
+        "listen": pool.listen,
+        "connect": pool.connect,
+        "worker_timeout": pool.worker_timeout,
+        "encrypted": pool.security is not None,
+    }
+
+
+def write_results(
+    recorder: Recorder, recorded: Recorded, said: Mapping[str, object], *, complete: bool
+) -> None:
+    """Write all files of a run but the pictures; the summary begins with what is `said`."""
+    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
+    write_atomically(recorder.folder / MODEL_FILE, lambda file: write_model(body, file))
+    track = recorder.finish(recorded, {**said, **summarise(recorded)}, complete=complete)
+    write_atomically(recorder.folder / CSV_FILE, lambda file: write_csv(track, file))
+
+
+def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:
+    """Pictures of a finished run."""
+    from coordinator.pictures.run import draw_run
+
+    track = read_track(run.job.out)
+    show.say("drawing pictures")
+    files = draw_run(run.source, model, track, run.job.out, truth, run.colours)
+    show.say(f"{len(track.frame)} frames and {len(files)} pictures are in {run.job.out}")

@@ -1,0 +1,130 @@
+"""One run on live input: track the newest frame, and record it, until the stream ends or is interrupted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Protocol
+
+from common.errors import InputError
+from common.protocol.keys import check_stream
+from coordinator.bodies.choice import HUMAN_DOFS, choose_bodies
+from coordinator.bodies.tracked import Bodies
+from coordinator.commands.options import Job
+from coordinator.commands.progress import FrameMeter, Show
+from coordinator.commands.track import PooledRefiner, tell_pool, write_results
+from coordinator.pool.options import Pool
+from coordinator.results.recorder import Recorder
+from coordinator.results.run_configuration import AUTOMATIC, terms_of_stream
+from coordinator.results.track import read_track
+from coordinator.sources.live import LiveFrames, from_first_seen, live_key
+from coordinator.tracking.start_file import read_start
+from coordinator.tracking.tracker import Tracker
+
+HYPOTHESES_FILE = "hypotheses.png"
+
+
+class ListeningRefiner(PooledRefiner, Protocol):
+    """A refiner on a bus where others publish."""
+
+    def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
+        """Have `on_message(payload)` called for what is published on a key."""
+        ...
+
+
+Connect = Callable[[Pool, Show], AbstractContextManager[ListeningRefiner]]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRun:
+    """What one run works with."""
+
+    job: Job
+    key: str
+    frames: LiveFrames
+    bodies: Bodies
+    start: Mapping[str, float] | None
+    recorder: Recorder
+
+
+def track_stream(job: Job, show: Show, connect: Connect) -> None:
+    """Do a `gepf track zenoh:KEY`. An interrupt ends the stream as its publisher does.
+
+    Raises InputError if it ends before a frame with depth came.
+    """
+    key = check_live(job)
+    bodies = choose_bodies(job.active, job.settings.preset)
+    start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), HUMAN_DOFS)
+    with Recorder(job.out, terms_of_stream(str(job.sequence), job.asked(bodies, start))) as recorder:
+        run = LiveRun(job, key, LiveFrames(key, show.say), bodies, start, recorder)
+        meter, complete = show.frames(None), False
+        try:
+            with until_interrupted(recorder):
+                follow(run, meter, show, connect)
+            complete = True
+        finally:
+            finish(run, meter, complete=complete)
+        if not recorder.frames:
+            raise InputError(f"the stream on {key} ended before any depth came; start its publisher later")
+        draw(run, show)
+
+
+def check_live(job: Job) -> str:
+    """The key of the stream; InputError for options that only a recorded sequence can have."""
+    key = live_key(job.sequence)
+    if key is None:
+        raise InputError(f"'{job.sequence}' is no live input; give zenoh:KEY")
+    for option, given in (
+        ("--frames", job.frames is not None),
+        ("--resume", job.resume),
+        ("--color", job.colour is not None),
+    ):
+        if given:
+            raise InputError(f"{option} is for recorded sequences; leave it out with live input")
+    if job.pool.listen is None and job.pool.connect is None:
+        raise InputError("nobody could publish to this; add --listen or --connect with an endpoint")
+    return check_stream(key, guarded=job.pool.security is not None)
+
+
+@contextmanager
+def until_interrupted(recorder: Recorder) -> Iterator[None]:
+    """Let an interrupt end the body, if anything was recorded by then."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not recorder.frames:
+            raise
+
+
+def follow(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect) -> None:
+    """Track whatever frame is the newest; each is recorded before the next begins."""
+    with connect(run.job.pool, show) as refiner, meter:
+        refiner.listen(run.key, run.frames.receive)
+        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start)
+        for frame in from_first_seen(iter(run.frames)):
+            estimate = tracker.track(frame)
+            meter.advance(estimate, f", {run.frames.counts.skipped} frames skipped")
+            run.recorder.append(estimate, tracker.state, refiner.traffic, meter.seconds)
+
+
+def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> None:
+    """Write the final files of what was recorded."""
+    recorded = run.recorder.read()
+    if recorded is None:
+        return
+    counts = {f"frames_{name}": count for name, count in asdict(run.frames.counts).items()}
+    pool = tell_pool(run.job.pool)
+    said = {"complete": complete, "frame_rate": meter.rate, "pool": pool, **counts}
+    write_results(run.recorder, recorded, said, complete=complete)
+
+
+def draw(run: LiveRun, show: Show) -> None:
+    """The hypotheses of a finished run; the frames themselves were not kept."""
+    from coordinator.pictures.hypotheses import draw_hypotheses
+
+    out = run.job.out
+    track = read_track(out)
+    draw_hypotheses(track, None, out / HYPOTHESES_FILE)
+    show.say(f"{len(track.frame)} of {run.frames.counts.received} frames were tracked; results are in {out}")

@@ -1,0 +1,71 @@
+"""Where a run's recording goes: into a file, or to a viewer in a browser."""
+
+from __future__ import annotations
+
+import logging
+import signal
+from pathlib import Path
+from urllib.parse import quote
+
+import rerun as rr
+
+from common.errors import GepfError, InputError
+from coordinator.commands.progress import Show
+from coordinator.results.model_file import read_model
+from coordinator.results.run_configuration import PATH
+from coordinator.results.summary import read_summary
+from coordinator.results.track import Track, read_track
+from coordinator.sources import Source, open_source
+from coordinator.viewing.scene import layout, log_run
+
+logger = logging.getLogger(__name__)
+
+APPLICATION = "gepf"
+
+
+def save_run(run: Path, sequence: Path | None, file: Path, show: Show) -> None:
+    """Write the recording as a file that any rerun viewer opens."""
+    track, recording = read_track(run), rr.RecordingStream(APPLICATION)
+    source = find_sequence(run, sequence)
+    if not file.parent.is_dir():
+        raise InputError(f"no such folder: {file.parent}; give a file in a folder that there is with --save")
+    recording.save(file, default_blueprint=layout(track))
+    write(recording, run, track, source, show)
+
+
+def serve_run(run: Path, sequence: Path | None, port: int, show: Show, *, browser: bool) -> None:
+    """Show the recording in a browser until interrupted."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(
+            number, signal.SIG_DFL
+        )  # nothing is kept, and the viewer's own code swallows interrupts
+    track, recording = read_track(run), rr.RecordingStream(APPLICATION)
+    source = find_sequence(run, sequence)
+    try:
+        address = recording.serve_grpc(grpc_port=port + 1, default_blueprint=layout(track))
+        rr.serve_web_viewer(web_port=port, open_browser=browser, connect_to=address)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise GepfError(f"the viewer did not start ({error}); another --port may be free") from error
+    write(recording, run, track, source, show)
+    show.say(f"see http://localhost:{port}?url={quote(address, safe='')}")
+    show.say("Ctrl-C ends")
+    signal.pause()
+
+
+def write(recording: rr.RecordingStream, run: Path, track: Track, source: Source | None, show: Show) -> None:
+    """Write all frames and wait until they are out."""
+    model = read_model(run).model
+    with show.steps("preparing frames") as advance:
+        log_run(recording, track, model, source, advance)
+        recording.flush()
+
+
+def find_sequence(run: Path, told: Path | None) -> Source | None:
+    """The sequence that was tracked: as told, else where it was; None, with a warning, if it is gone."""
+    if told is not None:
+        return open_source(told)
+    recorded = read_summary(run).get(PATH)
+    if recorded is not None and Path(recorded).exists():
+        return open_source(Path(recorded))
+    logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
+    return None

@@ -1,0 +1,1 @@
+"""Files that are whole or absent, and arrays that are checked as they are read."""

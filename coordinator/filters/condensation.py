@@ -1,0 +1,71 @@
+"""CONDENSATION (Isard and Blake, IJCV 1998), a baseline: many particles, no descent, no merging.
+
+A particle is a pose and the motion that led to it. Each frame: draw ancestors by weight, move each on by
+a second-order autoregressive model (its velocity, and Gaussian noise), weigh by the likelihood. What is
+reported is the weighted mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROTATION, BodyModel
+from common.kinematics import difference
+from common.refinement import Refined
+from common.settings import FilterSettings
+from coordinator.filters.belief import Belief, mean_pose
+from coordinator.filters.motion import propagate
+from coordinator.filters.resampling import normalise, systematic
+
+Array = NDArray[np.float64]
+
+
+def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG001 as all methods
+    """A single particle at rest at the initial pose (D,); the first frame's noise spreads its children."""
+    return Belief(
+        poses=pose[None].copy(),
+        log_weights=np.zeros(1),
+        residual=np.full(1, np.nan),
+        velocities=np.zeros((1, len(pose))),
+        reported=pose.copy(),
+    )
+
+
+def advance(
+    model: BodyModel,
+    past: Belief,
+    assess: Callable[[Array], Refined],
+    settings: FilterSettings,
+    rng: np.random.Generator,
+) -> Belief:
+    """One frame: select, predict, measure. `assess` gives the likelihood of poses (N, D)."""
+    ancestors = systematic(past.weights, settings.particles, rng)
+    noise = diffusion(model, settings) * rng.standard_normal((settings.particles, past.poses.shape[1]))
+    predicted = propagate(
+        model, past.poses[ancestors], settings.velocity_share * past.velocities[ancestors], noise
+    )
+    measured = assess(predicted)
+    answered = measured.answered
+    measured = measured.take(answered)
+    return weigh(model, past.poses[ancestors[answered]], measured, measured.log_likelihood)
+
+
+def diffusion(model: BodyModel, settings: FilterSettings) -> Array:
+    """Standard deviation (D,) of the motion model's noise in a frame, radians and metres."""
+    return np.where(model.kinds == ROTATION, np.deg2rad(settings.diffusion_deg), settings.diffusion_position)
+
+
+def weigh(model: BodyModel, earlier: Array, measured: Refined, log_weights: Array) -> Belief:
+    """The belief in measured particles (N,) that came from earlier poses (N, D)."""
+    order = np.argsort(-log_weights, kind="stable")
+    poses = measured.poses[order]
+    return Belief(
+        poses=poses,
+        log_weights=log_weights[order],
+        residual=measured.residual[order],
+        velocities=difference(model, earlier[order], poses),
+        reported=mean_pose(model, poses, normalise(log_weights[order])),
+    )

@@ -1,0 +1,1 @@
+"""Refinement by whatever workers there are, over the bus."""

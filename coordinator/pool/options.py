@@ -1,0 +1,53 @@
+"""Who may refine: workers of our own, and those that connect or are found behind a router."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from common.transport.session import Security
+from coordinator.pool.local_workers import COMMAND
+from coordinator.pool.no_worker_timeout import Absence
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """The workers of a run."""
+
+    workers: int | None = None  # local ones that are started; None for one per core
+    listen: str | None = None  # endpoint at which others may join
+    connect: str | None = None  # endpoint of a router where others are
+    security: Security | None = None
+    worker_timeout: float | None = None  # seconds without any worker until we give up; None to wait for ever
+    deadline: float | None = None  # seconds from publishing a frame until unanswered particles are left out
+    run: str | None = None  # None to invent a name
+    worker_command: tuple[str, ...] = COMMAND
+
+    @property
+    def workers_started(self) -> int:
+        """Number of local workers."""
+        return count_cores() if self.workers is None else self.workers
+
+    @property
+    def listen_endpoints(self) -> tuple[str, ...]:
+        """Where others may join."""
+        return (self.listen,) if self.listen else ()
+
+    @property
+    def connect_endpoints(self) -> tuple[str, ...]:
+        """Where we join others."""
+        return (self.connect,) if self.connect else ()
+
+
+def absence(pool: Pool) -> Absence:
+    """What to say when no worker is there, and when to give up."""
+    missing = "no worker is there; waiting for one"
+    if pool.workers_started:
+        missing = "the local workers are not ready yet; the first time they compile for a minute or so"
+    invitation = f"gepf-worker --connect {pool.listen or pool.connect or 'ENDPOINT'}"
+    return Absence(pool.worker_timeout, missing, invitation)
+
+
+def count_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))

@@ -1,0 +1,309 @@
+"""Who refines what: events in, instructions out; no clock, no socket.
+
+A job is split into batches of particles, larger ones for faster workers. A worker has at most `WINDOW` of
+them in flight, so that it never idles between two and a faster one gets more. A batch that ends without a
+result goes back to those that wait. When nothing waits, batches that take long are sent again to idle
+workers. The first result of a batch counts, later ones are ignored. A worker that fails again and again
+rests for a while; a batch that every worker refuses fails the job.
+
+Every request has a ticket. It stays in flight, and in its worker's window, until it is answered or over,
+even when its job is done: a worker that is still busy with it cannot do other work.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from statistics import median
+
+from coordinator.pool.batches import split
+from coordinator.pool.events import (
+    Accept,
+    Done,
+    Ended,
+    Event,
+    Fail,
+    Hindered,
+    Instruction,
+    JobStarted,
+    Refused,
+    Replied,
+    Send,
+    Ticked,
+    WorkerJoined,
+    WorkerLeft,
+)
+
+WINDOW = 2
+LATE_FACTOR = 3.0  # times the usual time from request to result
+LATE_LEAST = 0.05  # seconds
+SMOOTHING = 0.2  # of the usual time
+PACES = 5  # batches, by whose median a worker's speed is judged: what holds it up for once is passed over
+SHORTEST = 1e-6  # seconds a particle
+MOST_UNLIKE = 4.0  # times that a worker is taken to be faster or slower than the usual one
+STRIKES = 3  # failures in a row until a worker rests
+REST, REST_MOST = 1.0, 30.0  # seconds; doubles each time
+PAUSE = 0.1  # seconds after a request that nothing came of: the worker may just have gone, or come
+REFUSALS_LEAST = 3  # of a batch, before it fails the job
+
+
+@dataclass(slots=True, eq=False)
+class Batch:
+    """Particles start..stop-1 of the job."""
+
+    start: int
+    stop: int
+    done: bool = False
+    sent: int = 0
+    refusals: list[tuple[str, str]] = field(default_factory=list)  # worker, reason
+
+
+@dataclass(slots=True, eq=False)
+class Worker:
+    """A worker that is there."""
+
+    name: str
+    flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
+    paces: deque[float] = field(default_factory=lambda: deque(maxlen=PACES))  # seconds a particle, lately
+    answered_at: float = float("-inf")  # last
+    strikes: int = 0
+    rests: int = 0
+    rests_until: float = float("-inf")
+
+
+@dataclass(slots=True, eq=False)
+class Flight:
+    """A request that is not over."""
+
+    worker: Worker
+    batch: Batch
+    sent_at: float
+
+
+Rank = tuple[int, int, Worker]  # how busy, and its place among all
+
+
+@dataclass(slots=True)
+class Counts:
+    """How often things happened."""
+
+    batches_sent: int = 0
+    batches_sent_again: int = 0
+    batches_refused: int = 0
+
+
+@dataclass(slots=True)
+class Dispatch:
+    """The state between two events."""
+
+    workers: dict[str, Worker] = field(default_factory=dict)
+    flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
+    batches: list[Batch] = field(default_factory=list)  # of the job; none when there is no job
+    counts: Counts = field(default_factory=Counts)
+    usual_seconds: float | None = None  # from request to result
+    next_ticket: int = 0
+    may_wait: bool = False  # whether there may be batches that wait; to look costs time with many
+
+    def handle(self, event: Event, now: float) -> list[Instruction]:
+        """What is to be done about an event at time `now`, seconds from any origin."""
+        match event:
+            case JobStarted(particles):
+                self.batches = [Batch(*ends) for ends in split(particles, self._speeds(now))]
+                self.may_wait = True
+                outcome: list[Instruction] = [] if self.batches else [Done()]
+            case WorkerJoined(name):
+                self.workers.setdefault(name, Worker(name))
+                outcome = []
+            case WorkerLeft(name):
+                self._forget(name)
+                outcome = []
+            case Replied(ticket, at):
+                outcome = self._accept(ticket, now if at is None else at)
+            case Refused(ticket, reason):
+                outcome = self._refuse(ticket, reason, now)
+            case Ended(ticket) | Hindered(ticket):
+                self._give_up(ticket, now)
+                outcome = []
+            case Ticked():
+                outcome = []
+        return outcome + self._assign(now)
+
+    def is_current(self, ticket: int) -> bool:
+        """Whether a result of this ticket would be of use."""
+        flight = self.flights.get(ticket)
+        return flight is not None and not flight.batch.done and flight.batch in self.batches
+
+    def waiting(self) -> list[Batch]:
+        """Batches that have no result and are not in flight, in order."""
+        flying = {id(flight.batch) for flight in self.flights.values()}
+        return [batch for batch in self.batches if not batch.done and id(batch) not in flying]
+
+    def _forget(self, name: str) -> None:
+        worker = self.workers.pop(name, None)
+        for ticket in worker.flights if worker else ():
+            del self.flights[ticket]
+        self.may_wait = True
+
+    def _land(self, ticket: int) -> Flight | None:
+        """Take a ticket out of flight; None if it is over already."""
+        flight = self.flights.pop(ticket, None)
+        if flight is not None:
+            del flight.worker.flights[ticket]
+        return flight
+
+    def _accept(self, ticket: int, at: float) -> list[Instruction]:
+        current = self.is_current(ticket)
+        flight = self._land(ticket)
+        if flight is None:
+            return []
+        flight.worker.strikes = flight.worker.rests = 0
+        self._learn(flight, at)
+        if not current:
+            return []
+        flight.batch.done = True
+        accepted = Accept(ticket, flight.batch.start)
+        if not all(batch.done for batch in self.batches):
+            return [accepted]
+        self.batches = []
+        return [accepted, Done()]
+
+    def _learn(self, flight: Flight, at: float) -> None:
+        worker, batch = flight.worker, flight.batch
+        seconds = at - flight.sent_at
+        usual = seconds if self.usual_seconds is None else self.usual_seconds
+        self.usual_seconds = usual + SMOOTHING * (seconds - usual)
+        worker.paces.append((at - max(flight.sent_at, worker.answered_at)) / (batch.stop - batch.start))
+        worker.answered_at = at
+
+    def _speeds(self, now: float) -> list[float]:
+        """How fast each worker is, in the order in which they get batches; the usual one is 1.
+
+        So is one of which little is known.
+        """
+        workers = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
+        workers += [worker for worker in self.workers.values() if worker.rests_until > now]
+        paces = [median(w.paces) if len(w.paces) == PACES else None for w in workers]
+        usual = max(SHORTEST, median([pace for pace in paces if pace is not None] or [SHORTEST]))
+        return [1.0 if pace is None else clip(usual / max(SHORTEST, pace)) for pace in paces]
+
+    def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:
+        current = self.is_current(ticket)
+        flight = self._land(ticket)
+        if flight is None:
+            return []
+        self.may_wait = True
+        self.counts.batches_refused += 1
+        strike(flight.worker, now)
+        flight.batch.refusals.append((flight.worker.name, reason))
+        if not current or not self._is_refused_by_all(flight.batch):
+            return []
+        self.batches = []
+        reasons = dict.fromkeys(reason for _, reason in flight.batch.refusals)
+        return [Fail("; ".join(reasons))]
+
+    def _is_refused_by_all(self, batch: Batch) -> bool:
+        refusers = {worker for worker, _ in batch.refusals}
+        return len(batch.refusals) >= REFUSALS_LEAST and refusers >= self.workers.keys()
+
+    def _give_up(self, ticket: int, now: float) -> None:
+        flight = self._land(ticket)
+        if flight is not None:
+            self.may_wait = True
+            strike(flight.worker, now)
+            flight.worker.rests_until = max(flight.worker.rests_until, now + PAUSE)
+
+    def _assign(self, now: float) -> list[Instruction]:
+        sends = self._hand_out(now) if self.may_wait else []
+        return [*sends, *self._assign_again(now)]
+
+    def _hand_out(self, now: float) -> list[Instruction]:
+        """Send what waits to who is free."""
+        sends: list[Instruction] = []
+        waiting, ranks = self.waiting(), rank(self.workers.values(), now)
+        for batch in waiting:
+            worker = self._pick(batch, now) if batch.refusals else least_busy(ranks)
+            if worker is not None:
+                sends.append(self._send(batch, worker, now))
+        self.may_wait = len(sends) < len(waiting)
+        return sends
+
+    def _pick(self, batch: Batch, now: float) -> Worker | None:
+        """The least busy worker for a batch that was refused: one that refused it only if all have."""
+        refusers = {worker for worker, _ in batch.refusals}
+        willing = [w for w in self.workers.values() if w.name not in refusers] or self.workers.values()
+        free = [w for w in willing if len(w.flights) < WINDOW and w.rests_until <= now]
+        return min(free, key=lambda worker: len(worker.flights), default=None)
+
+    def _assign_again(self, now: float) -> list[Instruction]:
+        """Send what takes long again to workers that have nothing to do."""
+        sends: list[Instruction] = []
+        if not self.flights or next(iter(self.flights.values())).sent_at > self._late_since(now):
+            return sends  # the first of all flights is the oldest
+        for worker in self.workers.values():
+            late = None if worker.flights or worker.rests_until > now else self._latest(worker, now)
+            if late is not None:
+                sends.append(self._send(late, worker, now))
+        return sends
+
+    def _latest(self, worker: Worker, now: float) -> Batch | None:
+        """The batch that has been in flight for longest, and longer than usual, and only once."""
+        since = self._late_since(now)
+        flying: dict[int, list[Flight]] = {}
+        for flight in self.flights.values():
+            flying.setdefault(id(flight.batch), []).append(flight)
+        late = [
+            flights[0]
+            for flights in flying.values()
+            if len(flights) == 1
+            and flights[0].sent_at <= since
+            and flights[0].batch in self.batches
+            and not flights[0].batch.done
+            and worker.name not in {name for name, _ in flights[0].batch.refusals}
+        ]
+        return min(late, key=lambda flight: flight.sent_at).batch if late else None
+
+    def _late_since(self, now: float) -> float:
+        """What was sent by then takes longer than usual."""
+        if self.usual_seconds is None:
+            return float("-inf")
+        return now - max(LATE_LEAST, LATE_FACTOR * self.usual_seconds)
+
+    def _send(self, batch: Batch, worker: Worker, now: float) -> Instruction:
+        ticket, self.next_ticket = self.next_ticket, self.next_ticket + 1
+        self.flights[ticket] = worker.flights[ticket] = Flight(worker, batch, now)
+        self.counts.batches_sent += 1
+        self.counts.batches_sent_again += batch.sent > 0
+        batch.sent += 1
+        return Send(ticket, worker.name, batch.start, batch.stop)
+
+
+def clip(speed: float) -> float:
+    """A speed so near to the usual one that each batch is worth its trip, and a slow worker may recover."""
+    return min(max(speed, 1.0 / MOST_UNLIKE), MOST_UNLIKE)
+
+
+def rank(workers: Iterable[Worker], now: float) -> list[Rank]:
+    """A heap of the workers that do not rest, the least busy on top, and of equally busy ones the first."""
+    ranks = [(len(w.flights), place, w) for place, w in enumerate(workers) if w.rests_until <= now]
+    heapq.heapify(ranks)
+    return ranks
+
+
+def least_busy(ranks: list[Rank]) -> Worker | None:
+    """The one on top, where all have their right rank; None if it has all it may have in flight."""
+    while ranks:
+        busy, place, worker = ranks[0]
+        if busy == len(worker.flights):
+            return worker if busy < WINDOW else None
+        heapq.heapreplace(ranks, (len(worker.flights), place, worker))  # it was sent something since
+    return None
+
+
+def strike(worker: Worker, now: float) -> None:
+    """Count a failure; too many in a row, and the worker rests."""
+    worker.strikes += 1
+    if worker.strikes >= STRIKES:
+        worker.rests_until = now + min(REST_MOST, REST * 2.0**worker.rests)
+        worker.strikes, worker.rests = 0, worker.rests + 1

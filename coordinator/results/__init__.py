@@ -1,0 +1,1 @@
+"""What a run leaves: its log, its track, its summary, and how good they are."""

@@ -1,0 +1,173 @@
+"""How well a track fits the truth.
+
+Angles count where track and truth both have the degree of freedom, as the shorter way round; joints count
+where both have the name. Truth that is not finite is not known and does not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError
+from coordinator.results.track import Track
+from coordinator.results.truth import Truth
+
+NEAR_M = 0.10
+LOST_M = 0.30
+LOST_DEG = 30.0
+
+
+class Evaluation(msgspec.Struct, frozen=True):
+    """Errors over all frames that track and truth share; None where the truth does not tell."""
+
+    frames: int
+    mean_angle_error_deg: float | None  # of the reported pose
+    mean_angle_error_deg_by_dof: dict[str, float] | None
+    best_hypothesis_angle_error_deg: float | None  # of each frame's hypothesis that is nearest to the truth
+    best_hypothesis_angle_error_deg_by_dof: dict[str, float] | None
+    mean_joint_error_cm: float | None
+    pck10: float | None  # share of joints within 10 cm
+    within_deviation: float | None  # share of joints no farther off than their `joint_deviation`
+    within_two_deviations: float | None  # or than twice of it; a sound tracker has about 0.68 and 0.95
+    lost_from_frame: int | None  # from here to the end the mean error stays above 30 degrees or 30 cm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Errors of F frames; NaN where the truth is not known."""
+
+    frame: NDArray[np.int64]  # (F,)
+    dof_names: tuple[str, ...]  # (A,) the angles that count
+    angle_deg: NDArray[np.float64]  # (F, A) of the reported pose
+    best_angle_deg: NDArray[np.float64]  # (F, A) of the best hypothesis
+    joint_m: NDArray[np.float64]  # (F, J)
+    joint_deviation_m: NDArray[np.float64] | None = None  # (F, J) that the track expects, if it does
+
+    @property
+    def mean_angle_deg(self) -> NDArray[np.float64]:
+        """Mean over the angles (F,)."""
+        return known_mean(self.angle_deg, axis=1)
+
+    @property
+    def mean_joint_m(self) -> NDArray[np.float64]:
+        """Mean over the joints (F,)."""
+        return known_mean(self.joint_m, axis=1)
+
+
+def evaluate(track: Track, truth: Truth) -> Evaluation:
+    """Score a track; InputError where it shares no frame, or neither angle nor joint, with the truth."""
+    errors = compare(track, truth)
+    return Evaluation(
+        frames=len(errors.frame),
+        mean_angle_error_deg=overall(errors.angle_deg),
+        mean_angle_error_deg_by_dof=by_dof(errors.dof_names, errors.angle_deg),
+        best_hypothesis_angle_error_deg=overall(errors.best_angle_deg),
+        best_hypothesis_angle_error_deg_by_dof=by_dof(errors.dof_names, errors.best_angle_deg),
+        mean_joint_error_cm=overall(errors.joint_m * 100.0),
+        pck10=share_within(errors.joint_m, NEAR_M),
+        within_deviation=share_expected(errors, 1.0),
+        within_two_deviations=share_expected(errors, 2.0),
+        lost_from_frame=lost_from(errors),
+    )
+
+
+def compare(track: Track, truth: Truth) -> Errors:
+    """Errors frame by frame, for angles and joints known to both sides."""
+    frame, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
+    if not len(frame):
+        raise InputError(
+            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) have no frame in common; "
+            "give the truth of the same sequence"
+        )
+    angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in truth.slides)
+    joints = tuple(n for n in track.joint_names if n in truth.joint_names)
+    if not angles and not joints:
+        raise InputError("the truth has neither angles nor joints of the track; their names must be the same")
+    my_angles, my_joints = positions(track.dof_names, angles), positions(track.joint_names, joints)
+    true_angles = truth.pose[theirs][:, positions(truth.dof_names, angles)]
+    true_joints = truth.joint_positions[theirs][:, positions(truth.joint_names, joints)]
+    expected = track.joint_deviation
+    return Errors(
+        frame=frame,
+        dof_names=angles,
+        angle_deg=angle_error_deg(track.pose[mine][:, my_angles], true_angles),
+        best_angle_deg=best_hypothesis(track.hypothesis_pose[mine][:, :, my_angles], true_angles),
+        joint_m=np.linalg.norm(track.joint_positions[mine][:, my_joints] - true_joints, axis=-1),
+        joint_deviation_m=None if expected is None else expected[mine][:, my_joints],
+    )
+
+
+def best_hypothesis(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Errors (F, A) in degrees of each frame's hypothesis, of poses (F, M, A), nearest to truth (F, A)."""
+    errors = angle_error_deg(poses, truth[:, None])  # (F, M, A)
+    if not errors.size:
+        return np.full(truth.shape, np.nan)
+    mean = known_mean(errors, axis=2)
+    best = np.argmin(np.where(np.isnan(mean), np.inf, mean), axis=1)
+    return np.take_along_axis(errors, best[:, None, None], axis=1)[:, 0]
+
+
+def angle_error_deg(angles: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Absolute difference in degrees, the shorter way round: 0 to 180."""
+    return np.abs((np.rad2deg(angles - truth) + 180.0) % 360.0 - 180.0)
+
+
+def lost_from(errors: Errors) -> int | None:
+    """First frame from which on the tracking is lost to the end; unknown frames do not count."""
+    angle, joint = errors.mean_angle_deg, errors.mean_joint_m
+    known = ~(np.isnan(angle) & np.isnan(joint))
+    return to_the_end(errors.frame[known], ((angle > LOST_DEG) | (joint > LOST_M))[known])
+
+
+def to_the_end(frames: NDArray[np.int64], lost: NDArray[np.bool_]) -> int | None:
+    """First of the frames (F,) from which on all are lost (F,)."""
+    kept = np.flatnonzero(~lost)
+    first = kept[-1] + 1 if len(kept) else 0
+    return int(frames[first]) if first < len(lost) else None
+
+
+def overall(errors: NDArray[np.float64]) -> float | None:
+    """Mean of what is known."""
+    known = errors[~np.isnan(errors)]
+    return float(known.mean()) if len(known) else None
+
+
+def by_dof(names: tuple[str, ...], errors: NDArray[np.float64]) -> dict[str, float] | None:
+    """Mean error of each angle that is known anywhere."""
+    means = {name: overall(errors[:, a]) for a, name in enumerate(names)}
+    return {name: mean for name, mean in means.items() if mean is not None} or None
+
+
+def share_within(errors: NDArray[np.float64], limit: float) -> float | None:
+    """Share of the known errors that are at most `limit`."""
+    known = errors[~np.isnan(errors)]
+    return float(np.mean(known <= limit)) if len(known) else None
+
+
+def share_expected(errors: Errors, deviations: float) -> float | None:
+    """Share of the known joint errors within so many of the deviations that the track expects."""
+    if errors.joint_deviation_m is None:
+        return None
+    return share_within(errors.joint_m / errors.joint_deviation_m, deviations)
+
+
+def known_mean(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """Mean along an axis of what is known; NaN where nothing is."""
+    known = ~np.isnan(values)
+    count = known.sum(axis=axis)
+    total = np.where(known, values, 0.0).sum(axis=axis)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def positions(names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
+    """Where each wanted name stands."""
+    return [names.index(name) for name in wanted]
+
+
+def span(frames: NDArray[np.int64]) -> str:
+    """First and last frame, for people."""
+    return f"frames {frames.min()} to {frames.max()}" if len(frames) else "no frames"

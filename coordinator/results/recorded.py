@@ -1,0 +1,93 @@
+"""What has been recorded of a run: read from its log, and put together as a track."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.kinematics import joint_positions
+from coordinator.pool.statistics import Traffic
+from coordinator.results.log import Began, Entry, Opening, Resumed, read_records
+from coordinator.results.run_configuration import Terms
+from coordinator.results.track import Track
+from coordinator.results.uncertainty import joint_deviation
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.start import Start
+from coordinator.tracking.state import TrackerState
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """One frame or more, and the run until the last of them."""
+
+    terms: Terms
+    estimates: list[Estimate]
+    state: TrackerState  # after the last frame
+    traffic: Traffic
+    seconds: float
+    resumes: int
+    end: int  # bytes of the log; what follows is torn
+
+
+def read_log(path: Path) -> Recorded | None:
+    """What a log holds; None if that is no frame. InputError if it is of another form."""
+    terms: Terms = {}
+    start: Start | None = None
+    estimates: list[Estimate] = []
+    last: Entry | None = None
+    resumes = end = 0
+    with path.open("rb") as file:
+        for record, place in read_records(file):
+            end = place
+            match record:
+                case Opening():
+                    terms = record.terms
+                case Began():
+                    start = record.start
+                case Resumed():
+                    resumes += 1
+                case Entry():
+                    last = record
+                    estimates.append(record.estimate)
+    if start is None or last is None:
+        return None
+    state = TrackerState(start, last.carried)
+    return Recorded(terms, estimates, state, last.traffic, last.seconds, resumes, end)
+
+
+def assemble(model: BodyModel, estimates: Sequence[Estimate], *, timed: bool = False) -> Track:
+    """The track of a run's estimates, in their order; with a deadline (`timed`) also who was in time."""
+    dofs, joints = len(model.dof_names), len(model.joint_names)
+    most = max((len(e.hypothesis_weight) for e in estimates), default=0)
+    answered = np.array([e.particles_answered for e in estimates], dtype=np.int64)
+    weight = np.full((len(estimates), most), np.nan)
+    pose = np.full((len(estimates), most, dofs), np.nan)
+    for f, estimate in enumerate(estimates):
+        count = len(estimate.hypothesis_weight)
+        weight[f, :count], pose[f, :count] = estimate.hypothesis_weight, estimate.hypothesis_pose
+    return Track(
+        frame=np.array([e.frame for e in estimates], dtype=np.int64),
+        time_s=np.array([e.time_s for e in estimates], dtype=np.float64),
+        dof_names=model.dof_names,
+        pose=np.array([e.pose for e in estimates]).reshape(-1, dofs),
+        joint_names=model.joint_names,
+        joint_positions=np.array([e.joint_positions for e in estimates]).reshape(-1, joints, 3),
+        joint_deviation=np.array([deviation_of(model, e) for e in estimates]).reshape(-1, joints),
+        hypothesis_pose=pose,
+        hypothesis_weight=weight,
+        status=np.array([e.status for e in estimates], dtype="<U9"),
+        particles_answered=answered if timed else None,
+    )
+
+
+def deviation_of(model: BodyModel, estimate: Estimate) -> NDArray[np.float64]:
+    """How far each joint (J,) may be off, metres; NaN where the frame is lost, since then nobody knows."""
+    if estimate.status == "lost":
+        return np.full(len(model.joint_names), np.nan)
+    joints = joint_positions(model, estimate.hypothesis_pose)
+    return joint_deviation(joints, estimate.joint_positions, estimate.hypothesis_weight)

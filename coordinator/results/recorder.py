@@ -1,0 +1,193 @@
+"""A run's folder: results kept frame by frame, and its final files written whole at the end."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import msgspec
+
+from common.errors import InputError
+from coordinator.files.atomic import sync_folder, write_atomically
+from coordinator.pool.statistics import Traffic
+from coordinator.results.log import Began, Entry, Opening, Record, Resumed, append_records
+from coordinator.results.recorded import Recorded, assemble, read_log
+from coordinator.results.run_configuration import Terms, differences
+from coordinator.results.summary import SUMMARY_FILE
+from coordinator.results.track import TRACK_FILE, Track, write_track
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.state import TrackerState
+
+LOG_FILE = "frames.log"
+CSV_FILE = "poses.csv"
+RESULTS = (TRACK_FILE, SUMMARY_FILE, CSV_FILE)
+ELSEWHERE = "choose another --out or delete what is there"
+
+
+class Recorder:
+    """Owns a run's folder from the first frame to the last; a context manager.
+
+    While it is open, `frames.log` grows and is locked against a second run. It goes away when a complete
+    run is closed without an error. A folder in which nothing came to be recorded is left as it was found.
+
+    Args:
+        folder: Where the run is, or will be.
+        terms: What the run is asked for.
+        resume: Go on with what is there; if that is nothing, begin.
+
+    Raises:
+        InputError: The folder is in use, cannot be written, or holds a run that cannot be gone on with.
+    """
+
+    def __init__(self, folder: Path, terms: Terms, *, resume: bool = False) -> None:
+        self.folder = folder
+        self._terms = terms
+        self._finished = False
+        self._made: list[Path] = []
+        try:
+            self._made = _missing_parents(folder)
+            folder.mkdir(parents=True, exist_ok=True)
+            self._log = open_log(folder / LOG_FILE)
+            sync_folder(folder)
+        except OSError as error:
+            _remove_empty(self._made)
+            raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
+        try:
+            self.past = claim(folder, terms, resume=resume)
+        except BaseException:
+            os.close(self._log)
+            raise
+        self.frames = len(self.past.estimates) if self.past else 0
+        self._start = self.past.state.start if self.past else None
+        os.ftruncate(self._log, self.past.end if self.past else 0)
+        self._disk = ThreadPoolExecutor(1)
+        self._syncing: Future[None] = self._disk.submit(os.fdatasync, self._log)
+        if self.past:
+            self._write([Resumed()])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give the folder free; without a frame, leave no trace of the run."""
+        self._disk.shutdown()
+        if not self.frames or (self._finished and error is None):
+            (self.folder / LOG_FILE).unlink(missing_ok=True)
+        os.close(self._log)
+        if not self.frames:
+            _remove_empty(self._made)
+
+    def append(self, estimate: Estimate, state: TrackerState, traffic: Traffic, seconds: float) -> None:
+        """Write one frame's result, and what the tracker knew after it.
+
+        It is there for readers, and survives this process, when this returns. It survives a loss of power
+        some milliseconds later, and surely when the next frame is appended or the results are read; so the
+        disk works while the workers do. `traffic` and `seconds` are those since this recorder was opened.
+        """
+        records: list[Record] = [] if self.frames else [Opening(self._terms)]
+        if state.start is not self._start:
+            records.append(Began(state.start))
+        if self.past:
+            traffic, seconds = traffic.after(self.past.traffic), seconds + self.past.seconds
+        self._write([*records, Entry(estimate, state.carried, traffic, seconds)])
+        self._start = state.start
+        self.frames += 1
+
+    def _write(self, records: Sequence[Record]) -> None:
+        """Append records when those before them are safe from a loss of power, and begin to make these so."""
+        self._syncing.result()
+        append_records(self._log, records)
+        self._syncing = self._disk.submit(os.fdatasync, self._log)
+
+    def read(self) -> Recorded | None:
+        """Everything recorded so far, as it stands in the log; None before the first frame."""
+        self._syncing.result()
+        return read_log(self.folder / LOG_FILE)
+
+    def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> Track:
+        """Write `track.npz` and `summary.json` and return the track. An incomplete run keeps its log."""
+        timed = recorded.terms.get("deadline_ms") is not None
+        track = assemble(recorded.state.start.model, recorded.estimates, timed=timed)
+        write_atomically(self.folder / TRACK_FILE, lambda file: write_track(track, file))
+        text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
+        write_atomically(self.folder / SUMMARY_FILE, lambda file: file.write(text + b"\n"))
+        self._finished = complete
+        return track
+
+
+def is_complete(folder: Path, terms: Terms) -> bool:
+    """Whether a folder holds a whole run and nothing else is to be done. InputError if under other terms."""
+    if (folder / LOG_FILE).exists() or not all((folder / name).exists() for name in RESULTS):
+        return False
+    try:
+        summary = msgspec.json.decode((folder / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError):
+        return False
+    check_terms(folder, summary, terms)
+    return summary.get("complete") is True
+
+
+def check_terms(folder: Path, recorded: Mapping[str, Any], asked: Terms) -> None:
+    """InputError that names what differs."""
+    found = differences(recorded, asked)
+    if found:
+        raise InputError(
+            f"{folder} was recorded with other options: {found}; give the same or choose another --out"
+        )
+
+
+def open_log(path: Path) -> int:
+    """A descriptor of the log, locked; InputError if a run is still going on."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
+    try:
+        _lock(descriptor, path)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def claim(folder: Path, terms: Terms, *, resume: bool) -> Recorded | None:
+    """What there is to go on with; InputError if anything is there that is not to be gone on with."""
+    past = read_log(folder / LOG_FILE)
+    if past is not None:
+        if not resume:
+            raise InputError(f"{folder} holds an interrupted run; go on with --resume, {ELSEWHERE}")
+        check_terms(folder, past.terms, terms)
+        return past
+    present = [name for name in RESULTS if (folder / name).exists()]
+    if present:
+        (folder / LOG_FILE).unlink()
+        raise InputError(f"{folder} holds an earlier run ({', '.join(present)}); {ELSEWHERE}")
+    return None
+
+
+def _lock(descriptor: int, path: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(
+            f"{path.parent} is in use by a run that is still going on; choose another --out"
+        ) from None
+    if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # that run ended just now
+        raise InputError(f"{path.parent} was in use until now; {ELSEWHERE}")
+
+
+def _missing_parents(folder: Path) -> list[Path]:
+    """`folder` and the folders above it that do not exist yet, innermost first."""
+    return [path for path in (folder, *folder.parents) if not path.exists()]
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return

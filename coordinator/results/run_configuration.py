@@ -1,0 +1,129 @@
+"""What a run was asked for, as far as it decides the results: a run goes on only under the same terms."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from common.frame import DepthFrame
+from common.settings import Settings
+from coordinator.bodies.tracked import Bodies
+from coordinator.results.versions import versions
+
+Terms = dict[str, Any]
+"""Nested names and values, as JSON holds them."""
+
+OPTIONS = {
+    "sequence": "the sequence",
+    "first_frame": "the sequence's first frame",
+    "settings.method": "--method",
+    "settings.preset": "--preset",
+    "settings.filter.particles": "--particles",
+    "settings.points": "--points",
+    "settings.refine.noise_depth": "--noise-depth",
+    "settings.refine.noise_lateral": "--noise-lateral",
+    "settings.seed": "--seed",
+    "model.name": "--model",
+    "model.content": "the content of --model",
+    "dof": "--dof",
+    "init": "--init",
+    "frame_range": "--frames",
+    "deadline_ms": "--deadline",
+    "versions.gepf": "gepf's version",
+}
+"""Term -> what the user calls it. Terms that are not listed are settings without an option."""
+
+PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
+
+AUTOMATIC = "auto"  # a start that is found
+
+NAMED = 3  # differences that a message tells of
+LETTERS = 12  # of a hash
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a run is asked for besides its input."""
+
+    settings: Settings
+    bodies: Bodies
+    model: str  # as the user named it
+    active: Sequence[str] | None
+    start: Mapping[str, float] | None  # None for one that is found
+    deadline: float | None  # seconds
+
+
+def terms_of(sequence: Path, first: DepthFrame, numbers: range, asked: Asked) -> Terms:
+    """The terms of a run; who does the work and where the results go is not among them."""
+    recording = {
+        "sequence": sequence.resolve().name,
+        PATH: str(sequence.resolve()),
+        "first_frame": digest_frame(first),
+        "frame_range": f"{numbers.start}:{numbers.stop}",
+    }
+    return recording | terms_asked(asked)
+
+
+def terms_of_stream(key: str, asked: Asked) -> Terms:
+    """The terms of a run on live input, which nobody can go on with."""
+    return {"sequence": key} | terms_asked(asked)
+
+
+def terms_asked(asked: Asked) -> Terms:
+    """The terms that do not depend on the input."""
+    content, start = asked.bodies.content, asked.start
+    terms = {
+        "model": {"name": Path(asked.model).name, "content": None if content is None else content[:LETTERS]},
+        "dof": None if asked.active is None else ",".join(asked.active),
+        "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
+        "settings": msgspec.to_builtins(asked.settings),
+        "deadline_ms": None if asked.deadline is None else 1000 * asked.deadline,
+        "versions": {"gepf": versions().get("gepf")},
+    }
+    plain: Terms = msgspec.json.decode(msgspec.json.encode(terms))
+    return plain
+
+
+def digest_frame(frame: DepthFrame) -> str:
+    """Tells a frame from another one, its depth and its camera."""
+    camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
+    return digest(camera.encode() + frame.depth.tobytes())
+
+
+def digest(content: bytes) -> str:
+    """A few letters that stand for the content."""
+    return hashlib.sha256(content).hexdigest()[:LETTERS]
+
+
+def differences(recorded: Mapping[str, Any], asked: Terms) -> str:
+    """What is asked for and was not recorded so, in the user's words; `recorded` may hold more."""
+    before, now = dict(flatten(recorded)), dict(flatten(asked))
+    order = [*(key for key in OPTIONS if key in now), *(key for key in now if key not in {*OPTIONS, PATH})]
+    found = [
+        f"{OPTIONS.get(key, 'setting ' + key.removeprefix('settings.'))} "
+        f"(recorded {tell(before.get(key))}, now {tell(now[key])})"
+        for key in order
+        if key not in before or before[key] != now[key]
+    ]
+    more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
+    return ", ".join(found[:NAMED]) + more
+
+
+def tell(value: object) -> str:
+    """A value for people."""
+    return "not given" if value is None else str(value)
+
+
+def flatten(terms: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Pairs of dotted name and value."""
+    for key, value in terms.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value

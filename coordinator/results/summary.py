@@ -1,0 +1,82 @@
+"""What `summary.json` says about a run: everything that was decided, and how it went."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+
+from common.errors import InputError
+from coordinator.results.recorded import Recorded
+from coordinator.results.versions import versions
+from coordinator.tracking.estimate import Estimate, Status
+
+STATUSES = get_args(Status)
+SUMMARY_FILE = "summary.json"
+
+
+def summarise(recorded: Recorded) -> dict[str, object]:
+    """Terms, versions, body, workers, frames and the time each stage took in all, in seconds."""
+    terms, start, traffic = recorded.terms, recorded.state.start, recorded.traffic
+    settings = terms["settings"]
+    return {
+        **terms,
+        "method": settings["method"],
+        "preset": settings["preset"],
+        "seed": settings["seed"],
+        "model": {
+            **terms["model"],
+            "hash": start.model.hash,
+            "stature_m": start.stature,
+            "girth": start.girth,
+            "active": start.model.dof_names,
+        },
+        "noise_m": {"depth": start.noise.depth, "lateral": start.noise.lateral},
+        "versions": versions(),
+        "resumes": recorded.resumes,
+        "workers_seen": traffic.workers_seen,
+        "local_workers_restarted": traffic.local_workers_restarted,
+        "batches_sent": traffic.batches_sent,
+        "batches_sent_again": traffic.batches_sent_again,
+        "batches_refused": traffic.batches_refused,
+        "replies_malformed": traffic.replies_malformed,
+        "frames": len(recorded.estimates),
+        "status": count_status(recorded.estimates),
+        "particles": settings["filter"]["particles"],
+        "particles_unanswered": count_unanswered(recorded.estimates, settings["filter"]["particles"]),
+        "seconds": recorded.seconds,
+        "time_per_stage": add_stages(recorded.estimates),
+    }
+
+
+def count_status(estimates: Iterable[Estimate]) -> dict[str, int]:
+    """Frames by status."""
+    counts = Counter[str](estimate.status for estimate in estimates)
+    return {status: counts[status] for status in STATUSES}
+
+
+def count_unanswered(estimates: Iterable[Estimate], particles: int) -> int:
+    """Particles of all frames that were left out because the frame was due."""
+    return sum(particles - e.particles_answered for e in estimates if e.particles_answered)
+
+
+def add_stages(estimates: Iterable[Estimate]) -> dict[str, float]:
+    """Seconds of the whole run by stage, in the order in which the stages first came."""
+    total: dict[str, float] = {}
+    for estimate in estimates:
+        for stage, seconds in estimate.stage_seconds.items():
+            total[stage] = total.get(stage, 0.0) + seconds
+    return total
+
+
+def read_summary(run: Path) -> dict[str, Any]:
+    """What `gepf track` wrote beside the track; InputError if it is missing or damaged."""
+    try:
+        return msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError):
+        raise InputError(
+            f"{run} holds no {SUMMARY_FILE} that can be read; give the --out folder of a finished gepf track"
+        ) from None

@@ -1,0 +1,74 @@
+"""The result of a run: what `track.npz` holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError
+from coordinator.files.arrays import read_arrays
+
+TRACK_FILE = "track.npz"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """Poses, joints, hypotheses and status of F frames; metres and radians, camera frame.
+
+    Frames have up to M hypotheses; where a frame has fewer, the rest is NaN.
+    """
+
+    frame: NDArray[np.int64]  # (F,)
+    time_s: NDArray[np.float64]  # (F,)
+    dof_names: tuple[str, ...]  # (D,)
+    pose: NDArray[np.float64]  # (F, D)
+    joint_names: tuple[str, ...]  # (J,)
+    joint_positions: NDArray[np.float64]  # (F, J, 3)
+    hypothesis_pose: NDArray[np.float64]  # (F, M, D)
+    hypothesis_weight: NDArray[np.float64]  # (F, M)
+    status: NDArray[np.str_]  # (F,) tracked, ambiguous or lost
+    joint_deviation: NDArray[np.float64] | None = None  # (F, J) one standard deviation; NaN where lost
+    particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
+
+
+def write_track(track: Track, file: BinaryIO) -> None:
+    """Write the `.npz` form; equal tracks give equal bytes (nothing compressed, no dates)."""
+    values: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
+    arrays = {name: np.asarray(value) for name, value in values.items() if value is not None}
+    np.savez(file, allow_pickle=False, **arrays)
+
+
+def read_track(folder: Path) -> Track:
+    """The track of a run's folder; InputError if there is none or it is damaged."""
+    if not folder.is_dir():
+        raise InputError(f"no such folder: {folder}; give the --out folder of a finished gepf track")
+    if not (folder / TRACK_FILE).exists():
+        raise InputError(f"{folder} holds no {TRACK_FILE}; give the --out folder of a finished gepf track")
+    arrays = read_arrays(folder / TRACK_FILE)
+    dof_names, joint_names = arrays.names("dof_names"), arrays.names("joint_names")
+    frame = arrays.integers("frame", (-1,))
+    weight = arrays.floats("hypothesis_weight", (len(frame), -1))
+    track = Track(
+        frame=frame,
+        time_s=arrays.floats("time_s", (len(frame),)),
+        dof_names=dof_names,
+        pose=arrays.floats("pose", (len(frame), len(dof_names))),
+        joint_names=joint_names,
+        joint_positions=arrays.floats("joint_positions", (len(frame), len(joint_names), 3)),
+        hypothesis_pose=arrays.floats("hypothesis_pose", (*weight.shape, len(dof_names))),
+        hypothesis_weight=weight,
+        status=arrays.texts("status", (len(frame),)),
+        joint_deviation=arrays.floats("joint_deviation", (len(frame), len(joint_names)))
+        if "joint_deviation" in arrays
+        else None,
+        particles_answered=arrays.integers("particles_answered", frame.shape)
+        if "particles_answered" in arrays
+        else None,
+    )
+    if not (np.isfinite(track.pose).all() and np.isfinite(track.joint_positions).all()):
+        raise InputError(f"{folder / TRACK_FILE} holds poses that are not finite; track the sequence again")
+    return track

@@ -1,0 +1,50 @@
+"""How sure the tracker is of what it reports, angle by angle and joint by joint."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS
+from coordinator.results.track import Track
+
+
+def deviation(track: Track) -> NDArray[np.float64]:
+    """Root mean square distance (F, D) of the hypotheses from the reported pose, by weight; metres, radians.
+
+    Zero where a frame ended with one hypothesis: it tells where else the body may be, not how exactly the
+    reported pose is known.
+    """
+    away = track.hypothesis_pose - track.pose[:, None, :]
+    turning = np.array([name not in ROOT_DOFS[:3] for name in track.dof_names])
+    away[..., turning] = (away[..., turning] + np.pi) % (2.0 * np.pi) - np.pi
+    weight = np.nan_to_num(track.hypothesis_weight)
+    squares = np.einsum("fm,fmd->fd", weight, np.nan_to_num(away) ** 2)
+    total = weight.sum(axis=1, keepdims=True)
+    spread: NDArray[np.float64] = np.sqrt(squares / np.where(total > 0.0, total, 1.0))
+    return spread
+
+
+MISFIT = 0.04
+"""Metres that joints lie off even where all hypotheses agree, in the root mean square: the template's bones
+are not the person's. Measured on skinned people with exact truth whom the template does not know."""
+
+UNSEEN = 2.0
+"""True errors are about so many times as large as the hypotheses' spread, since few particles are drawn: on
+the same people 69 % of the joints lie within the deviation that follows, 96 % within twice of it."""
+
+
+def joint_deviation(
+    joints: NDArray[np.float64], reported: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Expected distance (J,) of each reported joint from the true one, one standard deviation, metres.
+
+    Args:
+        joints: Joints (M, J, 3) of the frame's hypotheses, metres.
+        reported: Joints (J, 3) of the reported pose.
+        weights: Of the hypotheses (M,), any scale.
+    """
+    squares = np.sum((joints - reported) ** 2, axis=-1)
+    spread = np.einsum("m,mj->j", weights / weights.sum(), squares)
+    expected: NDArray[np.float64] = np.sqrt(MISFIT**2 + UNSEEN**2 * spread)
+    return expected

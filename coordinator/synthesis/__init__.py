@@ -1,0 +1,1 @@
+"""Rendered sequences whose truth is known."""

@@ -1,0 +1,188 @@
+"""Sequences with known truth, rendered through OpenGL's z-buffer."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import imageio.v3 as iio
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import TRANSLATION
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.choice import read_model
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes import SCENES
+from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes.roam import FRAMES, roam
+from coordinator.synthesis.scenes.scene import Scene
+from coordinator.tracking.sensor_noise import SensorNoise
+
+ROAM = "roam"
+MOST_FRAMES = 100_000
+DEPTH_SCALE = 10_000.0  # units per metre: steps of 0.1 mm, up to 6.55 m
+
+
+def synthesise(  # noqa: PLR0913 one parameter an option
+    scene: str,
+    out: Path,
+    frames: int | None = None,
+    noise_depth: float = 0.0,
+    noise_lateral: float = 0.0,
+    seed: int = 0,
+    advance: Callable[[int, int], None] | None = None,
+    *,
+    model: str | None = None,
+    kinect: bool = False,
+) -> None:
+    """Write the first `frames` of a scene as a sequence folder with truth and start.
+
+    Noise is Gaussian with the given standard deviations in metres, and with `kinect` that of a Kinect on
+    top. Scene `roam` moves the body that `model` names at random, after `seed`. `advance(done, total)` is
+    called after each frame. The folder appears only when it is whole. Raises InputError for an unknown
+    scene, a number out of range, or a folder that is in use; GepfError where OpenGL does not start.
+    """
+    noise = checked_noise(noise_depth, noise_lateral)
+    seed = checked_seed(seed)
+    shown = find_scene(scene, model, seed, frames)
+    out = Path(out)
+    with_parent(out)
+    unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    try:
+        write_depth(shown, noise, seed, unfinished / "depth", advance, kinect=kinect)
+        write_camera(shown, unfinished / "camera_intrinsic.json")
+        write_truth(shown, unfinished / "truth.npz")
+        write_start(shown, unfinished / "init.json")
+        unfinished.chmod(0o755)
+        unfinished.replace(out)
+    except BaseException:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        raise
+
+
+def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> Scene:
+    """The scene of a name, as long as asked for; InputError lists the choices."""
+    if name == ROAM:
+        if model is None:
+            raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
+        if frames is not None and not 1 <= frames <= MOST_FRAMES:
+            raise InputError(f"cannot make {frames} frames; choose from 1 to {MOST_FRAMES}")
+        return roam(read_model(model), seed, frames or FRAMES)
+    if name not in SCENES:
+        raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, ROAM))}")
+    if model is not None:
+        raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
+    return first_frames(SCENES[name](), frames)
+
+
+def first_frames(scene: Scene, frames: int | None) -> Scene:
+    """The scene, no longer than asked for."""
+    if frames is None:
+        return scene
+    if not 1 <= frames <= len(scene.poses):
+        raise InputError(f"cannot make {frames} frames; choose from 1 to {len(scene.poses)}")
+    return Scene(scene.model, scene.camera, scene.fps, scene.poses[:frames], scene.start)
+
+
+def checked_noise(depth: float, lateral: float) -> SensorNoise:
+    """Noise, if both standard deviations make sense."""
+    for name, value in (("depth", depth), ("lateral", lateral)):
+        if not (math.isfinite(value) and 0.0 <= value <= 1.0):
+            raise InputError(f"{name} noise of {value} m makes no sense; choose from 0 to 1 metre")
+    return SensorNoise(depth, lateral)
+
+
+def checked_seed(seed: int) -> int:
+    """The seed, if numpy can use it."""
+    if seed < 0:
+        raise InputError(f"seed {seed} is negative; choose 0 or more")
+    return seed
+
+
+def with_parent(out: Path) -> None:
+    """Make the folder that will hold `out`, which must not hold anything yet."""
+    try:
+        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+            raise InputError(f"'{out}' is in use; choose another output folder or remove it")
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write to '{out}' ({error.strerror}); choose another output folder"
+        ) from error
+
+
+def write_depth(
+    scene: Scene,
+    noise: SensorNoise,
+    seed: int,
+    folder: Path,
+    advance: Callable[[int, int], None] | None,
+    *,
+    kinect: bool = False,
+) -> None:
+    """Write depth/000000.png and so on; a frame's noise depends on the seed and its number alone."""
+    folder.mkdir()
+    for number, depth_m in enumerate(render(scene)):
+        noisy = add_noise(depth_m, scene.camera, noise, np.random.default_rng([seed, number]), kinect=kinect)
+        iio.imwrite(folder / f"{number:06d}.png", to_units(noisy))
+        if advance is not None:
+            advance(number + 1, len(scene.poses))
+
+
+def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
+    """Exact depth (H, W) in metres of every frame."""
+    with DepthRenderer(scene.camera) as renderer:
+        for pose in scene.poses:
+            vertices = pose_vertices(scene.model, pose[None])[0]
+            yield renderer.depth(vertices, scene.model.triangles).astype(np.float64)
+
+
+def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
+    """Depth in units of the file; what is too far for it counts as not measured."""
+    units = np.rint(depth_m * DEPTH_SCALE)
+    return np.where(units <= np.iinfo(np.uint16).max, units, 0).astype(np.uint16)
+
+
+def write_camera(scene: Scene, file: Path) -> None:
+    """Write the camera as Open3D's recorders do, the matrix column by column."""
+    camera = {
+        "width": scene.camera.width,
+        "height": scene.camera.height,
+        "intrinsic_matrix": columns(scene.camera),
+        "depth_scale": DEPTH_SCALE,
+        "fps": scene.fps,
+    }
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(camera)) + b"\n")
+
+
+def columns(camera: Intrinsics) -> list[float]:
+    """The 3x3 camera matrix as 9 numbers, column by column."""
+    return [camera.fx, 0.0, 0.0, 0.0, camera.fy, 0.0, camera.cx, camera.cy, 1.0]
+
+
+def write_truth(scene: Scene, file: Path) -> None:
+    """Write names and values of all degrees of freedom and joints of every frame."""
+    np.savez_compressed(
+        file,
+        frame=np.arange(len(scene.poses)),
+        dof_names=np.array(scene.model.dof_names),
+        pose=scene.poses,
+        slides=np.array([scene.model.dof_names[j] for j in np.flatnonzero(scene.model.kinds == TRANSLATION)]),
+        joint_names=np.array(scene.model.joint_names),
+        joint_positions=joint_positions(scene.model, scene.poses),
+    )
+
+
+def write_start(scene: Scene, file: Path) -> None:
+    """Write the pose to start from; what is zero is left out."""
+    start = {
+        name: float(value) for name, value in zip(scene.model.dof_names, scene.start, strict=True) if value
+    }
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(start)) + b"\n")

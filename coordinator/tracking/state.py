@@ -1,0 +1,42 @@
+"""What a tracker carries from one frame to the next."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.filters.belief import Belief
+from coordinator.tracking.start import Start
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carried:
+    """What is another after every frame. A new field here is recorded as it is."""
+
+    belief: dict[str, NDArray[np.float64]]  # by field
+    around: NDArray[np.float64]  # pose (D,) near which the next frame shows the subject
+    generator: str  # the random generator's state as JSON, whose integers have any size
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackerState:
+    """All that a tracker knows between two frames: from equal states trackers go on bit for bit."""
+
+    start: Start  # is recorded when it changes, which is hardly ever
+    carried: Carried
+
+
+def carry(belief: Belief, around: NDArray[np.float64], rng: np.random.Generator) -> Carried:
+    """A belief, a pose (D,) and a generator as values that can be recorded."""
+    arrays = {field.name: getattr(belief, field.name) for field in fields(belief)}
+    return Carried(arrays, around, json.dumps(rng.bit_generator.state))
+
+
+def load_generator(state: str) -> np.random.Generator:
+    """A generator that goes on where another one was saved."""
+    rng = np.random.default_rng()
+    rng.bit_generator.state = json.loads(state)
+    return rng

@@ -1,0 +1,71 @@
+"""The paper's benchmark: its frames are those of `gepf synth`, its bound is right where it is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.paper.bound import information, smoothed
+from benchmarks.paper.footage import Footage
+from benchmarks.paper.matrix import ROWS, choose
+from benchmarks.paper.scores import limb_lost_from
+from common.errors import InputError
+from common.kinematics import pose_vertices
+from coordinator.bodies.human.template import human
+from coordinator.results.evaluation import Errors
+from coordinator.sources import open_source
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes import SCENES
+from coordinator.synthesis.sequence import synthesise
+from coordinator.tracking.sensor_noise import SensorNoise
+
+
+def test_frames_are_those_of_synth(tmp_path: Path) -> None:
+    """A frame in memory has the depth that comes back from the file, noise included."""
+    noise, scene = SensorNoise(0.15, 0.01), SCENES["arm"]()
+    synthesise("arm", tmp_path / "arm", 1, noise.depth, noise.lateral, seed=3)
+    with DepthRenderer(scene.camera) as renderer:
+        exact = renderer.depth(pose_vertices(scene.model, scene.poses[:1])[0], scene.model.triangles)
+    frame = next(Footage(scene, exact[None]).frames(noise, 3, 1))
+    assert np.array_equal(frame.depth, open_source(tmp_path / "arm").frame(0).depth)
+
+
+def test_the_bound_of_a_body_that_moves_along_the_axis_is_that_of_a_mean() -> None:
+    """N pixels whose depth all moves with one value tell N / sigma^2 of it, the outline a little more."""
+    scene, noise = SCENES["arm"](), SensorNoise(0.15, 0.03)
+    with DepthRenderer(scene.camera) as renderer:
+        measured, _, count = information(renderer, scene, ("root_tz",), noise, 0)
+    assert count / 0.15**2 <= measured[0, 0] * 1.02
+    assert measured[0, 0] < 1.2 * count / 0.15**2
+
+
+def test_more_frames_never_tell_less() -> None:
+    """One frame, all frames so far and all frames allow errors in falling order."""
+    told = np.repeat(np.diag([2000.0, 5000.0])[None], 12, axis=0)
+    single = np.linalg.inv(told[0])[0, 0]
+    sofar, both = (smoothed(told, np.full(2, 0.01), ahead=ahead) for ahead in (False, True))
+    assert np.all(both[:, 0, 0] <= sofar[:, 0, 0] + 1e-12)
+    assert np.all(sofar[1:, 0, 0] < single)
+
+
+def test_a_limb_is_lost_when_it_is_never_found_again() -> None:
+    """An arm that is 70 cm off from frame 3 to the end, the mean joint near; not one that is back."""
+    names = human().joint_names
+    joint_m = np.full((6, len(names)), 0.02)
+    arm = [names.index("right_elbow"), names.index("right_wrist")]
+    joint_m[3:, arm] = 0.7
+    errors = Errors(np.arange(6), ("angle",), np.zeros((6, 1)), np.zeros((6, 1)), joint_m)
+    assert limb_lost_from(names, errors) == 3
+    joint_m[5, arm] = 0.05
+    assert limb_lost_from(names, errors) is None
+
+
+def test_rows_are_chosen_by_name_or_part_and_an_unknown_one_is_told() -> None:
+    """`--only heavy` is a part, names differ, and nonsense names the parts."""
+    assert len({row.name for row in ROWS}) == len(ROWS)
+    assert {row.part for row in choose(["heavy"], seeds=2)} == {"heavy"}
+    assert max(row.seeds for row in choose(None, seeds=2)) == 2
+    with pytest.raises(InputError, match="name a part"):
+        choose(["nonsense"], seeds=None)

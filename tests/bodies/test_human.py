@@ -1,0 +1,308 @@
+"""The human template: closed symmetric surface, all of MPEG-4's angles, signs, proportions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.activation import activate
+from common.body import BodyModel
+from common.errors import InputError
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.human.mpeg4 import BODY_ANIMATION_PARAMETERS
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+
+Array = NDArray[np.float64]
+
+SIDES = {"left": "l", "right": "r"}
+LEFTWARD, FORWARD, UPWARD = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)
+SQUAT = {"hip_flexion": 2.0, "knee_flexion": 2.3, "ankle_flexion": 0.4, "shoulder_flexion": 1.5}
+
+
+@pytest.fixture(scope="module")
+def model() -> BodyModel:
+    """A person of 1.75 m."""
+    return human(1.75)
+
+
+def posed(model: BodyModel, angles: dict[str, float]) -> Array:
+    """A pose (1, D) with these angles in radians and all others zero; names without a side mean both."""
+    pose = np.zeros((1, len(model.dof_names)))
+    for name, angle in angles.items():
+        for dof in [name] if name in model.dof_names else [f"l_{name}", f"r_{name}"]:
+            pose[0, model.dof(dof)] = angle
+    return pose
+
+
+def joints_at(model: BodyModel, angles: dict[str, float]) -> dict[str, Array]:
+    """Named joints (3,) in a pose."""
+    return dict(zip(model.joint_names, joint_positions(model, posed(model, angles))[0], strict=True))
+
+
+def directed_edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """All three edges of each triangle, in its direction, (3T, 2)."""
+    return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+
+
+def volume(vertices: Array, triangles: NDArray[np.int64]) -> float:
+    """Volume enclosed, positive where triangles are counter-clockwise from outside."""
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    return float(np.sum(np.cross(a, b) * c) / 6.0)
+
+
+def times_enclosed(point: Array, vertices: Array, triangles: NDArray[np.int64]) -> float:
+    """How many times the surface winds around a point: 0 outside, 1 inside, 2 where parts overlap."""
+    a, b, c = (vertices[triangles[:, i]] - point for i in range(3))
+    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+    triple = np.sum(a * np.cross(b, c), axis=1)
+    rest = la * lb * lc + np.sum(a * b, axis=1) * lc + np.sum(b * c, axis=1) * la + np.sum(c * a, axis=1) * lb
+    return float(np.sum(np.arctan2(triple, rest)) / (2.0 * np.pi))
+
+
+def outward(vertices: Array, triangles: NDArray[np.int64]) -> Array:
+    """Unit normals (V, 3) of the vertices."""
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    normals = np.zeros_like(vertices)
+    for i in range(3):
+        np.add.at(normals, triangles[:, i], np.cross(b - a, c - a))
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def test_every_parameter_of_mpeg4_is_a_degree_of_freedom(model: BodyModel) -> None:
+    """All 180 angles can be addressed, each once, after the six degrees of freedom of the root."""
+    assert sorted(model.dof_names[6:]) == sorted(BODY_ANIMATION_PARAMETERS.values())
+    assert model.dof_names[:6] == DEFAULT_ACTIVE[:6]
+
+
+@pytest.mark.parametrize(
+    ("number", "name"),
+    [
+        (1, "sacroiliac_tilt"),
+        (5, "r_hip_flexion"),
+        (10, "l_knee_flexion"),
+        (24, "l_sternoclavicular_abduct"),
+        (37, "r_shoulder_twisting"),
+        (47, "r_wrist_twisting"),
+        (48, "skullbase_roll"),
+        (122, "vl5_tilt"),
+        (123, "l_pinky0_flexion"),
+        (180, "r_thumb3_flexion"),
+    ],
+)
+def test_parameters_have_the_numbers_of_the_standard(number: int, name: str) -> None:
+    """The table is in the order of ISO/IEC 14496-2, left before right."""
+    assert BODY_ANIMATION_PARAMETERS[number] == name
+
+
+def test_rest_lies_within_the_ranges(model: BodyModel) -> None:
+    """Every joint may rest at zero and has room to move, and the root is free."""
+    assert np.all(model.limits[:, 0] <= 0.0)
+    assert np.all(model.limits[:, 1] > 0.0)
+    assert np.all(np.isinf(model.limits[:6]))
+    assert np.all(np.isfinite(model.limits[6:]))
+
+
+def test_spherical_joints_are_balls(model: BodyModel) -> None:
+    """Shoulders, hips, every vertebra, skull, sacroiliac joint and root turn about one point each."""
+    firsts = {model.dof_names[j] for j in model.balls}
+    spine = {"skullbase_roll", *(n for n in model.dof_names if n.startswith("v") and n.endswith("_roll"))}
+    assert firsts >= {"root_rx", "sacroiliac_tilt", "l_shoulder_flexion", "r_shoulder_flexion"}
+    assert firsts >= {"l_hip_flexion", "r_hip_flexion", *spine}
+    assert len(spine) == 25
+
+
+def test_the_papers_degrees_of_freedom_can_be_activated(model: BodyModel) -> None:
+    """The 24 of the paper leave a body with its five balls and the same rest pose."""
+    body = activate(model, DEFAULT_ACTIVE, np.zeros(len(model.dof_names)))
+    assert body.dof_names[:6] == DEFAULT_ACTIVE[:6]
+    assert set(body.dof_names) == set(DEFAULT_ACTIVE)
+    assert len(DEFAULT_ACTIVE) == 24
+    assert len(body.balls) == 5
+    np.testing.assert_allclose(body.vertices, model.vertices, atol=1e-12)
+
+
+@pytest.mark.parametrize("girth", [0.85, 1.0, 1.25])
+def test_the_surface_is_closed(girth: float) -> None:
+    """Each edge is passed once in each direction, in one piece without handles, slim or stout."""
+    body = human(1.75, girth)
+    edges = directed_edges(body.triangles)
+    assert len(np.unique(edges, axis=0)) == len(edges)
+    assert {tuple(e) for e in edges.tolist()} == {tuple(e) for e in edges[:, ::-1].tolist()}
+    assert len(body.vertices) - len(edges) // 2 + len(body.triangles) == 2
+    assert np.array_equal(np.unique(body.triangles), np.arange(len(body.vertices)))
+
+
+def test_the_surface_has_the_size_and_grain_of_a_person(model: BodyModel) -> None:
+    """Volume of a 75 kg person, stature from sole to crown, vertices about 3 cm apart."""
+    assert 0.065 < volume(model.vertices, model.triangles) < 0.085
+    assert 1.73 < np.ptp(model.vertices[:, 1]) < 1.77
+    assert 3000 < len(model.vertices) < 6000
+    edges = directed_edges(model.triangles)
+    lengths = np.linalg.norm(model.vertices[edges[:, 0]] - model.vertices[edges[:, 1]], axis=1)
+    assert np.all((np.percentile(lengths, [1, 99]) > 0.01) & (np.percentile(lengths, [1, 99]) < 0.045))
+
+
+def test_left_and_right_are_mirror_images(model: BodyModel) -> None:
+    """Each vertex and each joint has its counterpart on the other side."""
+    place = {tuple(v) for v in np.round(model.vertices, 9) + 0.0}
+    assert place == {tuple(v) for v in np.round(model.vertices * (-1.0, 1.0, 1.0), 9) + 0.0}
+    joints = joints_at(model, {})
+    for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"):
+        np.testing.assert_allclose(
+            joints[f"left_{name}"], joints[f"right_{name}"] * (-1.0, 1.0, 1.0), atol=1e-12
+        )
+
+
+def test_the_same_measures_give_the_same_bytes(model: BodyModel) -> None:
+    """Building twice gives one hash, and another girth another."""
+    assert human(1.75).hash == model.hash
+    assert human(1.75, girth=1.01).hash != model.hash
+
+
+@pytest.mark.parametrize("word", SIDES)
+@pytest.mark.parametrize(
+    ("motion", "joint", "outward", "up", "forward"),
+    [
+        ("shoulder_flexion", "wrist", 0.0, 0.05, 0.2),
+        ("shoulder_abduct", "wrist", 0.2, 0.1, 0.0),
+        ("elbow_flexion", "wrist", 0.0, 0.03, 0.1),
+        ("hip_flexion", "ankle", 0.0, 0.08, 0.3),
+        ("hip_abduct", "ankle", 0.3, 0.1, 0.0),
+        ("knee_flexion", "ankle", 0.0, 0.03, -0.2),
+        ("sternoclavicular_abduct", "shoulder", 0.0, 0.05, 0.0),
+        ("sternoclavicular_rotate", "shoulder", 0.0, 0.0, 0.05),
+    ],
+)
+def test_positive_angles_move_limbs_as_documented(
+    model: BodyModel, word: str, motion: str, joint: str, outward: float, up: float, forward: float
+) -> None:
+    """Half a radian moves the joint at least so many metres each way (or, for 0, is not held to any)."""
+    moved = joints_at(model, {f"{SIDES[word]}_{motion}": 0.5})[f"{word}_{joint}"]
+    step = moved - joints_at(model, {})[f"{word}_{joint}"]
+    side = 1.0 if word == "left" else -1.0
+    for least, way in (
+        (outward, side * np.array(LEFTWARD)),
+        (up, np.array(UPWARD)),
+        (forward, np.array(FORWARD)),
+    ):
+        assert least == 0.0 or np.sign(least) * (step @ way) >= abs(least)
+
+
+@pytest.mark.parametrize("word", SIDES)
+@pytest.mark.parametrize(("limb", "joint"), [("shoulder", "wrist"), ("hip", "ankle")])
+def test_twisting_turns_inward(model: BodyModel, word: str, limb: str, joint: str) -> None:
+    """With elbow and knee bent by a right angle, twisting moves the forearm inward, the shank outward."""
+    bend = {"shoulder": "elbow_flexion", "hip": "knee_flexion"}[limb]
+    side = SIDES[word]
+    bent = {f"{side}_{bend}": np.pi / 2}
+    step = joints_at(model, {**bent, f"{side}_{limb}_twisting": 0.5})[f"{word}_{joint}"]
+    step = step - joints_at(model, bent)[f"{word}_{joint}"]
+    inward = -1.0 if word == "left" else 1.0
+    assert inward * step[0] > 0.1 if limb == "shoulder" else inward * step[0] < -0.1
+
+
+@pytest.mark.parametrize("vertebra", ["sacroiliac", "vl3", "vt8"])
+@pytest.mark.parametrize(("motion", "way"), [("tilt", FORWARD), ("roll", (-1.0, 0.0, 0.0))])
+def test_the_trunk_bends_forward_and_to_the_right_and_leaves_the_legs(
+    model: BodyModel, vertebra: str, motion: str, way: tuple[float, float, float]
+) -> None:
+    """Tilt brings the head forward, roll to the person's right, and hips and knees stay."""
+    rest, bent = joints_at(model, {}), joints_at(model, {f"{vertebra}_{motion}": 0.5})
+    assert (bent["head"] - rest["head"]) @ np.array(way) > 0.1
+    np.testing.assert_allclose(bent["left_knee"], rest["left_knee"], atol=1e-12)
+
+
+def test_torsion_turns_to_the_left(model: BodyModel) -> None:
+    """Waist torsion takes the right shoulder forward and the left one backward."""
+    rest, turned = joints_at(model, {}), joints_at(model, {"vl3_torsion": 0.5})
+    assert (turned["right_shoulder"] - rest["right_shoulder"]) @ np.array(FORWARD) > 0.05
+    assert (turned["left_shoulder"] - rest["left_shoulder"]) @ np.array(FORWARD) < -0.05
+
+
+def test_feet_and_toes_lift(model: BodyModel) -> None:
+    """Positive ankle and metatarsal flexion raise the tip of the foot."""
+    tip = int(np.argmin(model.vertices[:, 2]))
+    side = "l" if model.vertices[tip, 0] > 0.0 else "r"
+    for joint in ("ankle", "metatarsal"):
+        lifted = pose_vertices(model, posed(model, {f"{side}_{joint}_flexion": 0.3}))[0, tip]
+        assert model.vertices[tip, 1] - lifted[1] > 0.01
+
+
+def test_fingers_move_their_links(model: BodyModel) -> None:
+    """The chain of a finger carries its last link towards the palm, though it has no skin of its own."""
+    for name in ("l_pinky3", "r_index3", "l_thumb3"):
+        last = model.link_dofs[model.link_names.index(name)]
+        assert model.dof_names[last] == f"{name}_flexion"
+        assert model.dof_names[model.parents[last]] == f"{name[:-1]}2_flexion"
+
+
+def test_a_squat_keeps_the_bones(model: BodyModel) -> None:
+    """Deeply bent joints leave every limb as long as it is, and the surface finite and near its volume."""
+    rest, squat = joints_at(model, {}), joints_at(model, SQUAT)
+    for upper, lower in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle")):
+        bone = squat[f"left_{upper}"] - squat[f"left_{lower}"]
+        length = np.linalg.norm(rest[f"left_{upper}"] - rest[f"left_{lower}"])
+        np.testing.assert_allclose(np.linalg.norm(bone), length, rtol=1e-12)
+    vertices = pose_vertices(model, posed(model, SQUAT))[0]
+    assert np.all(np.isfinite(vertices))
+    assert volume(vertices, model.triangles) / volume(model.vertices, model.triangles) == pytest.approx(
+        1.0, abs=0.1
+    )
+
+
+def test_resting_arms_clear_the_trunk(model: BodyModel) -> None:
+    """No point just outside the resting surface is inside another part of it."""
+    outside = model.vertices + 0.002 * outward(model.vertices, model.triangles)
+    beside = outside[(outside[:, 0] > 0.1) & (outside[:, 1] > -0.5) & (outside[:, 1] < 0.3)]
+    enclosed = [times_enclosed(point, model.vertices, model.triangles) for point in beside]
+    assert not np.any(np.array(enclosed) > 0.5)
+
+
+@pytest.mark.parametrize(
+    ("active", "most"),
+    [("vl3_tilt", 0.45), ("vc7_tilt", 0.6), ("l_shoulder_abduct", 0.75), ("l_knee_flexion", 0.6)],
+)
+def test_skin_bends_smoothly(model: BodyModel, active: str, most: float) -> None:
+    """Along every edge, the share of the skin that one joint moves changes by less than a full step."""
+    body = activate(model, [active], np.zeros(len(model.dof_names)))
+    moving = np.flatnonzero(body.link_dofs == 0)
+    share = np.sum(body.skin_weights * np.isin(body.skin_links, moving), axis=1)
+    edges = directed_edges(body.triangles)
+    assert np.max(np.abs(share[edges[:, 0]] - share[edges[:, 1]])) < most
+    assert share.max() == pytest.approx(1.0)
+    assert share.min() == pytest.approx(0.0)
+
+
+def test_a_body_grows_with_stature() -> None:
+    """Everything is proportional to stature."""
+    small, tall = human(1.5), human(1.8)
+    np.testing.assert_allclose(tall.vertices, small.vertices * 1.2, atol=1e-6)
+    np.testing.assert_allclose(tall.joint_points, small.joint_points * 1.2, atol=1e-12)
+
+
+def test_single_measures_can_be_set() -> None:
+    """A longer thigh lengthens the thigh alone; girth leaves all bones as they are."""
+    usual, long, stout = human(1.75), human(1.75, thigh=0.47), human(1.75, girth=1.2)
+    joints, longer = joints_at(usual, {}), joints_at(long, {})
+    assert np.linalg.norm(longer["left_knee"] - longer["left_hip"]) == pytest.approx(0.47, abs=0.001)
+    np.testing.assert_allclose(
+        longer["left_ankle"] - longer["left_knee"], joints["left_ankle"] - joints["left_knee"], atol=1e-9
+    )
+    np.testing.assert_allclose(stout.joint_points, usual.joint_points)
+    assert volume(stout.vertices, stout.triangles) > 1.2 * volume(usual.vertices, usual.triangles)
+
+
+@pytest.mark.parametrize(
+    ("measures", "message"),
+    [
+        ({"stature_m": 175.0}, "metres"),
+        ({"girth": 0.0}, "factor"),
+        ({"tail": 0.3}, "thigh"),
+        ({"thigh": 4.0}, "about"),
+    ],
+)
+def test_measures_that_no_person_has_are_refused(measures: dict[str, float], message: str) -> None:
+    """The error says how to mend it."""
+    with pytest.raises(InputError, match=message):
+        human(**measures)

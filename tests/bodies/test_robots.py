@@ -1,0 +1,83 @@
+"""A robot made of meshes, from its URDF file through the command line to a score against the truth."""
+
+from __future__ import annotations
+
+import json
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import coordinator.commands.workers
+from coordinator.cli import main
+from coordinator.pool.statistics import Traffic
+from coordinator.results.track import read_track
+from gepf.direct import DirectRefiner
+
+FRAMES = "4"
+GIMBAL = """
+<robot name="gimbal">
+  <link name="stand"><visual><geometry><mesh filename="stand.stl"/></geometry></visual></link>
+  <link name="arm"><visual><origin xyz="0.15 0 0"/>
+    <geometry><mesh filename="meshes/arm.obj" scale="0.001 0.001 0.001"/></geometry></visual></link>
+  <link name="flag"><visual><origin xyz="0 0.1 0"/><geometry><mesh filename="meshes/flag.stl"/></geometry>
+  </visual></link>
+  <joint name="lift" type="revolute"><parent link="stand"/><child link="arm"/>
+    <origin xyz="0 0 0.25"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="wave" type="revolute"><parent link="arm"/><child link="flag"/>
+    <origin xyz="0.3 0 0"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>
+"""
+
+
+class Direct(DirectRefiner):
+    """Refines in this process, and has no traffic to tell of."""
+
+    traffic = Traffic()
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A stand, an arm in millimetres and a flag, as .stl and .obj beside the file and below it."""
+    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", lambda *_: nullcontext(Direct()))
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box((0.2, 0.16, 0.5)).export(tmp_path / "stand.stl")
+    trimesh.creation.box((300.0, 60.0, 40.0)).export(tmp_path / "meshes" / "arm.obj")
+    trimesh.creation.box((0.04, 0.26, 0.08)).export(tmp_path / "meshes" / "flag.stl")
+    path = tmp_path / "gimbal.urdf"
+    path.write_text(GIMBAL)
+    return path
+
+
+@pytest.mark.parametrize(("noise", "bound_deg"), [((), 1.0), (("--kinect",), 3.0)])
+def test_a_robot_of_meshes_is_tracked(
+    robot: Path, noise: tuple[str, ...], bound_deg: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rendered while it roams, tracked with its base held, and its joints are where they were rendered."""
+    seq, run = robot.parent / "seq", robot.parent / "run"
+    model = ("--model", str(robot))
+    assert main(["synth", "roam", *model, *noise, "--frames", FRAMES, "--out", str(seq), "-q"]) == 0
+    assert main(["track", str(seq), *model, "--dof", "joints", "--out", str(run), "-q"]) == 0
+    assert main(["evaluate", str(run), "--truth", str(seq / "truth.npz")]) == 0
+    score = json.loads(capsys.readouterr().out)
+    assert set(score["mean_angle_error_deg_by_dof"]) == {"lift", "wave"}
+    assert score["mean_angle_error_deg"] < bound_deg
+    track = read_track(run)
+    assert track.dof_names == ("lift", "wave")
+    assert np.ptp(track.joint_positions[:, track.joint_names.index("lift")], axis=0).max() < 1e-12
+
+
+def test_the_same_seed_roams_in_the_same_way(robot: Path) -> None:
+    """Another seed moves otherwise; a Kinect's noise changes the depth and not the truth."""
+    truths, depths = [], []
+    for name, more in (("a", ()), ("b", ("--kinect",)), ("c", ("--seed", "1"))):
+        out = robot.parent / name
+        options = ["--model", str(robot), "--frames", "2", "--out", str(out), "-q", *more]
+        assert main(["synth", "roam", *options]) == 0
+        truths.append(np.load(out / "truth.npz")["pose"])
+        depths.append((out / "depth" / "000000.png").read_bytes())
+    np.testing.assert_array_equal(truths[0], truths[1])
+    assert depths[0] != depths[1]
+    assert np.abs(truths[0] - truths[2]).max() > 0.05

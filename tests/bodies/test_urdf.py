@@ -1,0 +1,229 @@
+"""Bodies from URDF files: their kinematics, their surface, what is refused, and the way back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yourdfpy
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from common.activation import activate
+from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
+from common.errors import InputError
+from common.kinematics import joint_positions, link_transforms, pose_vertices, retract, step_axes
+from coordinator.bodies.human.template import human
+from coordinator.bodies.urdf.reading import REST_FROM_URDF, read_urdf
+from coordinator.bodies.urdf.writing import write_urdf
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+ARM = EXAMPLES / "arm7.urdf"
+
+CRANE = """
+<robot name="crane">
+  <link name="foot"><visual><geometry><box size="0.4 0.3 0.1"/></geometry></visual></link>
+  <link name="mast"><visual><origin xyz="0 0 0.3"/><geometry><cylinder radius="0.05" length="0.6"/></geometry>
+  </visual></link>
+  <link name="sledge"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>
+  <link name="hook"><visual><geometry><mesh filename="package://crane/hook.stl" scale="2 1 1"/></geometry>
+  </visual></link>
+  <link name="tip"/>
+  <joint name="turn" type="continuous"><parent link="foot"/><child link="mast"/>
+    <origin xyz="0 0 0.05" rpy="0 0 0.3"/><axis xyz="0 0 2"/></joint>
+  <joint name="slide" type="prismatic"><parent link="mast"/><child link="sledge"/>
+    <origin xyz="0.05 0 0.5" rpy="0.2 0 0"/><axis xyz="0.8 0 0.6"/>
+    <limit lower="-0.1" upper="0.4" effort="1" velocity="1"/>
+  </joint>
+  <joint name="weld" type="fixed"><parent link="sledge"/><child link="hook"/>
+    <origin xyz="0 0 -0.1" rpy="0 0.4 0"/>
+  </joint>
+  <joint name="end" type="fixed"><parent link="hook"/><child link="tip"/><origin xyz="0 0 -0.2"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def crane(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A crane with a prismatic joint and a mesh that is named by its package and scaled."""
+    folder = tmp_path_factory.mktemp("robots") / "crane"
+    (folder / "urdf").mkdir(parents=True)
+    trimesh.creation.box((0.05, 0.05, 0.2)).export(folder / "hook.stl")
+    path = folder / "urdf" / "crane.urdf"
+    path.write_text(CRANE)
+    return path
+
+
+def random_poses(model: BodyModel, count: int = 5) -> NDArray[np.float64]:
+    """Poses (count, D), root included."""
+    return np.random.default_rng(3).uniform(-0.8, 0.8, (count, len(model.dof_names)))
+
+
+def in_rest_frame(urdf: yourdfpy.URDF, link: str) -> NDArray[np.float64]:
+    """T_rest_link (3, 4) by the library's own kinematics."""
+    turned: NDArray[np.float64] = REST_FROM_URDF @ urdf.get_transform(link)[:3]
+    return turned
+
+
+@pytest.mark.parametrize("name", ["arm", "crane"])
+def test_links_go_where_the_library_puts_them(name: str, crane: Path) -> None:
+    """Joint origins in any pose are those of yourdfpy's own forward kinematics."""
+    path = ARM if name == "arm" else crane
+    model = read_urdf(path)
+    urdf = yourdfpy.URDF.load(str(path), load_meshes=False)
+    poses = random_poses(model)
+    poses[:, :6] = 0.0
+    for pose, joints in zip(poses, joint_positions(model, poses), strict=True):
+        urdf.update_cfg({n: v for n, v in zip(model.dof_names, pose, strict=True) if n not in ROOT_DOFS})
+        for joint, at in zip(urdf.robot.joints, joints[1:], strict=True):
+            assert model.joint_names[1 + urdf.robot.joints.index(joint)] == joint.name
+            np.testing.assert_allclose(at, in_rest_frame(urdf, joint.child)[:, 3], atol=1e-9)
+
+
+def test_a_crane_has_its_joints_links_and_limits(crane: Path) -> None:
+    """Kinds, limits, unit axes, and one link for what fixed joints hold together."""
+    model = read_urdf(crane)
+    assert model.dof_names == (*ROOT_DOFS, "turn", "slide")
+    assert model.kinds[6:].tolist() == [ROTATION, TRANSLATION]
+    assert model.limits[6:].tolist() == [[-np.inf, np.inf], [-0.1, 0.4]]
+    assert model.link_names == ("foot", "mast", "sledge")
+    assert model.joint_names == ("foot", "turn", "slide", "weld", "end")
+    np.testing.assert_allclose(np.linalg.norm(model.axes, axis=1), 1.0)
+    on_hook = model.vertices[model.skin_links[:, 0] == 2]
+    assert np.ptp(on_hook[:, 1]) > 0.25  # sledge and hook, which hangs below
+
+
+def test_the_derivative_holds_for_slides_too(crane: Path) -> None:
+    """Eq. 2 with a prismatic joint: a step moves the surface as its axes say, by finite differences."""
+    model = read_urdf(crane)
+    poses, step = random_poses(model), 1e-6
+    w, q = step_axes(model, poses)
+    posed, sledge = pose_vertices(model, poses), model.skin_links[:, 0] == 2
+    for j in range(len(model.dof_names)):
+        steps = np.zeros_like(poses)
+        steps[:, j] = step
+        ahead, behind = (pose_vertices(model, retract(model, poses, s)) for s in (steps, -steps))
+        measured = ((ahead - behind) / (2.0 * step))[:, sledge]
+        slides = model.kinds[j] == TRANSLATION
+        column = w[:, None, j] + 0.0 * posed if slides else np.cross(w[:, None, j], posed - q[:, None, j])
+        np.testing.assert_allclose(measured, column[:, sledge], atol=1e-7)
+
+
+def test_a_robot_stands_and_faces_the_camera(crane: Path) -> None:
+    """URDF's z is up and its x comes towards the camera; its base's frame is the root."""
+    model = read_urdf(crane)
+    assert model.joint_points[0].tolist() == [0.0, 0.0, 0.0]
+    assert model.vertices[:, 1].min() < -0.5  # the mast, upward
+    assert model.vertices[:, 1].max() == pytest.approx(0.05)  # the foot's underside
+    assert np.ptp(model.vertices[model.skin_links[:, 0] == 0], axis=0) == pytest.approx([0.3, 0.1, 0.4])
+
+
+def test_the_surface_is_sampled_evenly_and_stays_where_it_was() -> None:
+    """Boxes and cylinders get some thousand vertices, on the shape, with no wide gaps."""
+    model = read_urdf(ARM)
+    assert 3000 < len(model.vertices) < 6500
+    edges = np.linalg.norm(np.diff(model.vertices[model.triangles[:, [0, 1, 2, 0]]], axis=1), axis=-1)
+    assert edges.max() < 0.05
+    hand = model.skin_links[:, 0] == model.link_names.index("hand")
+    corner = np.array([0.03, 0.095, 0.05])  # of the palm, in the hand's frame
+    at = link_transforms(model, np.zeros((1, len(model.dof_names))))  # identity at rest
+    assert np.allclose(at[0, :, :, :3], np.eye(3))
+    origin = model.joint_points[model.joint_names.index("hand_roll")]
+    nearest = cKDTree(model.vertices[hand]).query(origin + REST_FROM_URDF @ corner)[0]
+    assert nearest < 1e-6
+
+
+def test_a_thin_plate_keeps_both_sides(tmp_path: Path) -> None:
+    """Vertices of opposite sides are not one, however thin the plate."""
+    path = tmp_path / "plate.urdf"
+    path.write_text(
+        '<robot name="plate"><link name="plate"><visual><geometry><box size="0.5 0.5 0.002"/></geometry>'
+        "</visual></link></robot>"
+    )
+    model = read_urdf(path)
+    up, down = model.vertices[:, 1] < 0.0, model.vertices[:, 1] > 0.0
+    assert min(up.sum(), down.sum()) > 1000
+
+
+@pytest.mark.parametrize("name", ["arm", "crane", "human"])
+def test_a_body_survives_the_way_through_a_file(name: str, crane: Path, tmp_path: Path) -> None:
+    """Written and read again, it has the same joints, limits, named joints and surface to a micrometre."""
+    model = human() if name == "human" else read_urdf(ARM if name == "arm" else crane)
+    write_urdf(model, tmp_path / "body.urdf")
+    again = read_urdf(tmp_path / "body.urdf")
+    assert set(again.dof_names) == set(model.dof_names)
+    assert set(again.joint_names) >= set(model.joint_names)
+    order = [again.dof_names.index(n) for n in model.dof_names]
+    joints = [again.joint_names.index(n) for n in model.joint_names]
+    np.testing.assert_allclose(again.limits[order][6:], model.limits[6:], atol=1e-12)
+    poses = random_poses(model)
+    theirs = np.zeros_like(poses)
+    theirs[:, order] = poses
+    np.testing.assert_allclose(
+        joint_positions(again, theirs)[:, joints], joint_positions(model, poses), atol=1e-6
+    )
+    where = poses if name != "human" else np.zeros_like(poses[:1])  # blended skin has no place in a URDF
+    for mine, other in zip(pose_vertices(model, where), pose_vertices(again, theirs), strict=False):
+        if name == "human":
+            other = pose_vertices(again, np.zeros((1, len(again.dof_names))))[0]  # noqa: PLW2901
+        assert cKDTree(mine).query(other)[0].max() < 1e-6
+        assert cKDTree(other).query(mine)[0].max() < 1e-6
+
+
+def test_a_part_of_a_robots_joints_can_be_tracked() -> None:
+    """A known base: the root held, the joints active."""
+    model = read_urdf(ARM)
+    joints = activate(model, model.dof_names[6:], np.zeros(len(model.dof_names)))
+    assert joints.dof_names == model.dof_names[6:]
+    assert not len(joints.balls)
+
+
+def robot(joint: str = "", link: str = "", extra: str = "") -> str:
+    """A box with another one on a joint."""
+    box = "<visual><geometry><box size='0.1 0.1 0.1'/></geometry></visual>"
+    return (
+        f"<robot name='r'><link name='a'>{box}</link><link name='b'>{link or box}</link>"
+        "<joint name='j' type='revolute'><parent link='a'/><child link='b'/><axis xyz='0 0 1'/>"
+        f"{joint}</joint>"
+        f"{extra}</robot>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("not xml", "is no URDF"),
+        (robot().replace("revolute", "planar"), "joint 'j' is planar"),
+        (robot("<mimic joint='k'/>"), "mimics 'k'"),
+        (robot("<axis xyz='0 0 0'/>").replace("<axis xyz='0 0 1'/>", ""), "axis of joint 'j' is zero"),
+        (robot("<limit lower='1' upper='-1' effort='1' velocity='1'/>"), "lower limit above"),
+        (robot().replace("'j'", "'root_tx'"), "'root_tx' is there twice"),
+        (robot(extra="<link name='c'/>"), "no single tree"),
+        (robot().replace("child link='b'", "child link='a'"), "no single tree"),
+        (robot(link="<visual><geometry><mesh filename='gone.stl'/></geometry></visual>"), "mesh gone.stl"),
+        ("<robot name='r'><link name='a'/></robot>", "no surface"),
+        ("<robot name='r'/>", "no single tree"),
+    ],
+)
+def test_what_cannot_be_tracked_is_refused_in_one_line(text: str, message: str, tmp_path: Path) -> None:
+    """Whatever is wrong with a file is the user's to mend, and says so."""
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as refused:
+        read_urdf(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_collision_shapes_stand_in_where_nothing_is_seen(tmp_path: Path) -> None:
+    """A file with collision geometry only can be tracked."""
+    path = tmp_path / "robot.urdf"
+    path.write_text(robot().replace("visual>", "collision>"))
+    assert len(read_urdf(path).vertices) > 2000
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    """As any other input."""
+    with pytest.raises(InputError, match="no such file"):
+        read_urdf(tmp_path / "none.urdf")

@@ -1,0 +1,288 @@
+"""Faults of the user's input: exit code 2, one line that names fault and mend, and nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.io import savemat
+
+import coordinator.commands.workers
+from coordinator.bodies.human.template import human
+from coordinator.cli import main
+from coordinator.results.recorder import Recorder
+
+CAMERA: dict[str, object] = {
+    "width": 8,
+    "height": 6,
+    "intrinsic_matrix": [10.0, 0, 0, 0, 10.0, 0, 4.0, 3.0, 1],
+    "depth_scale": 1000,
+}
+Damage = Callable[[Path], object]
+
+
+@pytest.fixture(autouse=True)
+def _no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No worker is ever started for input that is at fault."""
+
+    def refuse(*_: object) -> NoReturn:
+        raise AssertionError("workers were asked for")
+
+    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", refuse)
+    monkeypatch.delenv("GEPF_DEBUG", raising=False)
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """Four whole frames and a start."""
+    folder = tmp_path / "wall"
+    (folder / "depth").mkdir(parents=True)
+    for number in range(4):
+        Image.fromarray(np.full((6, 8), 2000, np.uint16)).save(picture(folder, number))
+    (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA))
+    (folder / "init.json").write_text('{"root_tz": 2.0}')
+    return folder
+
+
+@pytest.fixture
+def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run a command line that must be refused, and give the line that it said."""
+
+    def run(*arguments: object) -> str:
+        before = contents(tmp_path)
+        assert main([str(each) for each in arguments]) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.count("\n") == 1
+        assert err.startswith("gepf: ")
+        assert contents(tmp_path) == before
+        return err
+
+    return run
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """All that a folder holds, at any depth."""
+    return {path: path.read_bytes() if path.is_file() else b"" for path in folder.rglob("*")}
+
+
+def picture(folder: Path, number: int) -> Path:
+    """The file of a frame."""
+    return folder / "depth" / f"{number:06d}.png"
+
+
+def with_camera(**entries: object) -> Damage:
+    """Change entries of the camera file."""
+    return lambda folder: (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA | entries))
+
+
+def with_picture(number: int, array: np.ndarray) -> Damage:
+    """Put another picture in a frame's place."""
+    return lambda folder: Image.fromarray(array).save(picture(folder, number))
+
+
+def cut_short(number: int) -> Damage:
+    """Keep the first half of a frame's file."""
+
+    def damage(folder: Path) -> None:
+        whole = picture(folder, number).read_bytes()
+        picture(folder, number).write_bytes(whole[: len(whole) // 2])
+
+    return damage
+
+
+def with_file(name: str, content: str) -> Damage:
+    """Write a file into the sequence."""
+    return lambda folder: (folder / name).write_text(content)
+
+
+def without(name: str) -> Damage:
+    """Remove a file of the sequence."""
+    return lambda folder: (folder / name).unlink()
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (
+            with_picture(0, np.zeros((6, 8), np.uint8)),
+            "000000.png is 8-bit, not 16-bit grey; save depth as uint16",
+        ),
+        (
+            with_picture(2, np.zeros((6, 8), np.uint8)),
+            "000002.png is 8-bit, not 16-bit grey; save depth as uint16",
+        ),
+        (with_picture(2, np.zeros((6, 9), np.uint16)), "is 9x6, but camera_intrinsic.json says 8x6"),
+        (with_picture(0, np.zeros((6, 8), np.uint16)), "frame 0 of wall holds no depth at all"),
+        (cut_short(0), "000000.png is damaged"),
+        (cut_short(3), "000003.png is damaged"),
+        (without("camera_intrinsic.json"), "camera_intrinsic.json is missing; write it with width, height"),
+        (with_camera(width=9), "is 8x6, but camera_intrinsic.json says 9x6"),
+        (with_camera(intrinsic_matrix=[float("nan"), 0, 0, 0, 10, 0, 4, 3, 1]), "NaN is not a number"),
+        (with_camera(intrinsic_matrix=[10, 0, 4, 0, 10, 3, 0, 0, 1]), "write it column by column"),
+        (with_camera(depth_scale=0), "depth_scale"),
+        (with_file("camera_intrinsic.json", "{"), "camera_intrinsic.json"),
+        (
+            with_file("init.json", '{"elbow": 1}'),
+            "init.json: unknown degree of freedom 'elbow'; gepf model dofs",
+        ),
+        (with_file("init.json", '{"root_tz": NaN}'), "init.json: root_tz is nan; give a finite number"),
+        (with_file("init.json", '{"root_tz": "2"}'), "init.json"),
+        (with_file("truth.npz", "truth"), "truth.npz is damaged"),
+        (with_file("depth/copy.png", ""), "copy.png is not named by a frame number"),
+    ],
+)
+def test_a_damaged_folder_is_refused(
+    sequence: Path, tmp_path: Path, refused: Callable[..., str], damage: Damage, says: str
+) -> None:
+    """Whatever is wrong with a recording, and in whichever frame, is found before anything is written."""
+    damage(sequence)
+    assert says in refused("track", sequence, "--out", tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--method", "magic"], "unknown method 'magic'; choose from gepf, gradient, condensation, annealed"),
+        (["--preset", "best"], "unknown preset 'best'; choose from default, paper"),
+        (["--model", "horse"], "unknown model 'horse'; give human, a URDF file"),
+        (["--dof", "r_elbow"], "unknown degree of freedom 'r_elbow'; did you mean r_elbow_flexion"),
+        (["--dof", "root_tx,tail"], "unknown degree of freedom 'tail'; gepf model dofs lists all"),
+        (["--dof", ","], "--dof names nothing; give names"),
+        (["--particles", "0"], "--particles 0 is too small; give 1 or more"),
+        (["--particles", "-3"], "--particles -3 is too small; give 1 or more"),
+        (["--particles", "many"], "'--particles'"),
+        (["--method", "gradient", "--particles", "5"], "leave --particles out"),
+        (["--points", "0"], "--points 0 is too small; give 1 or more"),
+        (["--seed", "-1"], "--seed -1 is out of range; give 0 to"),
+        (["--seed", str(2**63)], "is out of range; give 0 to"),
+        (["--workers", "-1"], "--workers -1 is too small; give 0 or more"),
+        (["--workers", "0"], "with --workers 0 nobody could join; add --listen or --connect"),
+        (["--listen", "7447"], "--listen '7447' is no endpoint; give one such as tcp/127.0.0.1:7447"),
+        (["--connect", "host:7447"], "--connect 'host:7447' is no endpoint"),
+        (["--frames", "2:9"], "--frames 2:9 is out of range; this sequence has frames 0:4"),
+        (["--frames", "3:3"], "--frames 3:3 is out of range; this sequence has frames 0:4"),
+        (["--frames", "3"], "--frames '3' is not of the form A:B; this sequence has frames 0:4"),
+        (["--init", "nowhere.json"], "no such file: nowhere.json; give --init a file, or auto"),
+        (["--fast"], "No such option: --fast"),
+    ],
+)
+def test_an_option_that_makes_no_sense_is_refused(
+    sequence: Path, tmp_path: Path, refused: Callable[..., str], options: list[str], says: str
+) -> None:
+    """The line names the option's valid choices or how to give it."""
+    assert says in refused("track", sequence, "--out", tmp_path / "out", *options)
+
+
+def test_a_path_without_a_sequence_is_refused(tmp_path: Path, refused: Callable[..., str]) -> None:
+    """Nothing there, an empty folder, and a file of another kind."""
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "film.mp4").touch()
+    assert "no such file or folder" in refused("track", tmp_path / "nowhere", "--out", tmp_path / "out")
+    assert "holds no depth sequence" in refused("track", tmp_path / "empty", "--out", tmp_path / "out")
+    assert "cannot read" in refused("track", "x" * 5000, "--out", tmp_path / "out")
+    assert "no depth sequence" in refused("track", tmp_path / "film.mp4", "--out", tmp_path / "out")
+
+
+def test_a_damaged_mat_file_is_refused(tmp_path: Path, refused: Callable[..., str]) -> None:
+    """Cut short, of something else, or without depth in its first frame."""
+    path = tmp_path / "a1_s1_t1_depth.mat"
+    depth = np.random.default_rng(0).integers(1, 4000, (240, 320, 2), dtype=np.uint16)
+    savemat(path, {"d_depth": depth}, do_compression=True)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    assert "is damaged or no MATLAB 5 file" in refused("track", path, "--out", tmp_path / "out")
+    path.write_bytes(b"")
+    assert "is damaged or no MATLAB 5 file" in refused("track", path, "--out", tmp_path / "out")
+    savemat(path, {"d_skel": depth})
+    assert "has no variable 'd_depth'" in refused("track", path, "--out", tmp_path / "out")
+    savemat(path, {"d_depth": np.where(np.arange(2) == 0, 0, depth).astype(np.uint16)})
+    assert "frame 0 of a1_s1_t1_depth holds no depth" in refused("track", path, "--out", tmp_path / "out")
+
+
+def test_an_output_folder_that_cannot_be_had_is_refused(
+    sequence: Path, tmp_path: Path, refused: Callable[..., str]
+) -> None:
+    """In use by another run, with an earlier run in it, below a file, or where nobody can write."""
+    (tmp_path / "file").touch()
+    assert "cannot write to" in refused("track", sequence, "--out", tmp_path / "file")
+    assert "cannot write to" in refused("track", sequence, "--out", tmp_path / "file" / "out")
+    assert "cannot write to" in refused("track", sequence, "--out", "/proc/out")
+    assert "cannot write to" in refused("track", sequence, "--out", tmp_path / ("x" * 5000))
+    with Recorder(tmp_path / "busy", {}):
+        line = refused("track", sequence, "--out", tmp_path / "busy")
+    assert "is in use by a run that is still going on; choose another --out" in line
+    (tmp_path / "done").mkdir()
+    (tmp_path / "done" / "track.npz").write_bytes(b"weeks of work")
+    line = refused("track", sequence, "--out", tmp_path / "done")
+    assert "holds an earlier run (track.npz); choose another --out or delete what is there" in line
+
+
+def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Callable[..., str]) -> None:
+    """No run, no truth, no scene, no format, no such command, and what is missing from a command."""
+    run, truth = tmp_path / "run", tmp_path / "truth.npz"
+    assert "no such folder" in refused("evaluate", run, "--truth", truth)
+    assert "no such folder" in refused("export", run, "--to", "csv", "--out", tmp_path / "x.csv")
+    assert "unknown scene 'leg'; choose from arm" in refused("synth", "leg", "--out", tmp_path / "seq")
+    assert "--frames" in refused("synth", "arm", "--out", tmp_path / "seq", "--frames", "x")
+    (tmp_path / "thesis.tex").touch()
+    assert "holds other things than a demo; choose another --out" in refused("demo", "--out", tmp_path)
+    assert "No such command 'trak'. Did you mean 'track'?" in refused("trak")
+    assert "Missing argument" in refused("track", "--out", tmp_path / "out")
+    assert "Missing option '--out'" in refused("track", tmp_path)
+    assert "Missing option '--truth'" in refused("evaluate", run)
+
+
+def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Callable[..., str]) -> None:
+    """The run's own track, and rubbish, of which nobody need know how it is read."""
+    own, junk = tmp_path / "track.npz", tmp_path / "junk.npz"
+    names, one = np.array(["a"]), np.zeros((1, 1))
+    np.savez(
+        own,
+        frame=np.zeros(1, np.int64),
+        time_s=one[0],
+        dof_names=names,
+        pose=one,
+        joint_names=names,
+        joint_positions=np.zeros((1, 1, 3)),
+        hypothesis_pose=np.zeros((1, 1, 1)),
+        hypothesis_weight=one,
+        status=np.array(["tracked"]),
+    )
+    assert "is the run's own track; give the truth of its sequence" in refused(
+        "evaluate", tmp_path, "--truth", own
+    )
+    junk.write_bytes(b"weeks of work")
+    assert "junk.npz is damaged or no .npz file; make it again" in refused(
+        "evaluate", tmp_path, "--truth", junk
+    )
+
+
+def test_bodies_tell_what_can_be_asked_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+    """All degrees of freedom on stdout, one a line; and help where nothing is asked."""
+    assert main(["model", "dofs"]) == 0
+    assert capsys.readouterr().out.splitlines() == list(human().dof_names)
+    assert main(["model"]) == 0
+    assert "dofs" in capsys.readouterr().out
+
+
+def test_the_process_itself_ends_with_two_and_one_line(tmp_path: Path) -> None:
+    """As a shell sees it: no trace, no box, nothing on stdout."""
+    code = "import sys; from coordinator.cli import main; sys.exit(main())"
+    for arguments, says in (
+        (["track", str(tmp_path / "nowhere"), "--out", str(tmp_path / "out")], "no such file or folder"),
+        (["track", "--points", "x"], "--points"),
+    ):
+        command = [sys.executable, "-c", code, *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.count("\n") == 1
+        assert says in done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,115 @@
+"""`gepf.toml`: options of any command from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from common.errors import InputError
+from coordinator.cli import app, main
+from coordinator.commands.config_file import defaults_of
+
+Written = Callable[[str], Path]
+
+
+@pytest.fixture
+def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Written:
+    """Write gepf.toml into the working folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(text: str) -> Path:
+        (tmp_path / "gepf.toml").write_text(text)
+        return tmp_path
+
+    return write
+
+
+def test_every_option_of_every_command_can_be_told() -> None:
+    """Names as on the command line, in the types that the options have, nested as the commands are."""
+    table = {
+        "track": {"particles": 40, "worker-timeout": 3, "noise_depth": 0.1, "resume": True, "out": "run"},
+        "view": {"browser": False},
+        "info": {"json": True},
+        "export": {"to": "bvh"},
+        "model": {"show": {"out": "x.png"}},
+    }
+    assert defaults_of(get_command(app), table, "") == {
+        "track": {"particles": 40, "worker_timeout": 3, "noise_depth": 0.1, "resume": True, "out": "run"},
+        "view": {"browser": False},
+        "info": {"as_json": True},
+        "export": {"form": "bvh"},
+        "model": {"show": {"out": "x.png"}},
+    }
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ({"track": {"particels": 4}}, "[track] has no option 'particels'; did you mean particles?"),
+        ({"track": {"sequence": "x"}}, "[track] has no option 'sequence'; "),
+        ({"trak": {}}, "there is no command for 'trak'; did you mean [track]?"),
+        ({"particles": 4}, "there is no command for 'particles'; "),
+        ({"model": {"show": {"size": 4}}}, "[model]: [show] has no option 'size'; there are "),
+        ({"track": {"particles": "many"}}, "[track] particles = 'many': expected int, got str"),
+        ({"track": {"particles": 4.5}}, "[track] particles = 4.5: expected int, got float"),
+        ({"track": {"particles": True}}, "[track] particles = True: expected int, got bool"),
+        ({"track": {"resume": 1}}, "[track] resume = 1: expected bool, got int"),
+        ({"track": {"out": 1}}, "[track] out = 1: expected str, got int"),
+        ({"track": {"dof": ["a", "b"]}}, "[track] dof = ['a', 'b']: expected str, got array"),
+    ],
+)
+def test_what_no_command_understands_is_refused(table: dict[str, object], says: str) -> None:
+    """An unknown name or a wrong type, with what was meant or what there is."""
+    with pytest.raises(InputError) as caught:
+        defaults_of(get_command(app), table, "gepf.toml")
+    assert str(caught.value).startswith("gepf.toml: " + says)
+
+
+def test_the_working_folder_s_file_is_read_and_the_command_line_wins(
+    written: Written, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A required option may come from the file; one that is given twice is the command line's."""
+    folder = written('[synth]\nframes = 2\nout = "from-file"\n')
+    assert main(["synth", "arm"]) == 0
+    assert len(list((folder / "from-file" / "depth").iterdir())) == 2
+    assert main(["synth", "arm", "--frames", "1", "--out", "from-line"]) == 0
+    assert len(list((folder / "from-line" / "depth").iterdir())) == 1
+    assert capsys.readouterr().out == ""
+
+
+def test_config_names_another_file(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is read in place of gepf.toml; a fault in it is exit code 2 and one line that names it."""
+    folder = written("[nonsense]\n")
+    (folder / "other.toml").write_text('[synth]\nframes = "two"\n')
+    assert main(["--config", "other.toml", "synth", "arm", "--out", "x"]) == 2
+    assert capsys.readouterr() == (
+        "",
+        "gepf: other.toml: [synth] frames = 'two': expected int, got str; write it as the option needs it\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "says"), [("[track\n", "gepf.toml is no TOML: "), ("[trak]\n", "gepf.toml: there is no command")]
+)
+def test_a_damaged_file_is_one_line(
+    written: Written, capsys: pytest.CaptureFixture[str], text: str, says: str
+) -> None:
+    """Whatever the command is."""
+    written(text)
+    assert main(["info", "nowhere"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"gepf: {says}")
+    assert err.count("\n") == 1
+
+
+def test_a_file_that_is_not_there_is_one_line(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
+    """Only the working folder's own file may be missing."""
+    written("")
+    assert main(["--config", "no.toml", "info", "nowhere"]) == 2
+    assert (
+        capsys.readouterr().err
+        == "gepf: cannot read no.toml: No such file or directory; give another --config\n"
+    )

@@ -1,0 +1,196 @@
+"""Part of a body's degrees of freedom active, the rest held: the same body, moving less."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from common.activation import activate, merge_weights
+from common.body import BodyModel
+from common.errors import InputError
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from tests.support.bodies import person, puppet
+
+Array = NDArray[np.float64]
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def choose(model: BodyModel, rng: np.random.Generator) -> tuple[list[str], Array, Array]:
+    """Some names in any order, values of the others, and the whole pose (D,) with values of all."""
+    pose = rng.normal(scale=0.7, size=len(model.dof_names))
+    names = [str(name) for name in rng.permutation(np.array(model.dof_names))[: rng.integers(len(pose) + 1)]]
+    held = np.array(
+        [0.0 if name in names else value for name, value in zip(model.dof_names, pose, strict=True)]
+    )
+    return names, held, pose
+
+
+def values(model: BodyModel, full: BodyModel, pose: Array) -> Array:
+    """The pose (1, D') of a part of the body from the pose (D,) of the whole."""
+    return pose[None, [full.dof(name) for name in model.dof_names]]
+
+
+@given(seeds)
+def test_a_part_moves_the_body_as_the_whole_does(seed: int) -> None:
+    """Any subset, the others held at any pose: the same values place all vertices and joints alike."""
+    rng = np.random.default_rng(seed)
+    full = puppet(blended=False)
+    names, held, pose = choose(full, rng)
+    part = activate(full, names, held)
+    assert part.dof_names == tuple(name for name in full.dof_names if name in names)
+    for place in (pose_vertices, joint_positions):
+        np.testing.assert_allclose(place(part, values(part, full, pose)), place(full, pose[None]), atol=1e-12)
+
+
+@given(seeds)
+def test_a_part_bends_blended_skin_as_the_whole_does(seed: int) -> None:
+    """With the others at zero, skin that links share moves the same too."""
+    rng = np.random.default_rng(seed)
+    full = puppet()
+    names, held, pose = choose(full, rng)
+    pose = np.where(held == 0.0, pose, 0.0)
+    part = activate(full, names, np.zeros_like(pose))
+    moved = pose_vertices(part, values(part, full, pose))
+    assert len(names) == 0 or np.abs(moved[0] - full.vertices).max() > 1e-3
+    np.testing.assert_allclose(moved, pose_vertices(full, pose[None]), atol=1e-12)
+
+
+def test_the_held_pose_becomes_the_rest_pose() -> None:
+    """A hinge held bent is bent at rest, shared skin and all, whatever value is given for the active ones."""
+    full = puppet()
+    held = np.zeros(len(full.dof_names))
+    held[full.dof("l_elbow")] = -1.2
+    bent = pose_vertices(full, held[None])[0]
+    held[full.dof("r_elbow")] = 0.7
+    part = activate(full, ["r_elbow"], held)
+    np.testing.assert_allclose(part.vertices, bent, atol=1e-12)
+    assert np.abs(part.vertices - full.vertices).max() > 0.2
+
+
+def test_links_that_move_as_one_are_merged() -> None:
+    """With one hinge active there is the link that it moves and all the rest; limits and names stay."""
+    full = puppet()
+    part = activate(full, ["l_elbow"], np.zeros(len(full.dof_names)))
+    assert part.link_dofs.tolist() == [-1, 0]
+    assert part.parents.tolist() == [-1]
+    np.testing.assert_array_equal(part.limits, full.limits[[full.dof("l_elbow")]])
+    assert part.joint_names == full.joint_names
+    fore = full.joint_names.index("l_fore")
+    assert part.joint_links.tolist() == [int(j == fore) for j in range(len(full.joint_names))]
+
+
+def test_a_ball_stays_one_only_as_a_whole() -> None:
+    """All three rotations of a shoulder make a ball; two of them are single axes."""
+    full = puppet()
+    rest = np.zeros(len(full.dof_names))
+    assert activate(full, ["r_arm_3", "r_arm_1", "r_arm_2"], rest).balls.tolist() == [0]
+    assert activate(full, ["r_arm_1", "r_arm_2", "l_arm_3"], rest).balls.tolist() == []
+
+
+def test_nothing_active_is_a_statue() -> None:
+    """A body without degrees of freedom stands in the pose that is held."""
+    full = puppet()
+    pose = np.full(len(full.dof_names), 0.3)
+    statue = activate(full, [], pose)
+    np.testing.assert_allclose(
+        pose_vertices(statue, np.zeros((2, 0)))[1], pose_vertices(full, pose[None])[0], atol=1e-12
+    )
+
+
+def test_an_unknown_name_is_refused() -> None:
+    """The error names what was asked for, what is nearest to it, and where all choices are."""
+    full = puppet()
+    with pytest.raises(InputError) as caught:
+        activate(full, ["l_elbow", "r_elbo"], np.zeros(len(full.dof_names)))
+    assert "'r_elbo'" in str(caught.value)
+    assert "r_elbow" in str(caught.value).replace("'r_elbo'", "")
+    assert "gepf model dofs" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@given(seeds)
+def test_merged_weights_add_up(seed: int) -> None:
+    """Each link's weight on a vertex is the sum of what it had; the dominant link comes first, once."""
+    rng = np.random.default_rng(seed)
+    links, weights = rng.integers(4, size=(6, 5)), rng.random((6, 5))
+    merged_links, merged = merge_weights(links, weights)
+    assert merged.shape == weights.shape
+    for link in range(4):
+        before = np.where(links == link, weights, 0.0).sum(axis=1)
+        np.testing.assert_allclose(
+            np.where(merged_links == link, merged, 0.0).sum(axis=1), before, atol=1e-12
+        )
+        assert np.all(np.sum((merged_links == link) & (merged > 0.0), axis=1) <= 1)
+    assert np.all(np.diff(merged, axis=1) <= 0.0)
+
+
+def test_the_persons_skin_keeps_its_weights() -> None:
+    """Activation leaves every vertex of the human template with weights that sum to 1."""
+    np.testing.assert_allclose(person().skin_weights.sum(axis=1), 1.0, atol=1e-12)
+    assert len(person().link_names) < len(human().link_names)
+
+
+def test_the_same_content_has_the_same_hash() -> None:
+    """The hash depends on content alone: not on which object, nor on how its arrays lie in memory."""
+    model = puppet()
+    turned = replace(model, vertices=np.asfortranarray(model.vertices))
+    assert replace(model).hash == model.hash == turned.hash
+    assert activate(human(), DEFAULT_ACTIVE, np.zeros(186)).hash == person().hash
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(BodyModel)])
+def test_any_change_of_content_changes_the_hash(name: str) -> None:
+    """Every field counts."""
+    model = puppet()
+    value = getattr(model, name)
+    if isinstance(value, str):
+        other: Any = value + "'"
+    elif isinstance(value, tuple):
+        other = (value[0] + "'", *value[1:])
+    elif name == "axes":
+        other = -value
+    elif name == "skin_weights":
+        other = value[:, ::-1]
+    elif name in {"parents", "link_dofs"}:
+        other = np.where(np.arange(len(value)) == len(value) - 1, -1, value)
+    else:
+        other = value + np.ones_like(value)
+    assert replace(model, **{name: other}).hash != model.hash
+
+
+def test_a_models_arrays_are_its_own_and_frozen() -> None:
+    """No array can be written to, and changing what a model was made from does not change the model."""
+    vertices = puppet().vertices.copy()
+    model = replace(puppet(), vertices=vertices)
+    vertices[0] = 99.0
+    assert not np.any(model.vertices == 99.0)
+    arrays = [getattr(model, field.name) for field in fields(model)]
+    arrays = [array for array in arrays if isinstance(array, np.ndarray)]
+    assert len(arrays) == 13
+    for array in arrays:
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parents": np.arange(19)}, "before"),
+        ({"limits": np.zeros((3, 2))}, "limits"),
+        ({"link_dofs": np.full(8, 19)}, "link"),
+        ({"axes": np.full((19, 3), 0.9)}, "unit"),
+        ({"skin_weights": np.full((8 * 162, 2), 0.6)}, "sum to 1"),
+    ],
+)
+def test_a_model_that_contradicts_itself_is_refused(change: dict[str, Any], message: str) -> None:
+    """The error says what does not fit."""
+    with pytest.raises(ValueError, match=message):
+        replace(puppet(), **change)

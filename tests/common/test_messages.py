@@ -1,0 +1,376 @@
+"""Messages: what goes in comes out, and whatever else comes in is refused by an error of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import msgpack  # type: ignore[import-untyped]
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.errors import ProtocolError
+from common.frame import SubjectFrame
+from common.protocol import messages, wire
+from common.protocol.messages import (
+    RefineRequest,
+    decode_frame,
+    decode_live,
+    decode_model,
+    decode_refined,
+    decode_refusal,
+    decode_request,
+    encode_frame,
+    encode_live,
+    encode_live_end,
+    encode_model,
+    encode_refined,
+    encode_refusal,
+    encode_request,
+)
+from common.protocol.wire import MAX_REASON, PROTOCOL
+from common.refinement import Refined
+from common.settings import RefineSettings
+from worker.warm_up import tiny_frame, tiny_model
+
+COUNT, DOFS = 3, 6
+POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)
+
+
+def tiny_request() -> RefineRequest:
+    """A request as a coordinator sends it."""
+    return RefineRequest("run-1", 7, tiny_model().hash, RefineSettings(damping=0.25), POSES)
+
+
+def tiny_refined() -> Refined:
+    """A reply of the right shape, whatever fields it has."""
+    letters = {"N": COUNT, "D": DOFS}
+    shapes = {name: tuple(letters[str(d)] for d in dims) for name, (_, dims) in messages.REPLY_ARRAYS.items()}
+    return Refined(**{name: np.random.default_rng(0).random(shape) for name, shape in shapes.items()})
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of message with an example."""
+
+    payload: bytes
+    decode: Callable[[bytes], object]
+
+
+KINDS = {
+    "frame": Kind(encode_frame(tiny_frame()), decode_frame),
+    "live-frame": Kind(encode_live(tiny_frame().frame), decode_live),
+    "live-end": Kind(encode_live_end(), decode_live),
+    "model": Kind(encode_model(tiny_model()), decode_model),
+    "request": Kind(encode_request(tiny_request()), decode_request),
+    "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
+    "refusal": Kind(encode_refusal("no"), decode_refusal),
+}
+
+
+def changed(kind: str, change: Callable[[dict[str, Any]], object]) -> bytes:
+    """The example of a kind with a change, written by another library than ours."""
+    content = msgpack.unpackb(KINDS[kind].payload, strict_map_key=False)
+    change(content)
+    return bytes(msgpack.packb(content))
+
+
+def refuse(kind: str, payload: bytes, match: str) -> None:
+    """The payload must be refused with these words."""
+    with pytest.raises(ProtocolError, match=match):
+        KINDS[kind].decode(payload)
+
+
+def set_to(*path: str | int, value: object) -> Callable[[dict[str, Any]], None]:
+    """A change of one value."""
+
+    def change(content: Any) -> None:
+        for step in path[:-1]:
+            content = content[step]
+        content[path[-1]] = value
+
+    return change
+
+
+def packed(array: NDArray[Any]) -> list[object]:
+    """An array as it travels."""
+    return [array.dtype.str, list(array.shape), array.tobytes()]
+
+
+def same(one: object, other: object) -> bool:
+    """Equal in all fields, arrays by type and bytes."""
+    for field in fields(one):  # type: ignore[arg-type]
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(a, np.ndarray):
+            if (a.dtype, a.shape, a.tobytes()) != (b.dtype, b.shape, b.tobytes()):
+                return False
+        elif not (same(a, b) if hasattr(a, "__dataclass_fields__") else a == b):
+            return False
+    return True
+
+
+def test_frame_survives() -> None:
+    """Depth, camera, time, number, picked pixels and view arrive as they were."""
+    assert same(tiny_frame(), decode_frame(KINDS["frame"].payload))
+
+
+def test_model_survives() -> None:
+    """All fields of a model arrive as they were, so also its hash."""
+    model = decode_model(KINDS["model"].payload)
+    assert same(tiny_model(), model)
+    assert model.hash == tiny_model().hash
+
+
+@given(st.integers(1, 12), st.integers(1, 40), st.integers(0, 2**53 - 1))
+def test_request_survives(count: int, dofs: int, frame: int) -> None:
+    """Run, frame, model, settings and poses arrive as they were, for any number of them."""
+    poses = np.random.default_rng(frame).normal(size=(count, dofs))
+    request = replace(tiny_request(), poses=poses, frame=frame)
+    assert same(request, decode_request(encode_request(request)))
+
+
+def test_reply_survives() -> None:
+    """All fields of refined particles arrive as they were."""
+    assert same(tiny_refined(), decode_refined(KINDS["reply"].payload, (COUNT, DOFS)))
+
+
+def test_reply_may_be_infinite_but_for_its_poses() -> None:
+    """A particle that nothing was observed of has no likelihood; a pose that is no pose is refused."""
+    refined = tiny_refined()
+    refined.log_likelihood[0] = -np.inf
+    assert decode_refined(encode_refined(refined), (COUNT, DOFS)).log_likelihood[0] == -np.inf
+    refined.poses[0, 0] = np.inf
+    refuse("reply", encode_refined(refined), "poses holds values that are not finite")
+
+
+def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
+    """A stranger's reason is shown to people: as text."""
+    assert decode_refusal(encode_refusal("no\x1b[2J\r\nmore\u202e")).reason == "no [2J  more "
+
+
+def test_refusal_survives_in_part() -> None:
+    """A reason arrives, and whether it lasts; one that is too long arrives shortened."""
+    assert decode_refusal(KINDS["refusal"].payload).reason == "no"
+    assert decode_refusal(KINDS["refusal"].payload).lasting
+    assert not decode_refusal(encode_refusal("no", lasting=False)).lasting
+    assert decode_refusal(encode_refusal("x" * 5000)).reason == "x" * MAX_REASON
+
+
+def test_tables_know_every_array() -> None:
+    """Whoever adds an array to a model or a reply also says how it is checked."""
+    assert set(messages.REPLY_ARRAYS) == {field.name for field in fields(Refined)}
+    in_model = {f.name for f in fields(BodyModel) if isinstance(getattr(tiny_model(), f.name), np.ndarray)}
+    assert set(messages.MODEL_ARRAYS) == in_model
+
+
+def test_decoded_arrays_suit_the_kernel() -> None:
+    """Arrays own aligned writable memory, so that compiled kernels see one type of array only."""
+    poses = decode_request(KINDS["request"].payload).poses
+    assert poses.flags.writeable
+    assert poses.flags.aligned
+    assert poses.flags.c_contiguous
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_message_without_a_version_is_none(kind: str) -> None:
+    """Nobody can tell what it means."""
+    message = msgspec.msgpack.decode(KINDS[kind].payload)
+    del message["version"]
+    refuse(kind, msgspec.msgpack.encode(message), "version")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_other_version_names_both(kind: str) -> None:
+    """A message of another version is refused, and both versions are named."""
+    payload = changed(kind, set_to("version", value=PROTOCOL + 1))
+    refuse(kind, payload, f"protocol version {PROTOCOL + 1}, expected {PROTOCOL}")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_other_kind_is_refused(kind: str) -> None:
+    """A message of another kind is not taken for the one that is expected."""
+    other = "request" if kind == "refusal" else "refusal"
+    refuse(kind, KINDS[other].payload, f"not a .*{kind}.* message")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_unknown_fields_are_refused(kind: str) -> None:
+    """A message of this version has the fields of this version."""
+    refuse(kind, changed(kind, set_to("surprise", value=1)), "surprise")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_truncation_is_refused(kind: str) -> None:
+    """No beginning of a message passes for a message."""
+    payload = KINDS[kind].payload
+    for end in range(0, len(payload), max(1, len(payload) // 300)):
+        refuse(kind, payload[:end], f"not a .*{kind}.* message")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_mutations_end_in_our_error_or_pass(kind: str) -> None:
+    """Random changes of bytes never raise anything but ProtocolError."""
+    rng = np.random.default_rng(1)
+    refused = 0
+    for _ in range(1500):
+        payload = np.frombuffer(KINDS[kind].payload, dtype=np.uint8).copy()
+        where = rng.integers(0, min(len(payload), 400), size=rng.integers(1, 4))
+        payload[where] = rng.integers(0, 256, size=len(where))
+        try:
+            KINDS[kind].decode(payload.tobytes())
+        except ProtocolError:
+            refused += 1
+    assert refused > 100
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xc0",
+        b"\x91" * 100_000,
+        b"\x81\xa1x" + b"\x91" * 100_000,
+        b"\xdf\xff\xff\xff\xff",
+        b"\xc1",
+        b"Timeout",
+    ],
+    ids=["empty", "nil", "deep", "deep-field", "huge-map", "reserved", "text"],
+)
+def test_rubbish_is_refused(kind: str, payload: bytes) -> None:
+    """What is no message at all is refused."""
+    refuse(kind, payload, f"not a .*{kind}.* message")
+
+
+def test_too_large_is_refused_unread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A message above the limit is not even looked into."""
+    monkeypatch.setattr(wire, "MAX_BYTES", 100)
+    refuse("frame", b"\xc1" * 101, "101 bytes is above the limit of 100")
+
+
+def test_claimed_size_allocates_nothing() -> None:
+    """An array that claims to be huge is refused by its byte count."""
+    huge = set_to("poses", value=["<f8", [2**31 - 1, 2**31 - 1], b"12345678"])
+    refuse("request", changed("request", huge), "has 8 bytes, expected")
+
+
+BAD = {
+    "bytes": ("request", set_to("poses", 2, value=b"123"), "has 3 bytes, expected 144"),
+    "negative": ("request", set_to("poses", 1, value=[-3, -6]), "Expected `int` >= 0"),
+    "rank": ("request", set_to("poses", 1, value=[18]), r"has shape \(18,\), expected \(N, D\)"),
+    "dims": ("request", set_to("poses", 1, value=[1] * 9), "length <= 4"),
+    "dtype": ("request", set_to("poses", 0, value="|O"), "Invalid enum value '|O'"),
+    "other dtype": ("request", set_to("poses", 0, value="<i8"), "has dtype <i8, expected <f8"),
+    "nan pose": ("request", set_to("poses", value=packed(POSES * np.nan)), "poses holds values that are not"),
+    "no pose": ("request", set_to("poses", value=packed(POSES[:0])), "a batch has 1 to"),
+    "run": ("request", set_to("run", value="a/**"), "matching regex"),
+    "run line": ("request", set_to("run", value="a\n"), "matching regex"),
+    "hash": ("request", set_to("model", value="abc"), "matching regex"),
+    "frame": ("request", set_to("frame", value=-1), ">= 0"),
+    "iterations": (
+        "request",
+        set_to("settings", "icp_iterations", value=10**9),
+        "icp_iterations is 1000000000",
+    ),
+    "nan setting": ("request", set_to("settings", "damping", value=float("nan")), "setting damping"),
+    "setting": ("request", set_to("settings", "magic", value=1), "magic"),
+    "picked range": (
+        "frame",
+        set_to("picked", value=packed(np.array([5000], np.uint32))),
+        "picked points outside",
+    ),
+    "picked order": ("frame", set_to("picked", value=packed(np.array([5, 5], np.uint32))), "ascending order"),
+    "depth size": ("frame", set_to("intrinsics", "width", value=31), r"expected \(32, 31\)"),
+    "focal": ("frame", set_to("intrinsics", "fx", value=0.0), "must be above zero"),
+    "nan camera": ("frame", set_to("intrinsics", "cy", value=float("nan")), "camera holds values"),
+    "scale": ("frame", set_to("depth_scale", value=-1.0), "must be above zero"),
+    "time": ("frame", set_to("time_s", value=float("inf")), "time holds values"),
+    "view": ("frame", set_to("view", value=[3, 0, 2, 9]), "ends before it begins"),
+    "vertex": (
+        "model",
+        set_to("arrays", "triangles", value=packed(np.full((4, 3), 4))),
+        "triangles points outside",
+    ),
+    "link": ("model", set_to("arrays", "skin_links", value=packed(np.full((4, 1), -1))), "skin_links points"),
+    "ball": ("model", set_to("arrays", "balls", value=packed(np.array([4]))), "balls points outside"),
+    "parent": (
+        "model",
+        set_to("arrays", "parents", value=packed(np.arange(6))),
+        "contradicts itself: .*parent",
+    ),
+    "axes": ("model", set_to("arrays", "axes", value=packed(np.ones((6, 2)))), r"expected \(6, 3\)"),
+    "nan vertex": (
+        "model",
+        set_to("arrays", "vertices", value=packed(np.full((4, 3), np.nan))),
+        "vertices holds values that are not",
+    ),
+    "huge vertex": ("model", set_to("arrays", "vertices", value=packed(np.full((4, 3), 1e9))), "above 1000"),
+    "content": ("model", set_to("arrays", "vertices", value=packed(np.ones((4, 3)))), "names the hash"),
+    "lost field": ("model", lambda content: content["arrays"].pop("axes"), r"lacks fields \['axes'\]"),
+    "misplaced": ("model", set_to("texts", "kinds", value="x"), "has a field twice"),
+    "no pixels": (
+        "frame",
+        lambda content: (content["intrinsics"].update(width=0), content.update(depth=["<u2", [32, 0], b""])),
+        "a frame has 1 to 8388608 pixels, this one 0 by 32",
+    ),
+    "tiny focal": ("frame", set_to("intrinsics", "fx", value=1e-300), "a focal length is 1e-300"),
+    "far centre": ("frame", set_to("intrinsics", "cx", value=1e300), "the camera's centre is 1e\\+300"),
+    "picked nothing": ("frame", set_to("picked", value=packed(np.array([0], np.uint32))), "without depth"),
+    "many fields": (
+        "model",
+        set_to("texts", value={str(k): "" for k in range(51)}),
+        "Expected `object` of length <= 50",
+    ),
+    "far pose": ("request", set_to("poses", value=packed(POSES * 1e9)), "poses holds values above 100000"),
+    "no values": ("request", set_to("poses", value=packed(POSES[:, :0])), "a pose has 1 to 1000 values"),
+    "no noise": ("request", set_to("settings", "noise_depth", value=0.0), "noise_depth is 0, expected 1e-06"),
+    "negative setting": ("request", set_to("settings", "damping", value=-1.0), "damping is -1, expected 0"),
+    "limits": ("model", set_to("arrays", "limits", value=packed(np.tile([1.0, -1.0], (6, 1)))), "no room"),
+    "far limits": ("model", set_to("arrays", "limits", value=packed(np.full((6, 2), np.inf))), "no room"),
+    "reply likelihood": (
+        "reply",
+        set_to("arrays", "log_likelihood", value=packed(np.full(3, np.inf))),
+        "log_likelihood holds values that are not finite",
+    ),
+    "reply count": ("reply", set_to("arrays", "poses", value=packed(POSES[:2])), r"expected \(3, 6\)"),
+    "reply field": ("reply", set_to("arrays", "more", value=packed(POSES)), r"unknown fields \['more'\]"),
+    "reply pose": ("reply", set_to("arrays", "poses", value=packed(POSES * 1e9)), "poses holds values above"),
+    "reply unlikelihood": (
+        "reply",
+        set_to("arrays", "log_likelihood", value=packed(np.full(3, -1e300))),
+        "log_likelihood holds values above 1e\\+100",
+    ),
+    "reply residual": (
+        "reply",
+        set_to("arrays", "residual", value=packed(np.full(3, -1.0))),
+        "residual holds values below zero",
+    ),
+    "reply nan": ("reply", set_to("arrays", "residual", value=packed(np.full(3, np.nan))), "are not numbers"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_nonsense_is_refused_and_named(case: str) -> None:
+    """Each fault is refused with a message that says what is wrong."""
+    kind, change, match = BAD[case]
+    refuse(kind, changed(kind, change), match)
+
+
+def test_big_endian_arrays_travel_as_little_endian() -> None:
+    """The byte order of the sender's memory makes no difference."""
+    request = replace(tiny_request(), poses=POSES.astype(">f8"))
+    assert encode_request(request) == KINDS["request"].payload
+
+
+def test_frames_of_any_camera_survive() -> None:
+    """A crop that lies outside of the image and has no picked pixel is a frame, too."""
+    frame = replace(tiny_frame().frame, depth=np.zeros((32, 32), np.uint16))
+    camera = msgspec.structs.replace(frame.intrinsics, cx=-100.0)
+    subject = SubjectFrame(replace(frame, intrinsics=camera), np.zeros(0, np.uint32), (-50, -60, 10, 0))
+    assert same(subject, decode_frame(encode_frame(subject)))

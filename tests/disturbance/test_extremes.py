@@ -1,0 +1,137 @@
+"""Whatever the decoders accept the worker computes, in bounded time, and the coordinator accepts in turn."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.bounds import LARGEST_LOG_LIKELIHOOD, LARGEST_POSE, MOST_PIXELS, check_work
+from common.errors import ProtocolError
+from common.protocol.messages import decode_refined, encode_refined
+from common.refinement import Refined
+from common.settings import RefineSettings, preset
+from coordinator.filters.gradient_enhanced import advance, begin
+from tests.disturbance.fuzz import fuzz_kernel
+from tests.pool.test_pool import MODEL, POSES
+from tests.support.extremes import Extremes
+from worker.kernel.icp import give_up_flown, refine
+from worker.kernel.observation import observe
+from worker.kernel.surface import lay_out
+from worker.kernel.visibility import LARGEST_SIDE, draw_front, lay_out_view
+from worker.warm_up import tiny_frame, tiny_model
+
+
+def test_extreme_requests_get_answers_that_make_sense() -> None:
+    """No error, no warning, no number that is none, whatever is asked within the bounds."""
+    report = fuzz_kernel(60, seed=0)
+    report.check()
+    assert report.outcomes["served"] > 5
+    assert report.outcomes.total() == 60
+
+
+def test_noise_that_is_a_million_times_another() -> None:
+    """Depth so heavy that Eq. 4 is singular in all other directions, as a mutated message had it."""
+    settings = RefineSettings(noise_lateral=1e6)
+    refined = refine(MODEL, observe(tiny_frame()), POSES[:3], settings)
+    decode_refined(encode_refined(refined), POSES[:3].shape)
+    assert np.all(np.isfinite(refined.log_likelihood))
+
+
+@pytest.mark.parametrize("ratio", [1e4, 1e6])
+def test_mean_distance_is_none_below_zero(ratio: float) -> None:
+    """With depth stretched a lot, which rounds away all else, a residual is still a number."""
+    settings = RefineSettings(noise_depth=0.01 / ratio)
+    refined = refine(MODEL, observe(tiny_frame()), POSES[:5], settings)
+    assert np.all(refined.residual >= 0.0)
+    assert np.all(np.isfinite(refined.log_likelihood))
+
+
+def test_what_flew_away_is_back_where_it_began_and_explains_nothing() -> None:
+    """A particle beyond all numbers spoils no other one of its batch."""
+    poses = np.arange(12.0).reshape(6, 2)
+    flown = poses + 1.0
+    flown[0, 1], flown[1, 0] = np.nan, 1e30
+    log_likelihood = np.array([-1.0, -1.0, np.nan, np.inf, -1.0, -np.inf])
+    residual = np.array([0.1, 0.1, 0.1, 0.1, np.nan, np.inf])
+    good = flown[5].copy()
+    give_up_flown(poses, flown, log_likelihood, residual)
+    np.testing.assert_array_equal(flown, [*poses[:5], good])
+    np.testing.assert_array_equal(log_likelihood, np.full(6, -np.inf))
+    np.testing.assert_array_equal(residual, np.full(6, np.inf))
+    moved, explained = poses + 1.0, np.full(6, -1.0)
+    give_up_flown(poses, moved, explained, np.full(6, 0.1))
+    np.testing.assert_array_equal(moved, poses + 1.0)
+    assert explained.tolist() == [-1.0] * 6
+
+
+def test_work_without_end_is_refused() -> None:
+    """Each number of a request is within its bounds, and all together would take days."""
+    check_work(RefineSettings(icp_iterations=6), (1000, 30), 10_000, 7_000)
+    many = RefineSettings(icp_iterations=100, gauss_newton_iterations=100)
+    for shape, points, vertices in (((1, 1000), 1, 1), ((1000, 30), 10_000, 7_000), ((2_000, 6), 1, 1)):
+        with pytest.raises(ProtocolError, match="steps of work, expected 1e"):
+            check_work(many, shape, points, vertices)
+    with pytest.raises(ProtocolError, match="steps of work"):
+        refine(MODEL, observe(tiny_frame()), np.tile(POSES, (200, 1)), many)
+
+
+def test_drawing_ends() -> None:
+    """However many triangles fill the picture, so many pixels are drawn and no more."""
+    side = LARGEST_SIDE
+    corners = np.array([[0.0, 0.0], [0.0, 2.0 * side], [2.0 * side, 0.0]])  # the last of them is nearest
+    full = MOST_PIXELS // side**2
+    view = lay_out_view(3 * (full + 1))
+    view.image[:] = np.tile(corners, (full + 1, 1))
+    view.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
+    buffer = np.empty((side, side), dtype=np.float32)
+    triangles = np.arange(3 * (full + 1), dtype=np.uint32).reshape(-1, 3)
+    draw_front(view, triangles, 0, 0, buffer)
+    assert np.all(view.front)
+    np.testing.assert_allclose(buffer.min(), view.posed[3 * full - 1, 2])
+
+
+def test_what_is_laid_out_goes_with_its_model() -> None:
+    """A worker keeps nothing of a model that it has forgotten."""
+    model = replace(MODEL, name="short-lived")
+    assert lay_out(model) is lay_out(model)
+    surface = weakref.ref(lay_out(model)[1].vertices)
+    assert surface() is not None
+    del model
+    gc.collect()
+    assert surface() is None
+
+
+def test_settings_of_extremes_are_all_settings() -> None:
+    """A setting that is added is made extreme, too."""
+    seen: dict[str, set[object]] = {}
+    for case in Extremes(1).accepted(60):
+        for name, value in msgspec.structs.asdict(case.request.settings).items():
+            seen.setdefault(name, set()).add(value)
+    assert all(len(values) > 1 for values in seen.values())
+
+
+@pytest.mark.parametrize("name", ["paper", "default"])
+def test_a_filter_survives_any_answer(name: str) -> None:
+    """A worker that makes all of it up ends no coordinator: what is believed stays a number."""
+    settings, rng, liar = preset(name).filter, np.random.default_rng(0), np.random.default_rng(1)
+    model = tiny_model()
+
+    def make_up(poses: NDArray[np.float64]) -> Refined:
+        made_up = liar.choice([0.0, 1e-300, 1.0, -1.0, LARGEST_POSE, -LARGEST_POSE], size=poses.shape)
+        log_likelihood = liar.choice(
+            [-np.inf, 0.0, -LARGEST_LOG_LIKELIHOOD, LARGEST_LOG_LIKELIHOOD], len(poses)
+        )
+        answer = Refined(made_up, log_likelihood, liar.choice([0.0, 1e300, np.inf], len(poses)))
+        return decode_refined(encode_refined(answer), poses.shape)
+
+    belief = begin(model, POSES[0], settings)
+    for _ in range(30):
+        belief = advance(model, belief, make_up, settings, rng)
+        assert np.all(np.isfinite(belief.reported))
+        assert np.all(np.isfinite(belief.covariances))

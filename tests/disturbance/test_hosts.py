@@ -1,0 +1,270 @@
+"""Coordinator, router and three workers, each a network host of its own, on a network that fails."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from coordinator.pool.scheduler import WINDOW
+from tests.support.network import Host, Network, NotAllowed, Weather
+from tests.support.small_sequence import write_small_sequence
+from tests.support.warm_processes import Workers, coordinate, start
+
+pytestmark = pytest.mark.slow
+
+FRAMES = 80
+BUSY = 0.1  # seconds that a worker takes over a batch at least, so that the run lasts
+BAD = Weather(loss=0.05, delay=0.02)
+WORKERS = ("w0", "w1", "w2")
+PATIENCE = 180.0  # seconds for whatever must happen, on a busy machine, too
+PORT = 7447
+DONE = "a batch is done"
+
+
+def route(address: str) -> None:
+    """`gepf router`."""
+    from coordinator.cli import main
+
+    main(["router", "--listen", f"tcp/{address}:{PORT}", "--insecure"])
+
+
+def work_slowly(endpoint: str, name: str) -> None:
+    """`gepf-worker`, with a long task in each batch; says when it has done one."""
+    from tests.support.warm_kernel import KERNEL
+    from worker.cli import Place, exit_with, serve
+    from worker.service import Kernel
+
+    def refine(*asked: Any) -> Any:
+        time.sleep(BUSY)
+        refined = KERNEL.refine(*asked)
+        sys.stderr.write(f"{DONE}\n")
+        return refined
+
+    exit_with(lambda: serve(Place((endpoint,), name), lambda: Kernel(KERNEL.observe, refine), tied=False))
+
+
+class Site:
+    """Processes on hosts of their own, and the run that they are at."""
+
+    def __init__(self, network: Network, sequence: Path, folder: Path, weather: Weather | None) -> None:
+        self.network = network
+        self.sequence = sequence
+        self.folder = folder
+        self.hosts = {name: network.host(name) for name in ("coordinator", "router")}
+        self.hosts |= {name: network.host(name, weather) for name in WORKERS}
+        self.endpoint = f"tcp/{self.hosts['router'].address}:{PORT}"
+        self.processes: dict[str, BaseProcess] = {}
+
+    @property
+    def run(self) -> Path:
+        """The folder of the run."""
+        return self.folder / "run"
+
+    @property
+    def recorded(self) -> int:
+        """Bytes of the frames that are recorded so far."""
+        log = self.run / "frames.log"
+        return log.stat().st_size if log.exists() else 0
+
+    def start_router(self) -> None:
+        """Let all meet."""
+        self._start("router", route, self.hosts["router"].address)
+
+    def start_all(self) -> None:
+        """The router, the workers and the run; returns when frames are recorded and all workers take part."""
+        self.start_router()
+        for name in WORKERS:
+            self._start(name, work_slowly, self.endpoint, name)
+        own = f"unixsock-stream/{self.folder}/bus"  # where nobody connects
+        self._start("coordinator", coordinate, self.sequence, self.run, own, "--connect", self.endpoint)
+        self.await_answers(WORKERS)
+        self.await_progress()
+
+    def end(self, name: str) -> None:
+        """End a process, at once."""
+        process = self.processes.pop(name)
+        process.kill()
+        process.join()
+
+    def count(self, who: str, line: str) -> int:
+        """How often a process has said something."""
+        log = self.folder / f"{who}.txt"
+        return log.read_text().count(line) if log.exists() else 0
+
+    def await_leaving(self, workers: Iterable[str]) -> None:
+        """Return when the run knows that these workers are gone."""
+        for name in workers:
+            self.wait_until(partial(self._is_gone, name), f"{name} leaves")
+
+    def await_answers(self, workers: Iterable[str]) -> None:
+        """Return when each of these workers is there, has done batches from now on, and was heard.
+
+        More than `WINDOW` of them, that is: it is given no more until one is answered.
+        """
+        for name in workers:
+            self.wait_until(partial(self._is_there, name), f"{name} joins")
+            self.await_batches(name, WINDOW + 1)
+
+    def await_batches(self, worker: str, more: int) -> None:
+        """Return when a worker has done so many more batches."""
+        enough = self.count(worker, DONE) + more
+        self.wait_until(lambda: self.count(worker, DONE) >= enough, f"{worker} works")
+
+    def await_progress(self) -> None:
+        """Return when the run has recorded frames more."""
+        before = self.recorded
+        self.wait_until(lambda: self.recorded > before, "a frame is recorded")
+
+    def wait_until(self, happened: Callable[[], bool], what: str) -> None:
+        """Return when something has happened, while the run goes on."""
+        deadline = time.monotonic() + PATIENCE
+        while not happened():
+            assert "coordinator" not in self.processes or self.processes["coordinator"].is_alive(), (
+                f"the run ended before: {what}\n{self.story()}"
+            )
+            assert time.monotonic() < deadline, f"waited in vain until {what}\n{self.story()}"
+            time.sleep(0.01)
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for the end of the run; gives its summary."""
+        process = self.processes["coordinator"]
+        process.join(PATIENCE)
+        assert process.exitcode == 0, self.story()
+        summary: dict[str, Any] = json.loads((self.run / "summary.json").read_text())
+        return summary
+
+    def story(self) -> str:
+        """What all have said."""
+        return "\n".join(f"{path.name}:\n{path.read_text()}" for path in sorted(self.folder.glob("*.txt")))
+
+    def _is_there(self, worker: str) -> bool:
+        return self._comings(worker) > self._goings(worker)
+
+    def _is_gone(self, worker: str) -> bool:
+        return self._comings(worker) == self._goings(worker)
+
+    def _comings(self, worker: str) -> int:
+        return self.count("coordinator", f"worker {worker} joined")
+
+    def _goings(self, worker: str) -> int:
+        return self.count("coordinator", f"worker {worker} left")
+
+    def _start(self, name: str, do: Callable[..., None], *arguments: object) -> None:
+        log = self.folder / f"{name}.txt"
+        self.processes[name] = self.hosts[name].start(do, *arguments, log=log)
+
+
+@contextmanager
+def site(calm: Path, folder: Path, weather: Weather | None = None) -> Iterator[Site]:
+    """Hosts, and on them a run that has begun; nothing runs on them afterwards."""
+    with network_or_skip(folder / "cables.txt") as network:
+        site = Site(network, calm.parent / "sequence", folder, weather)
+        try:
+            site.start_all()
+            yield site
+        finally:
+            for name in list(site.processes):
+                site.end(name)
+
+
+@contextmanager
+def network_or_skip(log: Path) -> Iterator[Network]:
+    """A network, where that is allowed."""
+    try:
+        network = Network(log)
+    except NotAllowed as error:
+        pytest.skip(f"no network hosts can be made here: {error}")
+    with network:
+        yield network
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calm run of the sequence beside it, with one worker of the same host."""
+    folder = tmp_path_factory.mktemp("hosts")
+    write_small_sequence(folder / "sequence", FRAMES)
+    endpoint = f"unixsock-stream/{folder}/bus"
+    with Workers((endpoint,), folder / "worker.txt") as workers:
+        workers.start("w0")
+        run = start(coordinate, folder / "sequence", folder / "calm", endpoint, log=folder / "log.txt")
+        run.join()
+    assert run.exitcode == 0, (folder / "log.txt").read_text()
+    return folder / "calm"
+
+
+def assert_same(site: Site, calm: Path) -> dict[str, Any]:
+    """The run ends, and its track has the bytes of the calm one; gives its summary."""
+    summary = site.finish()
+    assert (site.run / "track.npz").read_bytes() == (calm / "track.npz").read_bytes()
+    assert summary["frames"] == FRAMES
+    return summary
+
+
+def test_a_run_across_hosts_has_the_bytes_of_a_local_one(calm: Path, tmp_path: Path) -> None:
+    """All three workers take part, through the router, sharing no memory."""
+    with site(calm, tmp_path) as hosts:
+        summary = assert_same(hosts, calm)
+        assert summary["workers_seen"] == list(WORKERS)
+
+
+def test_a_worker_whose_cable_is_pulled_and_put_back_is_given_work_again(calm: Path, tmp_path: Path) -> None:
+    """What it was at is sent elsewhere, the others go on, and it takes part again: no byte changes."""
+    with site(calm, tmp_path) as hosts:
+        hosts.network.pull(hosts.hosts["w0"])
+        hosts.await_leaving(["w0"])
+        hosts.await_progress()
+        hosts.network.put_back(hosts.hosts["w0"])
+        hosts.await_answers(["w0"])
+        assert assert_same(hosts, calm)["batches_sent_again"] > 0
+
+
+@pytest.mark.parametrize("host", ["coordinator", "router"])
+def test_a_run_waits_while_it_is_cut_off_from_all_workers(calm: Path, tmp_path: Path, host: str) -> None:
+    """The coordinator's cable is pulled and put back, or the router's; all find each other again."""
+    with site(calm, tmp_path) as hosts:
+        hosts.network.pull(hosts.hosts[host])
+        hosts.await_leaving(WORKERS)
+        before = hosts.recorded
+        time.sleep(1.0)
+        assert hosts.recorded == before
+        hosts.network.put_back(hosts.hosts[host])
+        hosts.await_answers(WORKERS)
+        assert assert_same(hosts, calm)["batches_sent_again"] > 0
+
+
+def test_a_network_that_loses_and_delays_packets_changes_no_byte(calm: Path, tmp_path: Path) -> None:
+    """5 % loss and 20 ms delay on the cable of each worker, either way."""
+    with site(calm, tmp_path, BAD) as hosts:
+        assert_same(hosts, calm)
+        for name in WORKERS:
+            assert_bad(hosts.network, hosts.hosts[name])
+
+
+def assert_bad(network: Network, host: Host) -> None:
+    """A host's cable has lost and delayed packets, and its kernel has noticed."""
+    tally = network.tallies[host.name]
+    assert BAD.loss / 2 < tally.share_lost < BAD.loss * 2
+    assert tally.quickest >= BAD.delay
+    assert host.segments_sent_again > 0
+
+
+def test_a_router_that_is_started_again_changes_no_byte(calm: Path, tmp_path: Path) -> None:
+    """Killed in mid-run; all find each other at the new one."""
+    with site(calm, tmp_path) as hosts:
+        first = hosts.processes["router"].pid
+        hosts.end("router")
+        hosts.await_leaving(WORKERS)
+        hosts.start_router()
+        hosts.await_answers(WORKERS)
+        assert hosts.processes["router"].pid != first
+        assert assert_same(hosts, calm)["batches_sent_again"] > 0
+        assert hosts.processes["router"].is_alive()

@@ -1,0 +1,146 @@
+"""glTF: valid by Khronos' own validator, and the skinned surface is the tracked one in every frame."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from common.body import BodyModel
+from common.kinematics import pose_vertices
+from coordinator.exports import export_run
+from coordinator.exports.recorded import CAMERA_TO_Y_UP
+from tests.support.bodies import hinges, person, puppet, random_body
+from tests.support.runs import RATE, swing, write_run
+
+Array = NDArray[np.float64]
+
+MILLIMETRE = 1e-3
+BODIES: dict[str, Callable[[], BodyModel]] = {
+    "person": person,
+    "puppet": puppet,
+    "hinges": hinges,
+    "random": lambda: random_body(np.random.default_rng(5)),
+}
+VALIDATOR = Path(sys.prefix) / "node_modules" / "gltf-validator"
+VALIDATE = """
+const validator = require(process.argv[1]);
+const data = new Uint8Array(require("fs").readFileSync(process.argv[2]));
+validator.validateBytes(data).then((report) => console.log(JSON.stringify(report)));
+"""
+
+
+@pytest.mark.skipif(
+    not (shutil.which("node") and VALIDATOR.is_dir()) and "CI" not in os.environ,
+    reason="node or npm's gltf-validator is not in the environment; where CI is set, that is a failure",
+)
+@pytest.mark.parametrize("form", ["glb", "gltf"])
+@pytest.mark.parametrize("body", BODIES)
+def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str, form: str) -> None:
+    """No error and no warning, for one frame and for several."""
+    model = BODIES[body]()
+    for frames in (1, 5):
+        write_run(tmp_path / f"run{frames}", model, swing(model, frames))
+        file = tmp_path / f"{frames}.{form}"
+        export_run(tmp_path / f"run{frames}", form, file)
+        done = subprocess.run(
+            ["node", "-e", VALIDATE, str(VALIDATOR), str(file)], capture_output=True, text=True, check=True
+        )
+        issues = json.loads(done.stdout)["issues"]
+        assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:3]
+
+
+def array_of(gltf: Any, number: int) -> NDArray[Any]:
+    """An accessor's values (N, ...)."""
+    accessor = gltf.accessors[number]
+    view = gltf.bufferViews[accessor.bufferView]
+    kind = {5121: "u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
+    data = np.frombuffer(gltf.binary_blob(), kind, accessor.count * width, view.byteOffset)
+    return data.reshape(accessor.count, width)
+
+
+def world_matrices(gltf: Any, f: int) -> dict[str, Array]:
+    """Node name -> its 4x4 place in the world at keyframe f."""
+    turns: dict[int, NDArray[Any]] = {}
+    places = {n: np.array(node.translation or (0, 0, 0)) for n, node in enumerate(gltf.nodes)}
+    animation = gltf.animations[0]
+    for channel in animation.channels:
+        values = array_of(gltf, animation.samplers[channel.sampler].output)[f]
+        (turns if channel.target.path == "rotation" else places)[channel.target.node] = values
+    world: dict[str, Array] = {}
+
+    def descend(n: int, above: Array) -> None:
+        here = np.eye(4)
+        here[:3, :3] = Rotation.from_quat(turns.get(n, (0, 0, 0, 1))).as_matrix()
+        here[:3, 3] = places[n]
+        world[gltf.nodes[n].name] = above @ here
+        for child in gltf.nodes[n].children or []:
+            descend(child, above @ here)
+
+    for n in gltf.scenes[0].nodes:
+        descend(n, np.eye(4))
+    return world
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_joints_and_skin_lie_where_the_track_has_them(tmp_path: Path, body: str) -> None:
+    """Skinning by glTF's own rule: joints and every vertex within a tenth of a millimetre."""
+    model = BODIES[body]()
+    track = write_run(tmp_path / "run", model, swing(model, 4))
+    export_run(tmp_path / "run", "glb", tmp_path / "x.glb")
+    gltf = pygltflib.GLTF2.load(str(tmp_path / "x.glb"))
+    assert gltf is not None
+    surface = pose_vertices(model, track.pose) @ CAMERA_TO_Y_UP
+    parts = gltf.meshes[0].primitives[0].attributes
+    rest = np.pad(array_of(gltf, parts.POSITION), ((0, 0), (0, 1)), constant_values=1.0)
+    joints, weights = array_of(gltf, parts.JOINTS_0), array_of(gltf, parts.WEIGHTS_0)
+    back = array_of(gltf, gltf.skins[0].inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)
+    for f in range(4):
+        world = world_matrices(gltf, f)
+        read = np.array([world[name][:3, 3] for name in model.joint_names])
+        assert np.abs(read - track.joint_positions[f] @ CAMERA_TO_Y_UP).max() < 0.1 * MILLIMETRE
+        bones = np.array([world[gltf.nodes[n].name] for n in gltf.skins[0].joints]) @ back
+        posed = np.einsum("vk,vkij,vj->vi", weights, bones[joints], rest)[:, :3]
+        assert np.abs(posed - surface[f]).max() < 0.1 * MILLIMETRE
+
+
+def test_times_status_and_frames_are_told(tmp_path: Path) -> None:
+    """Seconds from zero at the run's rate; what was lost stands in `extras`."""
+    write_run(tmp_path / "run", person(), swing(person(), 4), lost=(1,))
+    export_run(tmp_path / "run", "glb", tmp_path / "x.glb")
+    gltf = pygltflib.GLTF2.load(str(tmp_path / "x.glb"))
+    assert gltf is not None
+    animation = gltf.animations[0]
+    np.testing.assert_allclose(
+        array_of(gltf, animation.samplers[0].input).ravel(), np.arange(4) / RATE, atol=1e-6
+    )
+    assert animation.extras == {
+        "frame": [100, 101, 102, 103],
+        "status": ["tracked", "lost", *["tracked"] * 2],
+    }
+
+
+@pytest.mark.parametrize("form", ["glb", "gltf"])
+def test_another_library_reads_the_surface(tmp_path: Path, form: str) -> None:
+    """trimesh finds one closed surface, outside out, with as many corners and faces as the body."""
+    write_run(tmp_path / "run", person(), swing(person(), 2))
+    export_run(tmp_path / "run", form, tmp_path / f"x.{form}")
+    scene = trimesh.load_scene(tmp_path / f"x.{form}")
+    (mesh,) = scene.geometry.values()
+    assert isinstance(mesh, trimesh.Trimesh)
+    assert (len(mesh.vertices), len(mesh.faces)) == (len(person().vertices), len(person().triangles))
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(0.07, abs=0.04)

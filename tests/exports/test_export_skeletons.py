@@ -1,0 +1,95 @@
+"""Exports that carry a skeleton or markers, opened by readers that are not ours."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trc
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from coordinator.exports import export_run
+from coordinator.exports.recorded import CAMERA_TO_Y_UP
+from coordinator.exports.trc import CAMERA_TO_OPENSIM
+from tests.support.bodies import hinges, person, puppet, random_body
+from tests.support.runs import RATE, swing, write_run
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # it imports a package by its old name
+    import bvhio
+
+Array = NDArray[np.float64]
+
+MILLIMETRE = 1e-3
+BODIES: dict[str, Callable[[], BodyModel]] = {
+    "person": person,
+    "puppet": puppet,
+    "hinges": hinges,
+    **{f"random {n}": lambda n=n: random_body(np.random.default_rng(n)) for n in range(4)},  # type: ignore[misc]
+}
+
+
+def bvh_joints(path: Path, names: tuple[str, ...], frames: int) -> Array:
+    """Places (F, J, 3) of named joints in centimetres, as bvhio works them out of the file's angles."""
+    root = bvhio.readAsHierarchy(str(path))
+    places = np.empty((frames, len(names), 3))
+    for f in range(frames):
+        root.loadPose(f)
+        by_name = {joint.Name: joint for joint, _, _ in root.layout()}
+        places[f] = [tuple(by_name[name].PositionWorld) for name in names]
+    return places
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_a_bvh_reader_finds_every_joint_where_the_track_has_it(tmp_path: Path, body: str) -> None:
+    """bvhio's own forward kinematics from the angles: within a millimetre, whatever the tree of joints."""
+    model = BODIES[body]()
+    track = write_run(tmp_path / "run", model, swing(model, 6))
+    export_run(tmp_path / "run", "bvh", tmp_path / "run.bvh")
+    read = bvh_joints(tmp_path / "run.bvh", model.joint_names, 6) / 100.0
+    expected = track.joint_positions @ CAMERA_TO_Y_UP
+    assert np.abs(read - expected).max() < 0.1 * MILLIMETRE
+
+
+def test_a_bvh_has_the_rate_the_names_and_the_tree_of_the_run(tmp_path: Path) -> None:
+    """Frame time, one root, a limb's joints in a row, and an end for each."""
+    write_run(tmp_path / "run", person(), swing(person(), 3))
+    export_run(tmp_path / "run", "bvh", tmp_path / "run.bvh")
+    read = bvhio.readAsBvh(str(tmp_path / "run.bvh"))
+    assert (read.FrameTime, read.FrameCount) == (pytest.approx(1.0 / RATE), 3)
+    assert read.Root.Name == "pelvis"
+    above = {child.Name: joint.Name for joint, _, _ in read.Root.layout() for child in joint.Children}
+    assert (above["right_wrist"], above["right_elbow"]) == ("right_elbow", "right_shoulder")
+    assert set(person().joint_names) <= {"pelvis", *above}
+
+
+@pytest.mark.parametrize("body", ["person", "puppet"])
+def test_a_trc_reader_finds_every_marker_where_the_track_has_it(tmp_path: Path, body: str) -> None:
+    """Names, rate, times and places; lost frames have no markers."""
+    model = BODIES[body]()
+    track = write_run(tmp_path / "run", model, swing(model, 5), lost=(2,))
+    export_run(tmp_path / "run", "trc", tmp_path / "run.trc")
+    read: Any = trc.TRCData()
+    read.load(str(tmp_path / "run.trc"))
+    assert tuple(read["Markers"]) == model.joint_names
+    assert (read["DataRate"], read["Units"], read["NumFrames"]) == (RATE, "mm", 5)
+    np.testing.assert_allclose(read["Time"], track.time_s, atol=1e-6)
+    places = np.swapaxes([read[name] for name in model.joint_names], 0, 1) / 1000.0  # (F, J, 3)
+    assert np.isnan(places[2]).all()
+    kept = [0, 1, 3, 4]
+    assert np.abs(places[kept] - track.joint_positions[kept] @ CAMERA_TO_OPENSIM.T).max() < 0.01 * MILLIMETRE
+
+
+def test_both_turn_the_camera_without_mirroring_it() -> None:
+    """A mirrored axis would exchange left and right; a person who faces the camera faces forward."""
+    up, forward, left = (0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+    for turn, axes in ((CAMERA_TO_Y_UP, "yzx"), (CAMERA_TO_OPENSIM, "yxz")):
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+        for direction, axis in zip((up, forward), axes, strict=False):
+            np.testing.assert_array_equal(turn @ direction, np.eye(3)["xyz".index(axis)])
+        assert (turn @ left)["xyz".index(axes[2])] == (1.0 if turn is CAMERA_TO_Y_UP else -1.0)

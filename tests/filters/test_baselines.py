@@ -1,0 +1,168 @@
+"""The baselines: their laws, and what they do with a perfect likelihood and with a real arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from common.kinematics import retract
+from common.refinement import Refined
+from common.settings import FilterSettings
+from coordinator.filters.annealed import find_power, survival
+from coordinator.filters.belief import Belief, mean_pose
+from coordinator.filters.methods import METHODS
+from tests.support.bodies import hinges, puppet
+
+Array = NDArray[np.float64]
+
+SETTINGS = FilterSettings(particles=300, diffusion_deg=2.0, layers=8)
+BASELINES = ("condensation", "annealed")
+seeds = st.integers(0, 2**32 - 1)
+
+
+def peak(centre: Array, deviation: float) -> Callable[[Array], Refined]:
+    """A Gaussian likelihood of two hinges about a pose (2,)."""
+
+    def assess(poses: Array) -> Refined:
+        apart = np.linalg.norm(poses - centre, axis=1)
+        return Refined(poses, -0.5 * (apart / deviation) ** 2, apart)
+
+    return assess
+
+
+def follow(
+    method: str, path: Array, deviation: float, settings: FilterSettings, seed: int = 0
+) -> list[Belief]:
+    """A method after each frame of a path (F, 2) of the likelihood's peak."""
+    begin, advance = METHODS[method]
+    rng, found = np.random.default_rng(seed), [begin(hinges(), path[0], settings)]
+    for centre in path:
+        found.append(advance(hinges(), found[-1], peak(centre, deviation), settings, rng))
+    return found[1:]
+
+
+# The annealing schedule
+
+
+@given(
+    st.lists(st.floats(-1e4, 1e4), min_size=4, max_size=50, unique=True).filter(
+        lambda v: max(v) - sorted(v)[-2] > 1e-3
+    ),
+    st.floats(0.3, 0.95),
+)
+def test_the_survival_rate_is_reached(log_likelihood: list[float], rate: float) -> None:
+    """With the power that is found, that share of the particles survives, whatever the likelihoods."""
+    values = np.array(log_likelihood)
+    assert survival(values, find_power(values, rate)) == pytest.approx(rate, abs=1e-3)
+
+
+def test_equal_particles_all_survive() -> None:
+    """Where particles are equally likely no power kills any, and the search ends all the same."""
+    for values in (np.zeros(10), np.full(10, -np.inf)):
+        assert survival(values, find_power(values, 0.5)) == pytest.approx(1.0)
+
+
+def test_layers_diffuse_less_and_less() -> None:
+    """From layer to layer the noise shrinks by the survival rate; each asks for as many evaluations."""
+    asked: list[Array] = []
+
+    def flat(poses: Array) -> Refined:
+        asked.append(poses.copy())
+        return Refined(np.zeros_like(poses), np.zeros(len(poses)), np.zeros(len(poses)))
+
+    settings = msgspec.structs.replace(SETTINGS, particles=4000, layers=4, survival_rate=0.25)
+    begin, advance = METHODS["annealed"]
+    advance(hinges(), begin(hinges(), np.zeros(2), settings), flat, settings, np.random.default_rng(0))
+    assert [len(poses) for poses in asked] == [4000] * 4
+    spread = np.array([poses.std() for poses in asked])
+    np.testing.assert_allclose(spread, np.deg2rad(2.0) * 0.5 ** np.arange(4), rtol=0.05)
+
+
+# Both
+
+
+@pytest.mark.parametrize("method", BASELINES)
+def test_a_still_peak_is_found_exactly_on_average(method: str) -> None:
+    """The mean of many runs is the peak: neither drawing nor diffusing draws it to a side."""
+    path = np.tile([0.3, -0.2], (3, 1))
+    means = [follow(method, path, 0.05, SETTINGS, seed)[-1].reported for seed in range(40)]
+    error = np.std(means, axis=0) / np.sqrt(len(means))
+    np.testing.assert_array_less(np.abs(np.mean(means, axis=0) - path[0]), 4.0 * error)
+
+
+@pytest.mark.parametrize("method", BASELINES)
+def test_a_moving_peak_is_followed(method: str) -> None:
+    """At a steady 3 degrees a frame, with noise of 2, a sharp likelihood is followed without lagging."""
+    path = np.deg2rad(3.0) * np.arange(30)[:, None] * np.array([1.0, -1.0])
+    found = follow(method, path, np.deg2rad(1.0), SETTINGS)
+    errors = np.rad2deg([np.abs(belief.reported - p) for belief, p in zip(found, path, strict=True)])
+    assert errors[5:].mean() < 0.5
+
+
+def test_annealing_needs_fewer_evaluations() -> None:
+    """A narrow peak 10 degrees off: 40 particles in 8 layers get nearer than 320 at once."""
+    start, centre = np.zeros(2), np.deg2rad([10.0, -10.0])
+    settings = msgspec.structs.replace(SETTINGS, diffusion_deg=8.0)
+
+    def error(method: str, particles: int, seed: int) -> float:
+        chosen = msgspec.structs.replace(settings, particles=particles)
+        begin, advance = METHODS[method]
+        first = begin(hinges(), start, chosen)
+        rng = np.random.default_rng(seed)
+        found = advance(hinges(), first, peak(centre, np.deg2rad(0.2)), chosen, rng)
+        return float(np.abs(found.reported - centre).mean())
+
+    at_once = np.median([error("condensation", 320, seed) for seed in range(20)])
+    layered = np.median([error("annealed", 40, seed) for seed in range(20)])
+    assert layered < 0.5 * at_once
+
+
+@pytest.mark.parametrize("method", BASELINES)
+def test_without_noise_nothing_moves(method: str) -> None:
+    """No diffusion and a body at rest: every particle stays exactly where it began."""
+    still = msgspec.structs.replace(SETTINGS, diffusion_deg=0.0, particles=10)
+    path = np.tile([0.4, 0.1], (4, 1))
+    for belief in follow(method, path, 0.05, still):
+        np.testing.assert_allclose(belief.poses, path[:1].repeat(10, axis=0), atol=1e-12)
+        np.testing.assert_allclose(belief.weights, 0.1)
+
+
+@pytest.mark.parametrize("method", BASELINES)
+def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None:
+    """Weights fall, and each particle knows the motion that led to it."""
+    begin, advance = METHODS[method]
+    first = begin(hinges(), np.zeros(2), SETTINGS)
+    found = advance(hinges(), first, peak(np.array([0.05, 0.0]), 0.02), SETTINGS, np.random.default_rng(0))
+    assert np.all(np.diff(found.weights) <= 0.0)
+    assert found.poses[0, 0] > 0.02
+    np.testing.assert_allclose(found.velocities, found.poses, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", BASELINES)
+def test_nothing_likely_does_not_end_it(method: str) -> None:
+    """Where every likelihood is zero, all particles count alike and go on."""
+
+    def nothing(poses: Array) -> Refined:
+        return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
+
+    begin, advance = METHODS[method]
+    first = begin(hinges(), np.zeros(2), SETTINGS)
+    found = advance(hinges(), first, nothing, SETTINGS, np.random.default_rng(0))
+    np.testing.assert_allclose(found.weights, 1.0 / SETTINGS.particles)
+    assert np.all(np.isfinite(found.reported))
+
+
+@given(seeds)
+def test_the_mean_lies_between(seed: int) -> None:
+    """The mean of a pose and its mirror image about a centre is the centre, balls included."""
+    rng, model = np.random.default_rng(seed), puppet()
+    centre, step = rng.normal(size=(1, 19)), 0.3 * rng.normal(size=(1, 19))
+    poses = np.concatenate([centre, retract(model, centre, step), retract(model, centre, -step)])
+    np.testing.assert_allclose(mean_pose(model, poses, np.array([0.2, 0.4, 0.4])), centre[0], atol=1e-9)
+    np.testing.assert_allclose(mean_pose(model, poses, np.array([0.0, 1.0, 0.0])), poses[1], atol=1e-6)

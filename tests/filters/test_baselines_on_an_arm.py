@@ -1,0 +1,49 @@
+"""The baselines through the worker's likelihood, on a few rendered frames of the arm."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics
+from common.frame import DepthFrame
+from common.kinematics import pose_vertices
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import pose_by_name
+from coordinator.commands.options import choose_settings
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes.arm import MOVING, arm
+from coordinator.tracking.tracker import RECORDED, Tracker
+from gepf.direct import DirectRefiner
+
+CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
+FRAMES = 6
+
+
+@cache
+def shown() -> list[DepthFrame]:
+    """The arm's first frames, at half the size."""
+    with DepthRenderer(CAMERA) as renderer:
+        surfaces = pose_vertices(human(), arm().poses[:FRAMES])
+        images = [renderer.depth(surface, human().triangles) for surface in surfaces]
+    units = [np.rint(1000.0 * image).astype(np.uint16) for image in images]
+    return [DepthFrame(n, n / 25.0, image, 1000.0, CAMERA) for n, image in enumerate(units)]
+
+
+@pytest.mark.parametrize(("method", "particles"), [("condensation", 150), ("annealed", 20)])
+def test_an_arm_is_followed(method: str, particles: int) -> None:
+    """From the truth on, four angles stay within 8 degrees on average, and few hypotheses are recorded."""
+    settings = choose_settings(method, "default", particles, 1000, 0)
+    start = pose_by_name(human(), arm().poses[0])
+    tracker = Tracker(DirectRefiner(), settings, choose_bodies(MOVING, "default"), start)
+    estimates = [tracker.track(frame) for frame in shown()]
+    columns = [human().dof_names.index(name) for name in tracker.model.dof_names]
+    poses: NDArray[np.float64] = np.array([estimate.pose for estimate in estimates])
+    errors = np.rad2deg(np.abs(poses - arm().poses[:FRAMES, columns]))
+    assert errors.mean() < 8.0
+    assert all(0 < len(e.hypothesis_weight) <= min(particles, RECORDED) for e in estimates)
+    assert tracker.start.noise.depth < 0.01

@@ -1,0 +1,416 @@
+"""The filter, steps 1 to 7: each step's law, and what they do together on a toy with two valleys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from common.body import ROTATION, TRANSLATION
+from common.kinematics import difference, retract
+from common.refinement import Refined, concatenate
+from common.settings import FilterSettings, preset
+from coordinator.filters.covariance import estimate_covariances
+from coordinator.filters.gradient_enhanced import Hypotheses, advance, begin
+from coordinator.filters.merging import merge
+from coordinator.filters.motion import draw_noise, propagate, take_root
+from coordinator.filters.proposals import explore, find_limbs
+from coordinator.filters.resampling import effective_sample_size, normalise, systematic
+from tests.support.bodies import hinges, puppet
+
+Array = NDArray[np.float64]
+
+seeds = st.integers(0, 2**32 - 1)
+PAPER = preset("paper").filter
+D = np.deg2rad(4.0)
+VALLEYS = np.array([[0.5, 0.1], [-0.5, 0.1]])  # of the toy, the first a little likelier
+
+
+class Draws(np.random.Generator):
+    """A generator whose uniform numbers are all the same."""
+
+    def __init__(self, value: float) -> None:
+        super().__init__(np.random.PCG64(0))
+        self.value = value
+
+    def random(self, *_: object, **__: object) -> float:  # type: ignore[override]
+        """That number."""
+        return self.value
+
+
+def toy(poses: Array) -> Refined:
+    """Two hinges whose cost has two valleys, left and right: each particle comes down into the nearer."""
+    right = poses[:, 0] > 0.0
+    refined = np.where(right[:, None], VALLEYS[0], VALLEYS[1]) + 1e-4 * np.sin(poses)
+    return Refined(refined, np.where(right, 0.0, -0.1) - 1e-3 * poses[:, 1] ** 2, np.full(len(poses), 0.01))
+
+
+def follow(
+    refine: Callable[[Array], Refined], settings: FilterSettings, seed: int, frames: int
+) -> list[Hypotheses]:
+    """The toy through some frames."""
+    rng, found = np.random.default_rng(seed), [begin(hinges(), np.zeros(2), settings)]
+    for _ in range(frames):
+        found.append(advance(hinges(), found[-1], refine, settings, rng))
+    return found[1:]
+
+
+def as_bytes(found: list[Hypotheses]) -> list[bytes]:
+    """Every number of some frames."""
+    return [getattr(h, field.name).tobytes() for h in found for field in fields(h)]
+
+
+def some(rng: np.random.Generator, count: int) -> Array:
+    """Poses (count, 19) of the puppet, in bunches."""
+    model = puppet()
+    spread = np.where(model.kinds == ROTATION, 0.6 * D, 1.0)
+    bunches = rng.normal(size=(3, len(spread)))
+    return np.asarray(bunches[rng.integers(3, size=count)] + spread * rng.normal(size=(count, len(spread))))
+
+
+# Step 2: drawing
+
+
+@given(st.lists(st.floats(-800.0, 50.0) | st.just(-np.inf), min_size=1, max_size=8), st.floats(-1e6, 1e6))
+def test_weights_are_normalised(log_weights: list[float], shift: float) -> None:
+    """Weights sum to 1, in the order of their logarithms, whatever is added to all of them."""
+    weights = normalise(np.array(log_weights))
+    assert weights.sum() == pytest.approx(1.0)
+    assert np.all(weights >= 0.0)
+    if np.any(np.isfinite(log_weights)):
+        assert np.all(weights[np.isinf(log_weights)] == 0.0)
+        assert weights[np.argmax(log_weights)] == weights.max()
+        np.testing.assert_allclose(normalise(np.array(log_weights) + shift), weights, atol=1e-8)
+    else:
+        np.testing.assert_array_equal(weights, 1.0 / len(weights))
+
+
+def test_weights_are_likelihoods() -> None:
+    """A log likelihood lower by log 3 is a third of the weight."""
+    np.testing.assert_allclose(normalise(np.array([-1e5, -1e5 - np.log(3.0), -np.inf])), [0.75, 0.25, 0.0])
+
+
+@pytest.mark.parametrize(("weights", "size"), [([1.0, 0.0], 1.0), ([0.25] * 4, 4.0), ([0.5, 0.5, 0.0], 2.0)])
+def test_effective_sample_size(weights: list[float], size: float) -> None:
+    """One where one has all the weight, as many as there are where all are equal."""
+    assert effective_sample_size(np.array(weights)) == pytest.approx(size)
+
+
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8).filter(lambda w: sum(w) > 1e-3),
+    st.integers(1, 40),
+    seeds,
+)
+def test_each_is_drawn_by_its_weight_give_or_take_one(weights: list[float], count: int, seed: int) -> None:
+    """Ancestors ascend, none is drawn more than once too often or too rarely, none of zero weight at all."""
+    w = np.array(weights)
+    ancestors = systematic(w, count, np.random.default_rng(seed))
+    assert len(ancestors) == count
+    assert np.all(np.diff(ancestors) >= 0)
+    drawn = np.bincount(ancestors, minlength=len(w))
+    assert np.all(np.abs(drawn - count * w / w.sum()) < 1.0 + 1e-9)
+    assert np.all(drawn[w == 0.0] == 0)
+
+
+def test_drawing_is_unbiased() -> None:
+    """Over many seeds each is drawn as often as its weight says."""
+    weights = np.array([0.05, 0.0, 0.33, 0.11, 0.51])
+    drawn = [np.bincount(systematic(weights, 7, np.random.default_rng(s)), minlength=5) for s in range(4000)]
+    np.testing.assert_allclose(np.mean(drawn, axis=0), 7.0 * weights, atol=4.0 * 0.5 / np.sqrt(4000))
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5, np.nextafter(1.0, 0.0)])
+def test_zero_weight_is_not_drawn_where_sums_are_rounded(value: float) -> None:
+    """Ten tenths sum to less than one: what is drawn beyond them is one of them still."""
+    weights = np.array([0.0, *[0.1] * 10, 0.0])
+    assert np.cumsum(weights)[-1] < 1.0
+    for count in (1, 3, 10):
+        ancestors = systematic(weights, count, Draws(value))
+        assert ancestors.min() >= 1
+        assert ancestors.max() <= 10
+
+
+# Step 3: moving
+
+
+@given(seeds)
+def test_motion_goes_on_as_it_was(seed: int) -> None:
+    """Velocity is what led from one pose to the next; without noise it leads as far again."""
+    rng = np.random.default_rng(seed)
+    model = puppet()
+    earlier, step = rng.normal(size=(3, 19)), 0.1 * rng.normal(size=(3, 19))
+    later = retract(model, earlier, step)
+    noise = 0.1 * rng.normal(size=(3, 19))
+    for added in (np.zeros((3, 19)), noise):
+        ahead = propagate(model, later, difference(model, earlier, later), added)  # noise comes after
+        np.testing.assert_allclose(ahead, retract(model, retract(model, later, step), added), atol=1e-6)
+
+
+def test_noise_has_the_ancestors_covariance() -> None:
+    """Many draws have the covariance that was asked for, each its ancestor's, flat directions too."""
+    rng = np.random.default_rng(0)
+    root = np.array([[0.3, 0.0, 0.0], [0.2, 0.1, 0.0], [0.0, 0.0, 0.0]])  # the third direction is flat
+    covariances = np.stack([root @ root.T, np.diag([1.0, 4.0, 9.0])])
+    ancestors = np.repeat([0, 1], 20_000)
+    noise = draw_noise(covariances, ancestors, rng)
+    for m, expected in enumerate(covariances):
+        drawn = noise[ancestors == m]
+        np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=0.05)
+        np.testing.assert_allclose(np.cov(drawn.T), expected, atol=0.03 * max(1.0, expected.max()))
+    assert np.all(noise[ancestors == 0, 2] == 0.0)
+
+
+@given(seeds, st.integers(1, 12), st.integers(0, 12))
+def test_a_root_gives_its_covariance_back(seed: int, dofs: int, members: int) -> None:
+    """Of whatever rank and scale: root root^T is the covariance; what does not vary stays exactly still."""
+    rng = np.random.default_rng(seed)
+    spread = 10.0 ** rng.uniform(-3.0, 1.0, dofs) * rng.normal(size=(members, dofs))
+    spread[:, rng.random(dofs) < 0.2] = 0.0
+    covariance, root = spread.T @ spread, np.full((dofs, dofs), np.nan)
+    take_root(covariance, root)
+    np.testing.assert_allclose(
+        root @ root.T, covariance, atol=1e-12 * max(1e-300, covariance.max(initial=0.0))
+    )
+    assert np.all(root[np.diag(covariance) == 0.0] == 0.0)
+
+
+def test_limbs_are_the_branches_and_the_trunk() -> None:
+    """The puppet has a trunk with the root, two arms and a head."""
+    model = puppet()
+    limbs = [[model.dof_names[j] for j in limb] for limb in find_limbs(model)]
+    assert limbs == [
+        ["root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz", "waist_1", "waist_2", "waist_3"],
+        ["l_arm_1", "l_arm_2", "l_arm_3", "l_elbow"],
+        ["r_arm_1", "r_arm_2", "r_arm_3", "r_elbow"],
+        ["head_lift", "head_nod"],
+    ]
+
+
+def test_children_of_a_hypothesis_take_turns() -> None:
+    """The first follows the motion, the second stays, the others move one limb or keep the noise they had."""
+    model, rng = puppet(), np.random.default_rng(0)
+    ancestors = np.repeat([0, 1], 9)
+    noise, velocities = rng.normal(size=(2, 18, 19))
+    spread, speeds = explore(model, noise, velocities, ancestors, FilterSettings(explore=True), rng)
+    limbs = find_limbs(model)
+    for first in (0, 9):
+        assert not spread[first : first + 2].any()
+        np.testing.assert_array_equal(speeds[first], velocities[first])
+        assert not speeds[first + 1].any()
+        kept = [n for n in range(first + 2, first + 9) if np.array_equal(spread[n], noise[n])]
+        moved = [np.flatnonzero(spread[n]).tolist() for n in range(first + 2, first + 9) if n not in kept]
+        assert len(kept) == 2
+        assert all(any(one == limb.tolist() for limb in limbs) for one in moved)
+        np.testing.assert_array_equal(speeds[first + 2 : first + 9], velocities[first + 2 : first + 9])
+
+
+# Step 6: merging
+
+
+@given(seeds, st.integers(1, 25))
+def test_merging_keeps_the_likeliest_of_what_is_near(seed: int, count: int) -> None:
+    """Each group's representative is its likeliest and within d of all of it; no two of them are so near."""
+    rng = np.random.default_rng(seed)
+    model, poses, log_likelihood = puppet(), some(rng, count), rng.normal(size=count)
+    angles = model.kinds == ROTATION
+    chosen, group = merge(model, poses, log_likelihood, D)
+    assert np.all(np.diff(log_likelihood[chosen]) < 0.0)
+    assert chosen[0] == np.argmax(log_likelihood)
+    assert group.shape == (count,)
+    for m, representative in enumerate(chosen):
+        members = np.flatnonzero(group == m)
+        assert representative in members
+        assert log_likelihood[representative] == log_likelihood[members].max()
+        apart = difference(model, poses[members], np.tile(poses[representative], (len(members), 1)))
+        assert np.all(np.abs(apart[:, angles]) < D)
+    for m in range(1, len(chosen)):
+        apart = difference(model, np.tile(poses[chosen[m]], (m, 1)), poses[chosen[:m]])
+        assert np.all(np.abs(apart[:, angles]).max(axis=1) >= D)
+
+
+def test_one_angle_beyond_d_keeps_particles_apart() -> None:
+    """Just below d in every angle is near, just beyond it in a single one is not."""
+    poses = np.array([[0.0, 0.0], [0.999 * D, -0.999 * D], [0.0, 1.001 * D]])
+    chosen, group = merge(hinges(), poses, np.array([0.0, -1.0, -2.0]), D)
+    assert chosen.tolist() == [0, 2]
+    assert group.tolist() == [0, 0, 1]
+
+
+@given(seeds)
+def test_positions_do_not_keep_particles_apart(seed: int) -> None:
+    """However far the root or a joint that slides is moved, groups are the same."""
+    rng = np.random.default_rng(seed)
+    model, poses, log_likelihood = puppet(), some(rng, 12), rng.normal(size=12)
+    shifted = poses + np.where(model.kinds == TRANSLATION, 5.0 * rng.normal(size=poses.shape), 0.0)
+    for one, other in zip(
+        merge(model, poses, log_likelihood, D), merge(model, shifted, log_likelihood, D), strict=True
+    ):
+        np.testing.assert_array_equal(one, other)
+
+
+@given(seeds)
+def test_the_order_of_particles_does_not_matter(seed: int) -> None:
+    """Shuffled particles make the same hypotheses of the same members."""
+    rng = np.random.default_rng(seed)
+    model, poses, log_likelihood = puppet(), some(rng, 12), rng.normal(size=12)
+    order = rng.permutation(12)
+    chosen, group = merge(model, poses, log_likelihood, D)
+    again, regrouped = merge(model, poses[order], log_likelihood[order], D)
+    np.testing.assert_array_equal(order[again], chosen)
+    np.testing.assert_array_equal(regrouped, group[order])
+
+
+# Step 7: covariances
+
+
+def test_covariance_by_hand() -> None:
+    """Eq. 7: about the hypothesis after descent, of the particles before it; then 10 % less."""
+    before = np.array([[1.1, 2.0], [0.9, 2.2], [7.0, 7.0]])
+    merged = np.array([[1.0, 2.0], [6.0, 6.0]])
+    inherited = np.array([np.eye(2), [[4.0, 1.0], [1.0, 2.0]]])
+    found = estimate_covariances(hinges(), before, merged, np.array([0, 0, 1]), inherited, 0.1)
+    np.testing.assert_allclose(found[0], 0.9 * np.array([[0.01, -0.01], [-0.01, 0.02]]), atol=1e-12)
+    np.testing.assert_allclose(found[1], 0.9 * inherited[1], atol=1e-12)  # a lone particle inherits
+
+
+@given(seeds, st.integers(2, 20))
+def test_covariances_are_symmetric_and_never_negative(seed: int, count: int) -> None:
+    """All are positive semidefinite, on balls at any pose and with fewer particles than angles."""
+    rng = np.random.default_rng(seed)
+    model, before = puppet(), 2.0 * rng.normal(size=(count, 19))
+    group = np.concatenate([[0], rng.integers(2, size=count - 1)])
+    found = estimate_covariances(model, before, before[:2], group, np.tile(np.eye(19), (2, 1, 1)), 0.1)
+    for covariance in found:
+        np.testing.assert_array_equal(covariance, covariance.T)
+        assert np.linalg.eigvalsh(covariance).min() > -1e-9
+        assert np.trace(covariance) > 0.0
+
+
+# The whole
+
+
+def test_it_begins_as_wide_as_the_merging_distance() -> None:
+    """Step 1: one hypothesis at the given pose, 4 degrees and 2 cm wide, at rest."""
+    model, pose = puppet(), np.arange(19.0)
+    first = begin(model, pose, PAPER)
+    np.testing.assert_array_equal(first.poses, pose[None])
+    np.testing.assert_array_equal(first.velocities, np.zeros((1, 19)))
+    np.testing.assert_allclose(
+        np.sqrt(np.diagonal(first.covariances[0])), np.where(model.kinds == ROTATION, D, 0.02)
+    )
+    assert first.weights.tolist() == [1.0]
+
+
+@pytest.mark.parametrize("explores", [False, True])
+def test_two_valleys_stay_two_hypotheses(explores: bool) -> None:
+    """Through twenty frames both valleys are followed, the likelier one first, each by its likelihood."""
+    settings = msgspec.structs.replace(PAPER, explore=explores)
+    for found in follow(toy, settings, seed=1, frames=20):
+        np.testing.assert_allclose(found.poses, VALLEYS, atol=1e-3)
+        assert found.weights[0] > found.weights[1] > 0.4
+        assert np.all(np.diff(found.log_weights) < 0.0)
+
+
+def test_covariances_come_from_before_the_descent() -> None:
+    """With one valley the spread is that of the drawn particles about where they came down, less 10 %."""
+    asked: list[Array] = []
+
+    def one_valley(poses: Array) -> Refined:
+        asked.append(poses.copy())
+        return Refined(np.tile(VALLEYS[0], (len(poses), 1)), np.zeros(len(poses)), np.zeros(len(poses)))
+
+    found = follow(one_valley, PAPER, seed=0, frames=2)
+    for hypotheses, before in zip(found, asked, strict=True):
+        assert len(before) == PAPER.particles
+        apart = before - VALLEYS[0]
+        np.testing.assert_allclose(hypotheses.covariances, [0.9 * apart.T @ apart / len(before)], atol=1e-12)
+    np.testing.assert_allclose(found[0].velocities, [VALLEYS[0]], atol=1e-12)
+    np.testing.assert_allclose(found[1].velocities, 0.0, atol=1e-12)
+
+
+def test_a_lone_particle_keeps_its_ancestors_covariance() -> None:
+    """Particles that come down each in its own valley inherit, 10 % less."""
+    settings = msgspec.structs.replace(PAPER, particles=3)
+
+    def apart(poses: Array) -> Refined:
+        return Refined(np.arange(len(poses))[:, None] + np.zeros((1, 2)), -np.arange(3.0), np.zeros(3))
+
+    first = begin(hinges(), np.zeros(2), settings)
+    found = advance(hinges(), first, apart, settings, np.random.default_rng(0))
+    np.testing.assert_allclose(found.covariances, np.tile(0.9 * first.covariances, (3, 1, 1)))
+    np.testing.assert_allclose(found.velocities, np.arange(3.0)[:, None] + np.zeros((1, 2)))
+
+
+def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
+    """Velocity and inherited covariance are those of its ancestor, whichever is the likeliest."""
+    past = Hypotheses(
+        poses=np.array([[0.0, 0.0], [1.0, 2.0]]),
+        log_weights=np.zeros(2),
+        residual=np.zeros(2),
+        velocities=np.zeros((2, 2)),
+        reported=np.zeros(2),
+        covariances=np.array([1e-8 * np.eye(2), 4e-8 * np.eye(2)]),
+    )
+
+    def onward(poses: Array) -> Refined:
+        return Refined(
+            np.round(poses) + np.array([[0.1, 0.0], [0.0, 0.3]]), np.array([-1.0, 0.0]), np.zeros(2)
+        )
+
+    settings = msgspec.structs.replace(PAPER, particles=2)
+    found = advance(hinges(), past, onward, settings, np.random.default_rng(0))
+    np.testing.assert_allclose(found.poses, [[1.0, 2.3], [0.1, 0.0]])
+    np.testing.assert_allclose(found.velocities, [[0.0, 0.3], [0.1, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(found.covariances, 0.9 * past.covariances[::-1])
+
+
+@pytest.mark.parametrize("explores", [False, True])
+def test_a_single_particle_has_no_noise(explores: bool) -> None:
+    """Gradient tracking is the same filter: one particle, moved by its velocity alone."""
+    settings = msgspec.structs.replace(PAPER, particles=1, explore=explores, velocity_share=0.5)
+    asked: list[Array] = []
+
+    def moving(poses: Array) -> Refined:
+        asked.append(poses.copy())
+        return Refined(poses + np.array([0.1, -0.2]), np.zeros(1), np.zeros(1))
+
+    follow(moving, settings, seed=0, frames=3)
+    expected = np.array([[0.0, 0.0], [0.15, -0.3], [0.325, -0.65]])
+    np.testing.assert_allclose(np.concatenate(asked), expected, atol=1e-12)
+
+
+def test_a_frame_that_nothing_explains_does_not_end_it() -> None:
+    """Where every likelihood is zero, all hypotheses count alike and go on."""
+
+    def nothing(poses: Array) -> Refined:
+        return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
+
+    found = follow(nothing, PAPER, seed=0, frames=3)[-1]
+    np.testing.assert_array_equal(found.weights, 1.0 / len(found.poses))
+    assert np.all(np.isfinite(found.poses))
+
+
+def test_it_does_not_matter_how_particles_are_batched() -> None:
+    """Refined in batches that come back in any order and are put together again: the same bytes."""
+
+    def batched(poses: Array) -> Refined:
+        parts = [slice(0, 3), slice(3, 4), slice(4, len(poses))]
+        done = {n: toy(poses[parts[n]]) for n in (2, 0, 1)}
+        return concatenate([done[n] for n in range(3)])
+
+    assert as_bytes(follow(batched, PAPER, 3, 5)) == as_bytes(follow(toy, PAPER, 3, 5))
+
+
+@pytest.mark.parametrize("explores", [False, True])
+def test_the_same_seed_gives_the_same_bytes(explores: bool) -> None:
+    """And another seed gives others."""
+    settings = msgspec.structs.replace(PAPER, explore=explores)
+    once = as_bytes(follow(toy, settings, 4, 5))
+    assert as_bytes(follow(toy, settings, 4, 5)) == once
+    assert as_bytes(follow(toy, settings, 5, 5)) != once

@@ -1,0 +1,115 @@
+"""The library: the same estimates in this process as with workers, arrays as well as frames, the example."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import gepf
+from common.settings import preset
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.template import human_of
+from tests.results.test_resume import as_bytes
+from tests.support.small_sequence import write_small_sequence
+from tests.tracking.test_tracker import CAMERA, SETTINGS, STANDING, shown
+
+ROOT = Path(__file__).parents[2]
+PERSON = Measures.of(1.82)
+MATRIX = [[CAMERA.fx, 0.0, CAMERA.cx], [0.0, CAMERA.fy, CAMERA.cy], [0.0, 0.0, 1.0]]
+
+
+def test_workers_give_the_same_bytes() -> None:
+    """Two worker processes say of every frame what this process says alone."""
+    frames = shown("standing").frames
+    alone = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+    said = [as_bytes(alone.track(frame)) for frame in frames]
+    with gepf.Tracker(PERSON, SETTINGS, workers=2, start=STANDING) as tracker:
+        assert [as_bytes(tracker.track(frame)) for frame in frames] == said
+
+
+def test_arrays_are_tracked_as_frames_are() -> None:
+    """Whole units with their scale give the bytes of the frames they are from, numbered by themselves."""
+    frames = shown("standing").frames[:2]
+    by_frame = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+    by_array = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX, depth_scale=1000.0)
+    for frame in frames:
+        assert as_bytes(by_array.track(frame.depth)) == as_bytes(by_frame.track(frame))
+
+
+def test_metres_are_tracked_too() -> None:
+    """A float array in metres puts the joints where whole units put them, within its steps of 0.2 mm."""
+    frame = shown("standing").frames[0]
+    metres = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX).track(frame.metres(), time_s=4.5)
+    units = gepf.Tracker(PERSON, SETTINGS, start=STANDING).track(frame)
+    assert metres.time_s == 4.5
+    np.testing.assert_allclose(metres.joint_positions, units.joint_positions, atol=1e-3)
+
+
+def test_a_body_may_be_given_whole() -> None:
+    """A model with all its degrees of freedom: those named are tracked, the others stay at the start."""
+    moving = ("l_shoulder_flexion", "l_elbow_flexion")
+    tracker = gepf.Tracker(human_of(PERSON), SETTINGS, start=STANDING, active=moving)
+    estimates = [tracker.track(frame) for frame in shown("standing").frames]
+    assert tracker.model.dof_names == moving
+    joints = np.array([e.joint_positions for e in estimates])
+    assert np.linalg.norm(joints - shown("standing").joints, axis=-1).max() < 0.05
+
+
+def test_how_far_joints_may_be_off_is_told() -> None:
+    """Metres for each joint while tracked, NaN when the frame is lost."""
+    frame = shown("standing").frames[0]
+    tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX)
+    known = tracker.joint_deviation(tracker.track(frame.metres()))
+    assert known.shape == (len(tracker.model.joint_names),)
+    assert np.all((known > 0.0) & (known < 0.5))
+    assert np.isnan(tracker.joint_deviation(tracker.track(np.zeros(frame.depth.shape)))).all()
+
+
+@pytest.mark.parametrize(
+    ("mistake", "says"),
+    [
+        (lambda: gepf.Tracker("nobody.urdf"), "unknown model 'nobody.urdf'.*human"),
+        (lambda: gepf.Tracker(PERSON, workers=0), "workers=0.*give None, 1 or more, or a Pool"),
+        (lambda: gepf.Tracker(PERSON, workers="nowhere"), "nowhere"),
+        (lambda: gepf.Tracker(PERSON, active=("elbow",)), "unknown degree of freedom 'elbow'"),
+        (lambda: gepf.Tracker(human_of(PERSON)), "only a person's start is found"),
+        (lambda: gepf.Tracker(PERSON).track(np.ones((4, 4))), "camera"),
+        (lambda: gepf.Tracker(PERSON, camera=MATRIX).track(np.ones(4)), r"shape \(4,\)"),
+        (lambda: gepf.Tracker(PERSON, camera=MATRIX).track(np.ones((4, 4), int)), "depth_scale"),
+    ],
+)
+def test_mistakes_are_told(mistake: Callable[[], object], says: str) -> None:
+    """One line says what is wrong and what to give."""
+    with pytest.raises(gepf.InputError, match=says) as caught:
+        mistake()
+    assert "\n" not in str(caught.value)
+
+
+def test_the_example_runs(tmp_path: Path) -> None:
+    """As its users run it: a line for each frame, with the start that comes with the sequence."""
+    write_small_sequence(tmp_path / "seq", 3)
+    done = subprocess.run(
+        [sys.executable, "-m", "examples.library", str(tmp_path / "seq"), "2"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert [line.split(":")[0] for line in done.stdout.splitlines()] == [
+        "frame 0, tracked",
+        "frame 1, tracked",
+    ]
+
+
+def test_the_settings_are_used() -> None:
+    """Another seed gives other hypotheses; left out, they are the default preset's."""
+    frame = shown("standing").frames[0]
+    changed = msgspec.structs.replace(preset("default"), seed=7)
+    usual = [
+        as_bytes(gepf.Tracker(PERSON, s, start=STANDING).track(frame)) for s in (None, preset("default"))
+    ]
+    assert usual[0] == usual[1]
+    assert as_bytes(gepf.Tracker(PERSON, changed, start=STANDING).track(frame)) != usual[0]

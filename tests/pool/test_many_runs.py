@@ -1,0 +1,190 @@
+"""Several runs on one pool: each gets its turn and its own bytes, and is forgotten when it is gone."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.protocol import keys
+from common.protocol.messages import encode_request
+from common.refinement import Refined
+from common.settings import RefineSettings
+from common.transport.bus import open_router, open_worker
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.pool.test_pool import (  # noqa: F401 a fixture
+    MODEL,
+    POSES,
+    REQUEST,
+    SETTINGS,
+    as_bytes,
+    endpoint,
+    expected,
+    frame,
+    refined_bytes,
+)
+from tests.support.instant_worker import KERNEL, observe, refine
+from worker.fair_queue import MOST, Turns
+from worker.service import Kernel, Service
+from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
+
+
+@given(st.lists(st.sampled_from("abc"), max_size=30))
+def test_turns_keep_the_order_within_a_run_and_alternate_between_runs(runs: list[str]) -> None:
+    """Nothing is lost; while two runs wait neither is served twice in a row."""
+    turns: Turns[tuple[str, int]] = Turns()
+    for number, run in enumerate(runs):
+        turns.put(run, (run, number))
+    left = dict.fromkeys("abc", 0)
+    served: list[tuple[str, int]] = []
+    for run in runs:
+        left[run] += 1
+    while turns:
+        others = {run for run in "abc" if left[run]}
+        run, number = turns.take()
+        assert not served or served[-1][0] != run or others == {run}
+        served.append((run, number))
+        left[run] -= 1
+    for run in "abc":
+        assert [n for r, n in served if r == run] == [n for n, r in enumerate(runs) if r == run]
+
+
+def test_a_run_that_comes_waits_for_one_request_of_each_other() -> None:
+    """However many requests another run has waiting."""
+    turns: Turns[str] = Turns()
+    for number in range(5):
+        turns.put("long", f"long {number}")
+    assert turns.take() == "long 0"
+    turns.put("short", "short 0")
+    assert [turns.take() for _ in range(3)] == ["long 1", "short 0", "long 2"]
+    assert turns.forget("long") == ["long 3", "long 4"]
+    assert not turns
+    with pytest.raises(IndexError):
+        turns.take()
+
+
+def test_who_asks_for_most_makes_room() -> None:
+    """However many requests come, so many wait at most, and those of another run are served all the same."""
+    turns: Turns[str] = Turns()
+    assert turns.put("calm", "calm 0") is None
+    gone = [turns.put("flood", f"flood {number}") for number in range(MOST + 9)]
+    assert [each for each in gone if each is not None] == [f"flood {number}" for number in range(10)]
+    assert len(turns.forget("flood")) == MOST - 1
+    assert turns.take() == "calm 0"
+    assert [turns.put(str(number), str(number)) for number in range(MOST + 1)][-1] == "0"
+
+
+def test_memory_is_bounded_by_run_and_freed() -> None:
+    """No run takes the place of another before there are too many; one that is over leaves nothing."""
+    memory: Memory[str] = Memory()
+    for run in ("busy", "calm"):
+        for number in range(50):
+            memory.put_frame(run, number, b"x")
+            memory.of(run).observations.find(number, lambda: "seen")
+            memory.of(run).models.find(str(number), lambda: MODEL)
+        kept = memory.of(run)
+        sizes = (len(kept.frames), len(kept.observations), len(kept.models))
+        assert sizes == (FRAMES_OF_RUN, FRAMES_OF_RUN, MODELS_OF_RUN)
+    assert memory.wait_for_frame("busy", 49, 0.0) == b"x"
+    memory.forget("busy")
+    assert memory.wait_for_frame("busy", 49, 0.0) is None
+    assert memory.wait_for_frame("calm", 49, 0.0) == b"x"
+    for number in range(RUNS + 5):
+        memory.of(str(number))
+    assert len(memory) == RUNS
+
+
+@contextmanager
+def worker(connect: list[str], kernel: Kernel[Any] = KERNEL) -> Iterator[Service[Any]]:
+    """A worker in a thread."""
+    with open_worker(connect) as bus:
+        service = Service(bus, "w", kernel)
+        thread = threading.Thread(target=service.run)
+        thread.start()
+        try:
+            yield service
+        finally:
+            service.stop()
+            thread.join(5.0)
+            assert not thread.is_alive()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Poll until the condition holds; fail if it does not in time."""
+    deadline = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("through", ["a router", "links of its own"])
+def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, through: str) -> None:
+    """Each has its own frames of one number, and its own bytes; when one ends, the other goes on."""
+    own = [endpoint, f"{endpoint}-2"]
+    connect = [endpoint] if through == "a router" else own
+    options = [
+        Pool(workers=0, connect=endpoint, worker_timeout=10.0)
+        if through == "a router"
+        else Pool(workers=0, listen=each, worker_timeout=10.0)
+        for each in own
+    ]
+    with ExitStack() as stack:
+        if through == "a router":
+            stack.enter_context(open_router([endpoint]))
+        one, two = (stack.enter_context(ZenohRefiner(each)) for each in options)
+        service = stack.enter_context(worker(connect))
+        for number in range(4):
+            shown = frame(10 + number)
+            two.publish(replace(shown, frame=replace(shown.frame, number=number)))
+            assert refined_bytes(one, number) == expected(number)
+            assert as_bytes(two.refine(MODEL, POSES, SETTINGS)) == expected(10 + number)
+        assert len(service._memory) == 2
+        one.__exit__(None, None, None)
+        wait_until(lambda: len(service._memory) == 1)
+        assert refined_bytes(two, 99) == expected(99)
+
+
+def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
+    """One asks for eight batches at once, then another asks for one: it is the second to be served."""
+    served: list[float] = []
+
+    def slow(model: BodyModel, seen: float, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+        served.append(round(1000 * (seen - 2.0)))
+        time.sleep(0.05)
+        return refine(model, seen, poses, settings)
+
+    options = Pool(workers=0, connect=endpoint, worker_timeout=10.0)
+    with (
+        open_router([endpoint]),
+        ZenohRefiner(options) as greedy,
+        ZenohRefiner(options) as modest,
+        worker([endpoint], Kernel(observe, slow)),
+    ):
+        modest.wait_for(1)
+        greedy.publish(frame(1))
+        greedy.refine(MODEL, POSES[:1], SETTINGS)
+        served.clear()
+        asker = greedy._bus.asker(keys.worker_refine("w"), 10.0)
+        for _ in range(8):
+            request = replace(REQUEST, run=greedy.run, frame=1)
+            asker.ask(
+                encode_request(request),
+                on_reply=lambda _: None,
+                on_refusal=lambda _: None,
+                on_end=lambda: None,
+            )
+        wait_until(lambda: bool(served))
+        modest.publish(frame(2))
+        modest.refine(MODEL, POSES[:1], SETTINGS)
+        assert served.index(2) <= 3, served

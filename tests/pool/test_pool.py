@@ -1,0 +1,515 @@
+"""Coordinator and workers joined in one process over the real bus."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from queue import SimpleQueue
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.errors import BusError, InputError, NoWorkers, ProtocolError
+from common.frame import SubjectFrame
+from common.protocol import keys
+from common.protocol.messages import RefineRequest, decode_refusal, encode_request
+from common.refinement import Refined
+from common.settings import RefineSettings
+from common.transport.bus import (
+    WAITING_REQUESTS,
+    Arrivals,
+    Bus,
+    Request,
+    open_coordinator,
+    open_router,
+    open_worker,
+)
+from coordinator.pool.options import Pool
+from coordinator.pool.scheduler import REFUSALS_LEAST
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.instant_worker import KERNEL, observe, refine
+from worker.kernel.icp import refine as real_refine
+from worker.kernel.observation import observe as real_observe
+from worker.service import Kernel, Service
+from worker.store import Memory, Recent
+from worker.warm_up import tiny_frame, tiny_model
+
+MODEL = tiny_model()
+SETTINGS = RefineSettings(damping=0.7)
+POSES = np.random.default_rng(0).normal(size=(20, 6)) * 0.01 + [0, 0, 2, 0, 0, 0]
+
+
+def frame(number: int) -> SubjectFrame:
+    """A frame that differs from others by its depth."""
+    subject = tiny_frame()
+    depth = np.where(subject.frame.depth > 0, 2000 + number, 0).astype(np.uint16)
+    return replace(subject, frame=replace(subject.frame, number=number, depth=depth))
+
+
+def expected(number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+    """What refining poses on a frame must give."""
+    return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
+
+
+def as_bytes(refined: Refined) -> bytes:
+    """All that was refined."""
+    return refined.poses.tobytes() + refined.log_likelihood.tobytes() + refined.residual.tobytes()
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A place for sessions of this process to meet; its path is short enough for a socket."""
+    with tempfile.TemporaryDirectory(prefix="gepf-test-") as folder:
+        yield f"unixsock-stream/{Path(folder) / 'bus'}"
+
+
+@contextmanager
+def serving(endpoint: str, name: str, kernel: Kernel[Any] = KERNEL) -> Iterator[None]:
+    """A worker in a thread."""
+    with open_worker([endpoint]) as bus:
+        service = Service(bus, name, kernel)
+        thread = threading.Thread(target=service.run)
+        thread.start()
+        try:
+            yield
+        finally:
+            service.stop()
+            thread.join(5.0)
+            assert not thread.is_alive()
+
+
+def pool(endpoint: str, **options: Any) -> ZenohRefiner:
+    """A coordinator without workers of its own."""
+    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0, **options))
+
+
+def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+    """Publish a frame and have poses refined on it."""
+    refiner.publish(frame(number))
+    return as_bytes(refiner.refine(MODEL, poses, SETTINGS))
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_same_bytes_for_any_number_of_workers(endpoint: str, workers: int) -> None:
+    """Frame after frame, the result is that of the kernel itself, however it is divided."""
+    with pool(endpoint) as refiner, ExitStack() as stack:
+        for k in range(workers):
+            stack.enter_context(serving(endpoint, f"w{k}"))
+        refiner.wait_for(workers)
+        for number in range(5):
+            assert refined_bytes(refiner, number) == expected(number)
+        assert refiner.traffic.workers_seen == tuple(f"w{k}" for k in range(workers))
+        assert all(seconds > 0 for seconds in refiner.traffic.stage_seconds.values())
+
+
+def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
+    """Several calls about one frame see the same frame, with other poses and models."""
+    other = replace(MODEL, vertices=MODEL.vertices * 2)
+    with pool(endpoint) as refiner, serving(endpoint, "w"):
+        refiner.publish(frame(3))
+        one = refiner.refine(MODEL, POSES[:1], SETTINGS)
+        two = refiner.refine(other, POSES, SETTINGS)
+    assert as_bytes(one) == expected(3, POSES[:1])
+    assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), POSES, SETTINGS))
+
+
+def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
+    """A number that comes again, as in a second sequence on the same pool, means the new frame."""
+    with pool(endpoint) as refiner, serving(endpoint, "w"):
+        for depth in (1, 2, 3):
+            again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
+            refiner.publish(again)
+            assert as_bytes(refiner.refine(MODEL, POSES, SETTINGS)) == expected(depth)
+
+
+def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
+    """An idle worker lays it out before it is asked; until it is published all is about the one before."""
+    coming, observed = frame(2), SimpleQueue[int]()
+
+    def observe_and_tell(subject: SubjectFrame) -> Any:
+        observed.put(subject.frame.number)
+        return observe(subject)
+
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(observe_and_tell, refine)):
+        refiner.publish(frame(1))
+        one = refiner.refine(MODEL, POSES, SETTINGS, lambda: refiner.send_ahead(coming))
+        assert [observed.get(timeout=5.0) for _ in range(2)] == [1, 2]
+        again = refiner.refine(MODEL, POSES, SETTINGS)
+        refiner.publish(coming)
+        two = refiner.refine(MODEL, POSES, SETTINGS)
+    assert as_bytes(one) == as_bytes(again) == expected(1)
+    assert as_bytes(two) == expected(2)
+    assert observed.empty()
+
+
+def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoint: str) -> None:
+    """The worker says what is wrong with it to who asks, and serves the frames before and after."""
+    coming, tried = frame(2), SimpleQueue[int]()
+
+    def refuse_the_second(subject: SubjectFrame) -> Any:
+        tried.put(subject.frame.number)
+        if subject.frame.number == 2:
+            raise ValueError("it hurts")
+        return observe(subject)
+
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(refuse_the_second, refine)):
+        refiner.publish(frame(1))
+        one = refiner.refine(MODEL, POSES, SETTINGS, lambda: refiner.send_ahead(coming))
+        assert [tried.get(timeout=5.0) for _ in range(2)] == [1, 2]
+        refiner.publish(coming)
+        with pytest.raises(ProtocolError, match="it hurts"):
+            refiner.refine(MODEL, POSES, SETTINGS)
+        three = refined_bytes(refiner, 3)
+    assert (as_bytes(one), three) == (expected(1), expected(3))
+
+
+def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
+    """Workers and runs that meet at a router: both runs get the bytes that they would get alone."""
+    with open_router([endpoint]), ExitStack() as stack:
+        options = Pool(workers=0, connect=endpoint, worker_timeout=5.0)
+        runs = [stack.enter_context(ZenohRefiner(options)) for _ in range(2)]
+        runs[0].publish(frame(0))
+        for k in range(2):
+            stack.enter_context(serving(endpoint, f"w{k}"))
+        with ThreadPoolExecutor(2) as both:
+            for number in range(1, 9, 2):
+                results = both.map(refined_bytes, runs, [number, number + 1])
+                assert list(results) == [expected(number), expected(number + 1)]
+
+
+def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers that ask for a body in vain, as when all have just lost and found each other, ask again."""
+    told: list[str] = []
+    in_vain = iter(range(2 * REFUSALS_LEAST))
+    fetch = Bus.fetch
+
+    def fetch_later(bus: Bus, key: str, timeout: float) -> bytes | None:
+        return fetch(bus, key, timeout) if next(in_vain, None) is None else None
+
+    monkeypatch.setattr(Bus, "fetch", fetch_later)
+    with (
+        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0), told.append) as refiner,
+        serving(endpoint, "one"),
+        serving(endpoint, "two"),
+    ):
+        refiner.wait_for(2)
+        assert refined_bytes(refiner, 1) == expected(1)
+        assert refiner.traffic.batches_sent_again >= 2 * REFUSALS_LEAST
+    assert sum("nobody has model" in line for line in told) == 1
+
+
+def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
+    """A worker that comes long after the frame was published serves it all the same."""
+    with pool(endpoint) as refiner:
+        refiner.publish(frame(1))
+        refiner.publish(frame(2))
+        with serving(endpoint, "late"):
+            assert as_bytes(refiner.refine(MODEL, POSES, SETTINGS)) == expected(2)
+
+
+def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
+    """A run without workers waits, and goes on by itself when one comes."""
+    told: list[str] = []
+    with ZenohRefiner(Pool(workers=0, listen=endpoint), told.append) as refiner, ExitStack() as stack:
+        timer = threading.Timer(0.5, lambda: stack.enter_context(serving(endpoint, "w")))
+        timer.start()
+        assert refined_bytes(refiner, 1) == expected(1)
+        timer.join()
+    assert told == ["worker w joined"]
+
+
+def test_worker_leaves_and_comes_back(endpoint: str) -> None:
+    """A worker that ends and starts again under the same name goes on serving."""
+    with pool(endpoint) as refiner:
+        for number in range(3):
+            with serving(endpoint, "w"):
+                assert refined_bytes(refiner, number) == expected(number)
+
+
+def test_frame_is_observed_once_by_a_worker(endpoint: str) -> None:
+    """However many batches a frame has, it is decoded and observed once."""
+    seen: list[int] = []
+
+    def count(subject: SubjectFrame) -> float:
+        seen.append(subject.frame.number)
+        return observe(subject)
+
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(count, refine)):
+        for number in range(3):
+            refined_bytes(refiner, number, np.tile(POSES, (4, 1)))
+    assert seen == [0, 1, 2]
+
+
+def test_nobody_comes(endpoint: str) -> None:
+    """The wait for workers can be bounded, and its end tells how to start one."""
+    options = Pool(workers=0, listen=endpoint, worker_timeout=0.2)
+    with ZenohRefiner(options) as refiner, pytest.raises(NoWorkers, match="gepf-worker --connect unixsock"):
+        refined_bytes(refiner, 1)
+
+
+def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
+    """Who tries again after a job that failed gets the new job's result, with nothing of the old one."""
+    with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=0.2)) as refiner:
+        with pytest.raises(NoWorkers):
+            refined_bytes(refiner, 1)
+        with serving(endpoint, "w"):
+            time.sleep(0.2)  # for its coming to be waiting to be handled
+            assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
+
+
+def test_run_says_that_it_waits(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who waits for workers is told so, once."""
+    monkeypatch.setattr("coordinator.pool.no_worker_timeout.NOTICE", 0.1)
+    told: list[str] = []
+    options = Pool(workers=0, listen=endpoint, worker_timeout=0.6)
+    with ZenohRefiner(options, told.append) as refiner, pytest.raises(NoWorkers):
+        refined_bytes(refiner, 1)
+    assert told == ["no worker is there; waiting for one"]
+
+
+def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
+    """What no worker can do is an error that says why, and the workers live on."""
+
+    def fail(*_: object) -> Refined:
+        raise ZeroDivisionError("no mass")
+
+    with pool(endpoint) as refiner:
+        why = pytest.raises(ProtocolError, match="could not refine: ZeroDivisionError: no mass")
+        with serving(endpoint, "w", Kernel(observe, fail)), why:
+            refined_bytes(refiner, 1, POSES[:1])
+        with serving(endpoint, "good"):
+            assert refined_bytes(refiner, 2) == expected(2)
+
+
+@contextmanager
+def answering(endpoint: str, name: str, answer: Callable[[Request], None]) -> Iterator[None]:
+    """Something on the bus that says it is a worker."""
+    with open_worker([endpoint]) as bus:
+        requests = bus.requests(keys.worker_refine(name))
+        bus.announce(keys.worker_alive(name))
+
+        def serve() -> None:
+            while (arrived := requests.receive(wait=True)) is not None:
+                for request in arrived:
+                    with request:
+                        answer(request)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield
+        finally:
+            requests.close()
+            thread.join(5.0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "malformed"),
+    [
+        (lambda request: request.reply(b"\xc1nonsense"), True),
+        (lambda request: request.reply(request.payload), True),
+        (lambda request: request.refuse(b"\xc1nonsense"), False),
+        (lambda _: None, False),
+    ],
+    ids=["rubbish", "echo", "odd-error", "silence"],
+)
+def test_bad_worker_does_not_spoil_the_result(
+    endpoint: str, answer: Callable[[Request], None], malformed: bool
+) -> None:
+    """Answers that make no sense, or none at all, are counted and the batches done by others."""
+    with pool(endpoint) as refiner, answering(endpoint, "a-liar", answer):
+        refiner.wait_for(1)  # the liar is known, and gets work first
+        with serving(endpoint, "good"):
+            for number in range(3):
+                assert refined_bytes(refiner, number) == expected(number)
+        assert (refiner.traffic.replies_malformed > 0) == malformed
+
+
+def test_of_many_answers_the_first_counts(endpoint: str) -> None:
+    """A worker that answers again and again fills nobody's memory."""
+
+    def chatter(request: Request) -> None:
+        for number in range(50):
+            request.reply(b"%d" % number)
+
+    answers: SimpleQueue[bytes] = SimpleQueue()
+    with open_coordinator([endpoint]) as bus, answering(endpoint, "chatterer", chatter):
+        alive = threading.Event()
+        bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.set() if there else None)
+        assert alive.wait(5.0)
+        asker = bus.asker(keys.worker_refine("chatterer"), 5.0)
+        for _ in range(3):  # when one is answered, all answers to those before have come
+            asker.ask(b"", on_reply=answers.put, on_refusal=answers.put, on_end=lambda: None)
+            assert answers.get(timeout=5.0) == b"0"
+    assert answers.empty()
+
+
+class Client:
+    """Asks a worker directly."""
+
+    def __init__(self, bus: Bus, worker: str) -> None:
+        self.asker = bus.asker(keys.worker_refine(worker), 10.0)
+
+    def ask(self, payload: bytes) -> tuple[str, bytes]:
+        """What came first: "reply" or "refusal" with its payload, or the "end"."""
+        came: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
+        self.asker.ask(
+            payload,
+            on_reply=lambda reply: came.put(("reply", reply)),
+            on_refusal=lambda reply: came.put(("refusal", reply)),
+            on_end=lambda: came.put(("end", b"")),
+        )
+        return came.get(timeout=10.0)
+
+
+@contextmanager
+def client(endpoint: str) -> Iterator[Client]:
+    """A worker, and someone who asks it without being a run."""
+    with open_coordinator([endpoint]) as bus, serving(endpoint, "w"):
+        alive: SimpleQueue[bool] = SimpleQueue()
+        bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.put(there))
+        assert alive.get(timeout=5.0)
+        yield Client(bus, "w")
+
+
+REQUEST = RefineRequest("ghost", 1, MODEL.hash, SETTINGS, POSES)
+
+
+@pytest.mark.parametrize(
+    ("payload", "reason"),
+    [
+        (b"", "not a request message"),
+        (b"\xc1" * 1000, "not a request message"),
+        (encode_request(REQUEST).replace(b"version\x01", b"version\x02"), "protocol version 2, expected 1"),
+        (encode_request(replace(REQUEST, poses=POSES * np.nan)), "poses holds values that are not finite"),
+        (encode_request(REQUEST), "nobody has model [0-9a-f]{12} of run ghost"),
+    ],
+    ids=["empty", "rubbish", "version", "nan", "unknown-run"],
+)
+def test_request_that_cannot_be_served_gets_a_reason(endpoint: str, payload: bytes, reason: str) -> None:
+    """Whatever a worker is asked, it answers; and it serves the next one."""
+    with client(endpoint) as someone:
+        for _ in range(2):
+            kind, answer = someone.ask(payload)
+            assert kind == "refusal"
+            assert_matches(decode_refusal(answer).reason, reason)
+
+
+def assert_matches(text: str, pattern: str) -> None:
+    """The text must hold the pattern."""
+    with pytest.raises(ProtocolError, match=pattern):
+        raise ProtocolError(text)
+
+
+def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) -> None:
+    """A frame that the run no longer has, and poses of another model, are refused by name."""
+    with pool(endpoint) as refiner, serving(endpoint, "w"), open_worker([endpoint]) as bus:
+        refined_bytes(refiner, 1)
+        asker, request = Client(bus, "w"), replace(REQUEST, run=refiner.run)
+        kind, answer = asker.ask(encode_request(replace(request, frame=99)))
+        assert kind == "refusal"
+        assert decode_refusal(answer).reason == f"nobody has frame 99 of run {refiner.run}"
+        kind, answer = asker.ask(encode_request(replace(request, poses=POSES[:, :5])))
+        assert kind == "refusal"
+        assert decode_refusal(answer).reason == "poses have 5 values, the model has 6"
+
+
+def test_real_kernel_over_the_bus(endpoint: str) -> None:
+    """The real kernel gives the same bytes by itself, with one worker, and with two in other batches."""
+    kernel = Kernel(real_observe, real_refine)
+    results = {as_bytes(real_refine(MODEL, real_observe(frame(1)), POSES, SETTINGS))}
+    with pool(endpoint) as refiner, serving(endpoint, "one", kernel):
+        results.add(refined_bytes(refiner, 1))
+        with serving(endpoint, "two", kernel):
+            refiner.wait_for(2)
+            results.add(as_bytes(refiner.refine(MODEL, POSES, SETTINGS)))
+        assert refiner.traffic.workers_seen == ("one", "two")
+    assert len(results) == 1
+
+
+def test_endpoint_that_cannot_be_opened() -> None:
+    """A failing endpoint is our error and names the endpoint, not the transport's sources."""
+    with pytest.raises(BusError, match=r"opening nonsense: ") as caught, open_coordinator(["nonsense"]):
+        pass
+    assert ".rs:" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "*", "a b", "@x", "x" * 65, "a\n"])
+def test_names_that_cannot_be_keys(name: str) -> None:
+    """Names that would break or widen a key are refused before they are used."""
+    with pytest.raises(InputError, match="cannot be used"):
+        keys.check_name("run", name)
+
+
+def test_recent_forgets_what_was_used_longest_ago() -> None:
+    """The store is bounded, and use keeps a value alive."""
+    recent: Recent[int, str] = Recent(2)
+    recent.put(1, "one")
+    recent.put(2, "two")
+    assert recent.find(1, lambda: "other") == "one"
+    recent.put(3, "three")
+    assert (recent.get(1), recent.get(2), recent.get(3), len(recent)) == ("one", None, "three", 2)
+
+
+def test_arrivals_are_bounded_and_wake_who_waits() -> None:
+    """Old frames and old runs are forgotten; a frame that comes while it is waited for is found."""
+    arrivals: Memory[float] = Memory()
+    for run in range(100):
+        for number in range(10):
+            arrivals.put_frame(f"run{run}", number, b"x")
+    kept = [(r, n) for r in range(100) for n in range(10) if arrivals.wait_for_frame(f"run{r}", n, 0.0)]
+    assert kept == [(r, n) for r in range(84, 100) for n in (8, 9)]
+    threading.Timer(0.05, lambda: arrivals.put_frame("new", 1, b"y")).start()
+    assert arrivals.wait_for_frame("new", 1, 5.0) == b"y"
+
+
+def test_frames_that_come_do_not_crowd_requests_out() -> None:
+    """However often a busy worker is woken, as many requests wait for it as may, in their order."""
+    arrivals, requests = Arrivals(), [SimpleNamespace(number=n) for n in range(WAITING_REQUESTS)]
+    for request in requests:
+        for _ in range(10):
+            arrivals.wake()
+        arrivals.put(request)  # type: ignore[arg-type]
+    taken: list[Any] = []
+    while len(taken) < WAITING_REQUESTS:
+        some = arrivals.take(wait=False)
+        assert some
+        taken += some
+    assert taken == requests
+    assert arrivals.take(wait=False) == []
+
+
+def test_only_the_newest_frame_of_a_run_that_asks_is_made_ready() -> None:
+    """Once, and not if it has been looked at; other runs' frames wait until somebody asks for them."""
+    memory: Memory[float] = Memory()
+    memory.put_frame("silent", 1, b"x")
+    memory.of("asking").models.put("hash", MODEL)
+    for number in (1, 2):
+        memory.put_frame("asking", number, b"y")
+    assert memory.take_unread() == (memory.of("asking"), 2, b"y")
+    assert memory.take_unread() is None
+    memory.put_frame("asking", 3, b"z")
+    memory.of("asking").observations.put(3, 0.5)
+    assert memory.take_unread() is None
+
+
+def test_contexts_are_what_they_say(endpoint: str) -> None:
+    """A refiner is a context manager that leaves no thread behind."""
+    before = threading.active_count()
+    refiner = pool(endpoint)
+    assert isinstance(refiner, AbstractContextManager)
+    with refiner, serving(endpoint, "w"):
+        refined_bytes(refiner, 1)
+    deadline = time.monotonic() + 5.0
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert threading.active_count() <= before

@@ -1,0 +1,239 @@
+"""Workers as real processes, killed, frozen and left alone for real."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.errors import BusError
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.pool.test_pool import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
+
+INSTANT = (sys.executable, "-m", "tests.support.instant_worker")
+WORKER = (sys.executable, "-m", "worker.cli")
+
+
+def local(workers: int, tell: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
+    """A coordinator with worker processes of its own."""
+    options = {"worker_command": INSTANT, **options}
+    return ZenohRefiner(Pool(workers=workers, **options), tell)
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process runs; a zombie does not."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    """Poll until the condition holds; fail if it does not within the time."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers that need 10 ms for a particle, so that a frame lasts long enough to be disturbed."""
+    monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.01")
+
+
+def test_two_processes_give_the_bytes_of_the_kernel() -> None:
+    """Local workers serve frame after frame, and all end with the run, quickly."""
+    with local(2) as refiner:
+        refiner.wait_for(2)
+        for number in range(5):
+            assert refined_bytes(refiner, number) == expected(number)
+        pids = list(refiner.local_pids.values())
+        assert len(refiner.traffic.workers_seen) == 2
+        began = time.monotonic()
+    assert time.monotonic() - began < 2.0
+    assert not any(is_alive(pid) for pid in pids)
+
+
+@contextmanager
+def later(seconds: float, act: Callable[[], None]) -> Iterator[None]:
+    """Do something while the body runs."""
+    timer = threading.Timer(seconds, act)
+    timer.start()
+    yield
+    timer.join()
+
+
+@pytest.mark.usefixtures("slow")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_killed_worker_is_replaced(workers: int) -> None:
+    """SIGKILL in the middle of a frame changes no byte; the worker is started again and serves."""
+    told: list[str] = []
+    with local(workers, told.append) as refiner:
+        refiner.wait_for(workers)
+        assert refined_bytes(refiner, 0) == expected(0)
+        name, pid = next(iter(refiner.local_pids.items()))
+        with later(0.03, lambda: os.kill(pid, signal.SIGKILL)):
+            assert refined_bytes(refiner, 1) == expected(1)
+        wait_until(lambda: not is_alive(pid))
+        refiner.wait_for(workers)
+        for number in range(2, 5):
+            assert refined_bytes(refiner, number) == expected(number)
+        if workers > 1:
+            time.sleep(0.2)  # for the clock to be looked at
+            refined_bytes(refiner, 5)
+        assert refiner.traffic.batches_sent_again > 0
+        assert refiner.traffic.local_workers_restarted == 1
+    assert f"worker {name} was ended by SIGKILL; starting it again" in told
+
+
+@pytest.mark.usefixtures("slow")
+def test_frozen_worker_is_worked_around() -> None:
+    """SIGSTOP in mid-frame changes no byte; the frame is done before the bus misses the worker."""
+    told: list[str] = []
+    with local(2, told.append) as refiner:
+        refiner.wait_for(2)
+        for number in range(3):
+            assert refined_bytes(refiner, number) == expected(number)
+        pid = next(iter(refiner.local_pids.values()))
+        try:
+            with later(0.03, lambda: os.kill(pid, signal.SIGSTOP)):
+                assert refined_bytes(refiner, 3) == expected(3)
+            assert not any(line.endswith("left") for line in told)
+            assert refiner.traffic.batches_sent_again > 0
+            assert refined_bytes(refiner, 4) == expected(4)
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        refiner.wait_for(2)
+        assert refined_bytes(refiner, 5) == expected(5)
+
+
+def test_frozen_worker_is_ended_with_the_run() -> None:
+    """A worker that does not listen to the end of the run is killed."""
+    with local(1) as refiner:
+        refiner.wait_for(1)
+        pid = refiner.local_pids[f"{refiner.run}-0"]
+        os.kill(pid, signal.SIGSTOP)
+    assert not is_alive(pid)
+
+
+def test_workers_that_do_not_start() -> None:
+    """A worker that cannot start ends the run with what it said last."""
+    command = (sys.executable, "-c", "raise SystemExit('no such kernel')")
+    why = pytest.raises(BusError, match=r"local workers do not start; .* exit code 1: no such kernel")
+    with local(1, worker_command=command) as refiner, why:
+        refiner.wait_for(1)
+
+
+COORDINATOR = """
+import time
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.pool.test_processes import INSTANT
+with ZenohRefiner(Pool(workers=2, worker_command=INSTANT)) as refiner:
+    refiner.wait_for(2)
+    print(*refiner.local_pids.values(), flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Path) -> None:
+    """However the coordinator ends, its own workers do not outlive it."""
+    with subprocess.Popen(
+        [sys.executable, "-c", COORDINATOR],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+    ) as process:
+        assert process.stdout is not None
+        pids = [int(pid) for pid in process.stdout.readline().split()]
+        assert len(pids) == 2
+        process.send_signal(number)
+        assert process.wait(5.0) != 0
+    wait_until(lambda: not any(is_alive(pid) for pid in pids))
+
+
+@contextmanager
+def started(*arguments: str, command: tuple[str, ...] = WORKER) -> Iterator[subprocess.Popen[str]]:
+    """A process with its standard error in a pipe; killed if it is left running."""
+    with subprocess.Popen(
+        [*command, *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_outside_worker_serves_until_told_to_end(tmp_path: Path) -> None:
+    """`gepf-worker` started before its coordinator connects, serves, says so in a line, and ends with 0."""
+    endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
+    with started("--connect", endpoint, "--name", "outside") as process:
+        with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner:
+            refiner.wait_for(1)
+            refiner.publish(frame(1))
+            refined = refiner.refine(MODEL, POSES, SETTINGS)
+            assert refined.poses.shape == POSES.shape
+            assert refiner.traffic.workers_seen == ("outside",)
+            process.terminate()
+            assert process.wait(5.0) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == f"gepf-worker: outside serves {endpoint}\n"
+
+
+def test_idle_worker_is_idle(tmp_path: Path) -> None:
+    """A worker that nobody asks uses next to no processor time."""
+    endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
+    with (
+        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner,
+        started("--connect", endpoint, command=INSTANT) as process,
+    ):
+        refiner.wait_for(1)
+        before = processor_seconds(process.pid)
+        time.sleep(1.0)
+        assert processor_seconds(process.pid) - before < 0.1
+
+
+def processor_seconds(pid: int) -> float:
+    """User and system time of a process so far."""
+    user, system = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_worker_that_is_still_connecting_can_be_ended(number: signal.Signals, tmp_path: Path) -> None:
+    """A worker whose coordinator never comes does not hang when told to end."""
+    with started("--connect", f"unixsock-stream/{tmp_path / 'nobody'}", command=INSTANT) as process:
+        time.sleep(1.5)
+        process.send_signal(number)
+        assert process.wait(3.0) == -number
+
+
+def test_worker_with_a_bad_name_says_so() -> None:
+    """A fault of the user is one line and exit code 2."""
+    with started("--connect", "tcp/127.0.0.1:1", "--name", "a/b", command=INSTANT) as process:
+        assert process.wait(10.0) == 2
+        assert process.stderr is not None
+        assert process.stderr.read().count("\n") == 1
+
+
+def test_same_bytes_after_everything() -> None:
+    """A run of processes ends with the bytes of the kernel, whole and in parts."""
+    with local(3) as refiner:
+        refiner.publish(frame(9))
+        whole = as_bytes(refiner.refine(MODEL, POSES, SETTINGS))
+        part = as_bytes(refiner.refine(MODEL, POSES[7:9], SETTINGS))
+    assert whole == expected(9)
+    assert part == expected(9, POSES[7:9])

@@ -1,0 +1,464 @@
+"""Dispatch as tables of events and the instructions expected; nothing is ever lost or done twice."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coordinator.pool.batches import LARGEST, split
+from coordinator.pool.events import (
+    Accept,
+    Done,
+    Ended,
+    Event,
+    Fail,
+    Hindered,
+    Instruction,
+    JobStarted,
+    Refused,
+    Replied,
+    Send,
+    Ticked,
+    WorkerJoined,
+    WorkerLeft,
+)
+from coordinator.pool.scheduler import LATE_LEAST, PAUSE, REST, WINDOW, Dispatch
+
+Table = list[tuple[float, Event, list[Instruction]]]
+
+
+def play(table: Table) -> Dispatch:
+    """Run a table of (time, event, instructions expected), checking the invariants after every event."""
+    dispatch = Dispatch()
+    for row, (now, event, expected) in enumerate(table):
+        assert dispatch.handle(event, now) == expected, f"row {row}: {event}"
+        check(dispatch)
+    return dispatch
+
+
+def check(dispatch: Dispatch) -> None:
+    """What holds between any two events."""
+    in_windows = {ticket: worker for worker in dispatch.workers.values() for ticket in worker.flights}
+    assert in_windows.keys() == dispatch.flights.keys()
+    assert all(flight.worker is in_windows[ticket] for ticket, flight in dispatch.flights.items())
+    assert all(len(worker.flights) <= WINDOW for worker in dispatch.workers.values())
+    assert all(one.stop == other.start for one, other in pairwise(dispatch.batches))
+    assert not dispatch.batches or not all(batch.done for batch in dispatch.batches)
+    assert dispatch.may_wait or not dispatch.waiting()
+    flying = {id(flight.batch) for flight in dispatch.flights.values()}
+    lost = [b for b in dispatch.batches if not b.done and id(b) not in flying and b not in dispatch.waiting()]
+    assert not lost
+
+
+A, B = WorkerJoined("a"), WorkerJoined("b")
+TWO_AT_WORK: Table = [
+    (0.0, A, []),
+    (0.0, B, []),
+    (
+        0.0,
+        JobStarted(40),
+        [Send(0, "a", 0, 10), Send(1, "b", 10, 20), Send(2, "a", 20, 30), Send(3, "b", 30, 40)],
+    ),
+]
+ONE_AT_WORK: Table = [(0.0, A, []), (0.0, JobStarted(20), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)])]
+
+
+def test_calm() -> None:
+    """Two workers share a job; each result is accepted once, and the last one ends the job."""
+    dispatch = play(
+        [
+            *TWO_AT_WORK,
+            (0.1, Replied(1), [Accept(1, 10)]),
+            (0.1, Ended(1), []),
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.2, Replied(3), [Accept(3, 30)]),
+            (0.2, Replied(2), [Accept(2, 20), Done()]),
+            (0.2, Ended(2), []),
+        ]
+    )
+    assert dispatch.counts.batches_sent == 4
+    assert dispatch.counts.batches_sent_again == 0
+
+
+def test_window() -> None:
+    """More batches than places in flight: each result makes room for the next batch."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, JobStarted(30), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
+            (0.1, Replied(0), [Accept(0, 0), Send(2, "a", 20, 30)]),
+            (0.2, Replied(1), [Accept(1, 10)]),
+            (0.3, Replied(2), [Accept(2, 20), Done()]),
+        ]
+    )
+
+
+def test_late_joiner_takes_what_waits() -> None:
+    """A job that begins without workers waits; the first to join starts, the second takes over the rest."""
+    play(
+        [
+            (0.0, JobStarted(30), []),
+            (1.0, Ticked(), []),
+            (2.0, A, [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
+            (2.1, B, [Send(2, "b", 20, 30)]),
+            (2.2, Replied(0), [Accept(0, 0)]),
+            (2.2, Replied(2), [Accept(2, 20)]),
+            (2.2, Replied(1), [Accept(1, 10), Done()]),
+        ]
+    )
+
+
+def test_killed_worker() -> None:
+    """What a lost worker was working on goes to the other one, and its late answers are ignored."""
+    dispatch = play(
+        [
+            *TWO_AT_WORK,
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.1, WorkerLeft("b"), [Send(4, "a", 10, 20)]),
+            (0.1, Ended(1), []),
+            (0.1, Replied(3), []),
+            (0.2, Replied(2), [Accept(2, 20), Send(5, "a", 30, 40)]),
+            (0.3, Replied(4), [Accept(4, 10)]),
+            (0.4, Replied(5), [Accept(5, 30), Done()]),
+        ]
+    )
+    assert dispatch.counts.batches_sent_again == 2
+
+
+def test_ended_without_answer() -> None:
+    """A request that ends without an answer is sent elsewhere; its worker pauses, as it may be gone."""
+    play(
+        [
+            *TWO_AT_WORK,
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.1, Ended(1), [Send(4, "a", 10, 20)]),
+            (0.1, Ended(3), []),
+            (0.15, Replied(2), [Accept(2, 20), Send(5, "a", 30, 40)]),
+        ]
+    )
+
+
+def test_lone_worker_is_asked_again_after_a_pause() -> None:
+    """With nobody else there, the same worker gets the batch again, but not at once."""
+    play(
+        [
+            *ONE_AT_WORK,
+            (1.0, Ended(0), []),
+            (1.0 + PAUSE / 2, Ticked(), []),
+            (1.0 + PAUSE, Ticked(), [Send(2, "a", 0, 10)]),
+        ]
+    )
+
+
+def test_all_workers_lost_and_one_back() -> None:
+    """With no worker left the job waits, and goes on when one comes, under an old name or a new one."""
+    play(
+        [
+            *ONE_AT_WORK,
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.2, WorkerLeft("a"), []),
+            (9.0, Ticked(), []),
+            (9.1, A, [Send(2, "a", 10, 20)]),
+            (9.2, Replied(1), []),
+            (9.3, Replied(2), [Accept(2, 10), Done()]),
+        ]
+    )
+
+
+def test_slow_tail_is_sent_again() -> None:
+    """What takes much longer than usual is sent again to an idle worker, once; the first result wins."""
+    dispatch = play(
+        [
+            *TWO_AT_WORK,
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.1, Replied(2), [Accept(2, 20)]),
+            (0.1, Replied(1), [Accept(1, 10)]),
+            (0.29, Ticked(), []),
+            (0.31, Ticked(), [Send(4, "a", 30, 40)]),
+            (9.0, Ticked(), []),
+            (9.1, Replied(4), [Accept(4, 30), Done()]),
+            (9.2, Replied(3), []),
+        ]
+    )
+    assert dispatch.counts.batches_sent_again == 1
+
+
+def test_nothing_is_late_in_a_hurry() -> None:
+    """Very fast batches are given a least time before they count as slow."""
+    table: Table = [
+        *TWO_AT_WORK,
+        (1e-4, Replied(0), [Accept(0, 0)]),
+        (1e-4, Replied(2), [Accept(2, 20)]),
+        (LATE_LEAST * 0.9, Ticked(), []),
+        (LATE_LEAST * 1.1, Ticked(), [Send(4, "a", 10, 20)]),
+    ]
+    play(table)
+
+
+def test_frozen_worker_gets_no_more() -> None:
+    """A worker that is still busy with the job before gets nothing of the next one."""
+    play(
+        [
+            *TWO_AT_WORK,
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.1, Replied(2), [Accept(2, 20)]),
+            (0.5, Ticked(), [Send(4, "a", 10, 20)]),
+            (0.6, Replied(4), [Accept(4, 10), Send(5, "a", 30, 40)]),
+            (0.7, Replied(5), [Accept(5, 30), Done()]),
+            (0.7, JobStarted(40), [Send(6, "a", 0, 10), Send(7, "a", 10, 20)]),
+            (0.8, Replied(1), [Send(8, "b", 20, 30)]),
+            (0.8, Ended(3), []),
+        ]
+    )
+
+
+def test_stale_and_unknown_answers_are_ignored() -> None:
+    """Answers of a job that was given up, second answers and unknown tickets change nothing."""
+    play(
+        [
+            *ONE_AT_WORK,
+            (0.1, JobStarted(4), []),
+            (0.2, Replied(0), [Send(2, "a", 0, 4)]),
+            (0.2, Replied(0), []),
+            (0.2, Replied(99), []),
+            (0.2, Refused(99, "no"), []),
+            (0.2, Ended(99), []),
+            (0.2, WorkerLeft("nobody"), []),
+            (0.3, Replied(2), [Accept(2, 0), Done()]),
+        ]
+    )
+
+
+def test_refused_batch_goes_elsewhere() -> None:
+    """A batch that one worker refuses is done by another, even if that one is busy at the moment."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, B, []),
+            (0.0, JobStarted(60), [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)]),
+            (0.1, Refused(0, "no"), [Send(4, "a", 40, 50)]),
+            (0.2, Replied(1), [Accept(1, 10), Send(5, "b", 0, 10)]),
+        ]
+    )
+
+
+def test_failing_worker_rests() -> None:
+    """A worker that fails three times in a row rests, and is tried again afterwards."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, B, []),
+            (0.0, JobStarted(60), [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)]),
+            (0.1, Refused(0, "no"), [Send(4, "a", 40, 50)]),
+            (0.1, Refused(2, "no"), [Send(5, "a", 50, 60)]),
+            (0.1, Refused(4, "no"), []),
+            (0.2, Replied(1), [Accept(1, 10), Send(6, "b", 0, 10)]),
+            (0.3, Refused(5, "no"), []),
+            (0.9, Replied(3), [Accept(3, 30), Send(7, "b", 20, 30)]),
+            (0.9, Replied(6), [Accept(6, 0), Send(8, "b", 40, 50)]),
+            (0.9, Replied(7), [Accept(7, 20), Send(9, "b", 50, 60)]),
+            (0.9, Replied(8), [Accept(8, 40)]),
+            (0.9, Replied(9), [Accept(9, 50), Done()]),
+            (0.9, JobStarted(10), [Send(10, "b", 0, 5), Send(11, "b", 5, 10)]),
+            (0.9, Replied(10), [Accept(10, 0)]),
+            (0.9, Replied(11), [Accept(11, 5), Done()]),
+            (0.1 + REST, JobStarted(10), [Send(12, "a", 0, 5), Send(13, "b", 5, 10)]),
+        ]
+    )
+
+
+def test_refused_by_all_fails() -> None:
+    """What every worker refuses fails the job with the reason, once, and the next job starts afresh."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, B, []),
+            (0.0, JobStarted(2), [Send(0, "a", 0, 1), Send(1, "b", 1, 2)]),
+            (0.1, Refused(0, "bad model"), [Send(2, "b", 0, 1)]),
+            (0.2, Refused(2, "bad model"), [Send(3, "a", 0, 1)]),
+            (0.3, Refused(3, "bad model"), [Fail("bad model")]),
+            (0.3, Refused(1, "bad model"), []),
+            (0.4, JobStarted(1), [Send(4, "a", 0, 1)]),
+        ]
+    )
+
+
+def test_a_worker_that_cannot_find_something_fails_nothing() -> None:
+    """It is asked again after a pause, and rests in the end, however often that happens."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, JobStarted(1), [Send(0, "a", 0, 1)]),
+            (0.1, Hindered(0, "no model"), []),
+            (0.1 + PAUSE, Ticked(), [Send(1, "a", 0, 1)]),
+            (0.3, Hindered(1, "no model"), []),
+            (0.3 + PAUSE, Ticked(), [Send(2, "a", 0, 1)]),
+            (0.5, Hindered(2, "no model"), []),
+            (0.5 + PAUSE, Ticked(), []),
+            (0.5 + REST, Ticked(), [Send(3, "a", 0, 1)]),
+            (2.0, Replied(3), [Accept(3, 0), Done()]),
+        ]
+    )
+
+
+def test_different_reasons_are_all_told() -> None:
+    """A lone worker is asked three times; if its reasons differ, all are named."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, JobStarted(1), [Send(0, "a", 0, 1)]),
+            (0.1, Refused(0, "this"), [Send(1, "a", 0, 1)]),
+            (0.2, Refused(1, "that"), [Send(2, "a", 0, 1)]),
+            (0.3, Refused(2, "this"), [Fail("this; that")]),
+        ]
+    )
+
+
+def test_empty_job_is_done() -> None:
+    """A job without particles is done at once."""
+    play([(0.0, JobStarted(0), [Done()])])
+
+
+@given(st.integers(1, 500), st.integers(0, 20))
+def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
+    """Batches cover all particles in order, none too large, sizes equal but for one, all workers busy."""
+    ranges = split(particles, [2.5] * workers)
+    sizes = [stop - start for start, stop in ranges]
+    assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
+    assert max(sizes) <= LARGEST
+    assert max(sizes) - min(sizes) <= 1
+    assert len(ranges) >= min(particles, workers)
+
+
+@pytest.mark.parametrize(
+    ("particles", "workers", "sizes"),
+    [(20, 1, [10, 10]), (20, 2, [10, 10]), (22, 2, [5, 6, 6, 5]), (20, 3, [7, 6, 7]), (1, 8, [1])],
+)
+def test_split_of_usual_jobs(particles: int, workers: int, sizes: list[int]) -> None:
+    """As few as may be, and as many for each worker."""
+    assert [stop - start for start, stop in split(particles, [1.0] * workers)] == sizes
+
+
+@given(st.integers(1, 500), st.lists(st.floats(0.25, 4.0), min_size=1, max_size=20))
+def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) -> None:
+    """All is covered in order, by whole rounds; batches go with the speeds but for one particle each."""
+    ranges = split(particles, speeds)
+    sizes = [stop - start for start, stop in ranges]
+    assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
+    assert min(sizes) >= 1
+    if len(ranges) >= len(speeds):
+        assert len(ranges) % len(speeds) == 0
+        rounds = len(ranges) // len(speeds)
+        share = (particles - len(ranges)) / (rounds * sum(speeds))
+        assert all(
+            abs(size - 1 - share * speed) <= 1.0 for size, speed in zip(sizes, rounds * speeds, strict=True)
+        )
+
+
+TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
+
+
+def sends_of(dispatch: Dispatch, particles: int, now: float) -> list[Send]:
+    """The batches that a job begins with."""
+    return [told for told in dispatch.handle(JobStarted(particles), now) if isinstance(told, Send)]
+
+
+def test_a_slower_worker_gets_less() -> None:
+    """Who needs twice as long for as many particles gets half as many in the end, whatever it waited for."""
+    dispatch, now = play(TWO_IDLE), 0.0
+    for _ in range(30):
+        sends = sends_of(dispatch, 15, now)
+        assert [s.worker for s in sends] == ["a", "b"]
+        took = [(s.stop - s.start) * (0.01 if s.worker == "a" else 0.02) for s in sends]
+        for send, seconds in sorted(zip(sends, took, strict=True), key=lambda one: one[1]):
+            dispatch.handle(Replied(send.ticket), now + seconds)
+        now += max(took) + 1.0
+    assert [(s.start, s.stop) for s in sends] == [(0, 10), (10, 15)]
+
+
+def test_a_pace_is_by_when_answers_came() -> None:
+    """Two answers that are handled at once, late, are two batches one after the other."""
+    dispatch, now = play(TWO_IDLE), 0.0
+    for _ in range(10):
+        sends = sends_of(dispatch, 40, now)
+        assert [s.stop - s.start for s in sends] == [10, 10, 10, 10]
+        for k, send in enumerate(sends):
+            dispatch.handle(Replied(send.ticket, now + 0.1 * (1 + k // 2)), now + 0.25)
+        now += 10.0
+
+
+def test_larger_batches_go_to_faster_workers_whoever_is_busy() -> None:
+    """A worker that is still busy with an old job comes last, and its share with it."""
+    dispatch, now = play(TWO_IDLE), 0.0
+    stuck = None
+    for job in range(12):
+        sends = {s.worker: s for s in sends_of(dispatch, 20, now)}
+        if stuck is not None:
+            assert (sends["b"].stop - sends["b"].start) > 10 > (sends["a"].stop - sends["a"].start)
+            return
+        dispatch.handle(Replied(sends["b"].ticket), now + 0.01 * (sends["b"].stop - sends["b"].start))
+        if job == 10:
+            stuck = sends["a"]  # is never answered: b does it, too
+            (again,) = (s for s in dispatch.handle(Ticked(), now + 60.0) if isinstance(s, Send))
+            dispatch.handle(Replied(again.ticket), now + 61.0)
+        else:
+            dispatch.handle(Replied(sends["a"].ticket), now + 0.03 * (sends["a"].stop - sends["a"].start))
+        now += 100.0
+
+
+def test_one_frozen_moment_is_passed_over() -> None:
+    """One answer that took a minute changes nothing."""
+    dispatch, now = play(TWO_IDLE), 0.0
+    shares = []
+    for job in range(40):
+        sends = sends_of(dispatch, 20, now)
+        shares.append({s.worker: s.stop - s.start for s in sends}["b"])
+        for send in sends:
+            took = 60.0 if job == 3 and send.worker == "b" else 0.01 * (send.stop - send.start)
+            dispatch.handle(Replied(send.ticket), now + took)
+        now += 100.0
+    assert set(shares) == {10}
+
+
+TICKETS = st.integers(0, 30)
+HISTORY = st.lists(
+    st.tuples(
+        st.sampled_from([0.0, 0.01, 0.2, 2.0]),
+        st.one_of(
+            st.builds(WorkerJoined, st.sampled_from("abc")),
+            st.builds(WorkerLeft, st.sampled_from("abc")),
+            st.builds(Replied, TICKETS),
+            st.builds(Ended, TICKETS),
+            st.just(Ticked()),
+        ),
+    ),
+    max_size=60,
+)
+
+
+@given(st.integers(1, 60), HISTORY)
+def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]]) -> None:
+    """Whatever workers do, each batch is accepted once, and with a good worker the job gets done."""
+    dispatch, now = Dispatch(), 0.0
+    told: list[Instruction] = []
+
+    def feed(event: Event) -> None:
+        told.extend(dispatch.handle(event, now))
+        check(dispatch)
+
+    feed(JobStarted(particles))
+    for pause, event in history:
+        now += pause
+        feed(event)
+    for name in "abc":
+        feed(WorkerLeft(name))
+    feed(WorkerJoined("good"))
+    while dispatch.batches:
+        assert dispatch.flights, "a good worker is idle while there is work"
+        feed(Replied(next(iter(dispatch.flights))))
+    accepted = [instruction.start for instruction in told if isinstance(instruction, Accept)]
+    assert sorted(accepted) == [start for start, _ in split(particles, [])]
+    assert told.count(Done()) == 1

@@ -1,0 +1,130 @@
+"""The page about a run: whole in itself, true to the run, and made to be read."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from common.activation import activate
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.cli import main
+from coordinator.report.doubts import Doubt, find_doubts
+from coordinator.results.track import Track
+from coordinator.results.uncertainty import deviation
+from tests.support.runs import swing, write_run
+
+SUMMARY = {
+    "sequence": "walk <b>&</b>",
+    "settings": {"seed": 3, "refine": {"damping": 0.1}},
+    "time_per_stage": {"refine": 2.0, "merge": 0.5},
+    "frame_rate": 12.3,
+    "versions": {"gepf": "0.1.0"},
+}
+
+
+class Page(HTMLParser):
+    """What a browser would load, and the text between tags."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note what the tag makes a browser load."""
+        self.loaded += [
+            value or "" for name, value in attrs if name == "src" or (tag == "link" and name == "href")
+        ]
+
+    def handle_data(self, data: str) -> None:
+        """Note the text."""
+        self.words.append(data.strip())
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run of five frames, the fourth lost, with a small picture."""
+    folder = tmp_path / "run"
+    whole = human()
+    model = activate(whole, DEFAULT_ACTIVE, np.zeros(len(whole.dof_names)))
+    write_run(folder, model, swing(model, 5), lost=(3,))
+    (folder / "summary.json").write_text(json.dumps(SUMMARY))
+    Image.new("RGB", (4, 4)).save(folder / "overlay.gif")
+    return folder
+
+
+def test_the_page_needs_nothing_else(run: Path) -> None:
+    """`gepf report` leaves one file that loads only what it holds itself, and tells of every angle."""
+    assert main(["report", str(run)]) == 0
+    text = (run / "report.html").read_text()
+    page = Page(text)
+    assert page.loaded
+    assert all(address.startswith("data:") for address in page.loaded)
+    assert text.count("<svg") == 3  # the root, right and left
+    assert all(f"<!-- {name} -->" in text for name in DEFAULT_ACTIVE)
+    assert "refine.damping" in page.words
+
+
+def test_text_from_outside_stays_text(run: Path) -> None:
+    """A sequence's name that looks like HTML is shown, not obeyed."""
+    main(["report", str(run)])
+    text = (run / "report.html").read_text()
+    assert "<b>&</b>" not in text
+    assert "walk <b>&</b>" in Page(text).words
+
+
+def test_the_lost_frame_is_named(run: Path) -> None:
+    """Under 'where to look twice' stands the frame that is lost, by its own number."""
+    main(["report", str(run)])
+    assert "103 lost" in Page((run / "report.html").read_text()).words
+
+
+def test_no_run_is_one_line(tmp_path: Path, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a run, without its summary, and without a place to write: exit code 2 and one line each."""
+    assert main(["report", str(tmp_path / "nowhere")]) == 2
+    assert main(["report", str(run), "--out", str(tmp_path / "no" / "such" / "page.html")]) == 2
+    (run / "summary.json").unlink()
+    assert main(["report", str(run)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 3
+    assert "summary.json" in said[2]
+
+
+def track_of(status: list[str]) -> Track:
+    """A track of one angle and two hypotheses, a quarter of the weight 0.2 rad away over the half turn."""
+    count = len(status)
+    pose = np.full((count, 1), 3.1)
+    return Track(
+        frame=np.arange(10, 10 + count),
+        time_s=np.arange(count) / 30.0,
+        dof_names=("r_elbow_flexion",),
+        pose=pose,
+        joint_names=(),
+        joint_positions=np.zeros((count, 0, 3)),
+        hypothesis_pose=np.stack([pose, pose + 0.2 - 2.0 * np.pi], axis=1),
+        hypothesis_weight=np.tile([0.75, 0.25], (count, 1)),
+        status=np.array(status),
+    )
+
+
+def test_doubts_are_stretches() -> None:
+    """Neighbouring frames of one status are one stretch; tracked ones are none."""
+    track = track_of(["tracked", "lost", "lost", "ambiguous", "tracked", "lost"])
+    assert find_doubts(track) == [Doubt("lost", 11, 12), Doubt("ambiguous", 13, 13), Doubt("lost", 15, 15)]
+
+
+def test_deviation_is_by_weight_and_the_short_way_round() -> None:
+    """sqrt(1/4 0.2^2) = 0.1, whole turns aside; a padded hypothesis does not count."""
+    track = track_of(["tracked"] * 2)
+    assert deviation(track) == pytest.approx(np.full((2, 1), 0.1))
+    padded = np.concatenate([track.hypothesis_weight, np.full((2, 1), np.nan)], axis=1)
+    poses = np.concatenate([track.hypothesis_pose, np.full((2, 1, 1), np.nan)], axis=1)
+    padded_track = replace(track, hypothesis_weight=padded, hypothesis_pose=poses)
+    assert deviation(padded_track) == pytest.approx(np.full((2, 1), 0.1))

@@ -1,0 +1,375 @@
+"""A run's folder: durable frame by frame, whole files at the end, never two runs in one place."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tempfile
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.errors import InputError
+from coordinator.exports import export_run
+from coordinator.files.atomic import write_atomically
+from coordinator.pool.statistics import Traffic
+from coordinator.results.log import frame_record, read_records
+from coordinator.results.recorded import Recorded, read_log
+from coordinator.results.recorder import Recorder, is_complete
+from coordinator.results.track import Track, read_track
+from coordinator.tracking.estimate import Estimate, Status
+from coordinator.tracking.start import Start
+from coordinator.tracking.state import Carried, TrackerState
+from worker.warm_up import tiny_model
+
+MODEL = replace(
+    tiny_model(),
+    joint_names=("pelvis", "right_wrist"),
+    joint_links=np.zeros(2, dtype=np.int64),
+    joint_points=np.zeros((2, 3)),
+)
+DOFS, JOINTS = MODEL.dof_names, MODEL.joint_names
+START = Start(MODEL, np.arange(len(DOFS)) / 7.0, 1.7, 1.0)
+TERMS = {"sequence": "wall", "settings": {"seed": 3, "method": "gepf"}}
+
+
+def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Estimate:
+    """An estimate that is told apart from every other by its values."""
+    rng = np.random.default_rng(number)
+    poses = rng.normal(size=(hypotheses, len(DOFS)))
+    return Estimate(
+        frame=number,
+        time_s=number / 30,
+        status=status,
+        pose=poses[0],
+        joint_positions=rng.normal(size=(len(JOINTS), 3)),
+        hypothesis_pose=poses,
+        hypothesis_weight=np.full(hypotheses, 1 / hypotheses),
+        residual=float("nan") if status == "lost" else 0.01,
+        stage_seconds={"refine": rng.random()},
+    )
+
+
+ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")]
+
+
+def state(number: int) -> TrackerState:
+    """What the tracker knew after a frame; its arrays hold what is hard to write down."""
+    belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
+    return TrackerState(START, Carried(belief, np.array([0.5]), f'{{"state": {2**127 + number}}}'))
+
+
+def record(
+    folder: Path, estimates: list[Estimate], *, complete: bool = True, resume: bool = False
+) -> Recorded | None:
+    """A whole run, or the rest of one; gives what had been recorded before."""
+    with Recorder(folder, TERMS, resume=resume) as recorder:
+        for each in estimates:
+            recorder.append(each, state(each.frame), Traffic(("a",), batches_sent=2), each.frame / 10)
+        recorded = recorder.read()
+        assert recorded is not None
+        recorder.finish(
+            recorded, {**TERMS, "frames": recorder.frames, "complete": complete}, complete=complete
+        )
+    return recorder.past
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """The folder of a finished run."""
+    record(tmp_path / "run", ESTIMATES)
+    return tmp_path / "run"
+
+
+def names(folder: Path) -> list[str]:
+    """What a folder holds."""
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_run_leaves_its_three_files_and_nothing_else(run: Path) -> None:
+    """The log is gone, so are the drafts."""
+    assert names(run) == ["poses.csv", "summary.json", "track.npz"]
+    assert json.loads((run / "summary.json").read_text()) == {**TERMS, "frames": 3, "complete": True}
+
+
+def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) -> None:
+    """Another program reads exactly this, without unpickling."""
+    with np.load(run / "track.npz", allow_pickle=False) as file:
+        arrays = dict(file)
+    assert {key: (value.dtype.str, value.shape) for key, value in arrays.items()} == {
+        "frame": ("<i8", (3,)),
+        "time_s": ("<f8", (3,)),
+        "dof_names": ("<U7", (6,)),
+        "pose": ("<f8", (3, 6)),
+        "joint_names": ("<U11", (2,)),
+        "joint_positions": ("<f8", (3, 2, 3)),
+        "hypothesis_pose": ("<f8", (3, 3, 6)),
+        "hypothesis_weight": ("<f8", (3, 3)),
+        "status": ("<U9", (3,)),
+        "joint_deviation": ("<f8", (3, 2)),
+    }
+    assert arrays["frame"].tolist() == [4, 5, 6]
+    assert arrays["status"].tolist() == ["tracked", "ambiguous", "lost"]
+
+
+def test_values_come_through_bit_by_bit_and_missing_hypotheses_are_nan(run: Path) -> None:
+    """What the tracker said is what stands in the file."""
+    track = read_track(run)
+    for f, each in enumerate(ESTIMATES):
+        count = len(each.hypothesis_weight)
+        np.testing.assert_array_equal(track.pose[f], each.pose)
+        np.testing.assert_array_equal(track.joint_positions[f], each.joint_positions)
+        np.testing.assert_array_equal(track.hypothesis_pose[f, :count], each.hypothesis_pose)
+        np.testing.assert_array_equal(track.hypothesis_weight[f, :count], each.hypothesis_weight)
+        assert np.isnan(track.hypothesis_pose[f, count:]).all()
+        assert np.isnan(track.hypothesis_weight[f, count:]).all()
+
+
+def test_equal_runs_give_equal_bytes(tmp_path: Path, run: Path) -> None:
+    """Neither the time nor the place of a run is in its track; time taken is in the summary only."""
+    record(tmp_path / "elsewhere" / "other", ESTIMATES)
+    assert (run / "track.npz").read_bytes() == (tmp_path / "elsewhere" / "other" / "track.npz").read_bytes()
+    with zipfile.ZipFile(run / "track.npz") as file:
+        assert {entry.date_time for entry in file.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_a_frame_is_in_the_file_before_the_next_begins(tmp_path: Path) -> None:
+    """A reader of the folder sees each frame as soon as append returns."""
+    with Recorder(tmp_path / "run", TERMS) as recorder:
+        for count, each in enumerate(ESTIMATES, start=1):
+            recorder.append(each, state(each.frame), Traffic(batches_sent=count), float(count))
+            recorded = read_log(tmp_path / "run" / "frames.log")
+            assert recorded is not None
+            assert (recorded.terms, len(recorded.estimates)) == (TERMS, count)
+            assert (recorded.traffic, recorded.seconds) == (Traffic(batches_sent=count), float(count))
+            assert recorded.state.start.model.hash == MODEL.hash
+            assert recorded.state.carried.generator == state(each.frame).carried.generator
+            for name, array in state(each.frame).carried.belief.items():
+                assert recorded.state.carried.belief[name].tobytes() == array.tobytes()
+            last = recorded.estimates[-1]
+            np.testing.assert_array_equal(last.hypothesis_pose, each.hypothesis_pose)
+            assert last.stage_seconds == each.stage_seconds
+            np.testing.assert_equal(last.residual, each.residual)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The log of a run that stopped after three frames."""
+    folder = tmp_path_factory.mktemp("interrupted")
+    record(folder, ESTIMATES, complete=False)
+    return (folder / "frames.log").read_bytes()
+
+
+def records_of(content: bytes) -> list[bytes]:
+    """The whole records of a log, as they would be written again."""
+    with tempfile.TemporaryFile() as file:
+        file.write(content)
+        file.seek(0)
+        return [frame_record(record) for record, _ in read_records(file)]
+
+
+@given(data=st.data())
+def test_a_log_torn_anywhere_gives_the_whole_records_before(log: bytes, data: st.DataObject) -> None:
+    """Power may fail at any byte: what was written before is read, what follows is not guessed."""
+    whole = records_of(log)
+    assert b"".join(whole) == log
+    torn = records_of(log[: data.draw(st.integers(0, len(log) - 1))])
+    assert torn == whole[: len(torn)]
+    assert len(torn) < len(whole) == 5
+
+
+@given(data=st.data())
+def test_a_log_with_an_altered_byte_gives_only_records_that_were_written(
+    log: bytes, data: st.DataObject
+) -> None:
+    """A damaged disk does not make up results."""
+    whole = records_of(log)
+    changed = bytearray(log)
+    changed[data.draw(st.integers(0, len(log) - 1))] ^= data.draw(st.integers(1, 255))
+    found = records_of(bytes(changed))
+    assert found == whole[: len(found)]
+    assert len(found) < len(whole)
+
+
+def test_a_run_that_ends_early_keeps_its_log_beside_the_results(tmp_path: Path) -> None:
+    """What there is can be read like any run, and could be gone on with."""
+    record(tmp_path, ESTIMATES[:2], complete=False)
+    assert names(tmp_path) == ["frames.log", "poses.csv", "summary.json", "track.npz"]
+    assert read_track(tmp_path).frame.tolist() == [4, 5]
+
+
+def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
+    """A run that fails before its first frame leaves nothing, not even folders above."""
+    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a" / "b" / "run", TERMS):
+        raise ZeroDivisionError
+    assert names(tmp_path) == []
+
+
+def test_a_folder_that_was_there_stays_with_all_it_held(tmp_path: Path) -> None:
+    """Other people's files are left alone, whether the run fails or not."""
+    (tmp_path / "notes.txt").write_text("mine")
+    with Recorder(tmp_path, TERMS):
+        pass
+    assert names(tmp_path) == ["notes.txt"]
+    record(tmp_path, ESTIMATES)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_a_folder_in_use_is_refused_and_the_run_in_it_goes_on(tmp_path: Path) -> None:
+    """Two runs never write into one folder."""
+    with Recorder(tmp_path / "run", TERMS) as recorder:
+        for resume in (False, True):
+            with pytest.raises(InputError, match="in use by a run that is still going on"):
+                Recorder(tmp_path / "run", TERMS, resume=resume)
+        recorder.append(ESTIMATES[0], state(4), Traffic(), 0.0)
+        recorded = recorder.read()
+    assert recorded is not None
+    assert [each.frame for each in recorded.estimates] == [4]
+
+
+def test_an_earlier_run_is_never_written_over(run: Path) -> None:
+    """Its files stay byte for byte, and no log is left beside them."""
+    before = {path: path.read_bytes() for path in run.iterdir()}
+    with pytest.raises(InputError, match=r"holds an earlier run.*choose another --out"):
+        Recorder(run, TERMS)
+    assert {path: path.read_bytes() for path in run.iterdir()} == before
+
+
+def test_an_interrupted_run_is_never_written_over(tmp_path: Path) -> None:
+    """Its log may be all that there is of a long run."""
+    record(tmp_path, ESTIMATES[:1], complete=False)
+    before = (tmp_path / "frames.log").read_bytes()
+    with pytest.raises(InputError, match=r"holds an interrupted run; go on with --resume, choose"):
+        Recorder(tmp_path, TERMS)
+    assert (tmp_path / "frames.log").read_bytes() == before
+
+
+def test_a_log_without_a_frame_is_no_reason_to_refuse(tmp_path: Path) -> None:
+    """A run that was killed before its first frame leaves an empty log, which holds nothing to lose."""
+    (tmp_path / "frames.log").touch()
+    record(tmp_path, ESTIMATES)
+    assert names(tmp_path) == ["poses.csv", "summary.json", "track.npz"]
+
+
+def test_a_resumed_run_ends_with_the_bytes_of_one_that_was_not_interrupted(tmp_path: Path, run: Path) -> None:
+    """Frames, traffic and time add up over both goes, the torn end is cut off, and the log is gone."""
+    folder = tmp_path / "resumed"
+    record(folder, ESTIMATES[:1], complete=False)
+    with (folder / "frames.log").open("ab") as file:
+        file.write(b"\x10\x00\x00\x00torn")
+    past = record(folder, ESTIMATES[1:2], complete=False, resume=True)
+    assert past is not None
+    assert (past.state.carried.generator, past.resumes) == (state(4).carried.generator, 0)
+    past = record(folder, ESTIMATES[2:], resume=True)
+    assert past is not None
+    assert (past.traffic.batches_sent, past.resumes) == (4, 1)
+    assert past.seconds == pytest.approx(0.9)
+    assert (folder / "track.npz").read_bytes() == (run / "track.npz").read_bytes()
+    assert names(folder) == names(run)
+
+
+def test_a_run_is_gone_on_with_under_its_own_terms_only(tmp_path: Path) -> None:
+    """What differs is named, recorded and now; nothing is touched."""
+    record(tmp_path, ESTIMATES[:1], complete=False)
+    before = (tmp_path / "frames.log").read_bytes()
+    other = {"sequence": "wall", "settings": {"seed": 4, "method": "gepf", "tempo": 1.5}}
+    said = r"--seed \(recorded 3, now 4\), setting tempo \(recorded not given, now 1.5\); give the same or"
+    with pytest.raises(InputError, match=said):
+        Recorder(tmp_path, other, resume=True)
+    assert (tmp_path / "frames.log").read_bytes() == before
+
+
+def test_a_complete_run_is_known_as_such(run: Path, tmp_path: Path) -> None:
+    """Only where all is there and nothing is to be gone on with; other terms are refused here, too."""
+    assert is_complete(run, TERMS)
+    with pytest.raises(InputError, match="--seed"):
+        is_complete(run, {"settings": {"seed": 4}})
+    record(tmp_path / "other", ESTIMATES, complete=False)
+    assert not is_complete(tmp_path / "other", TERMS)
+    assert not is_complete(tmp_path / "nothing", TERMS)
+    (run / "summary.json").write_text("{")
+    assert not is_complete(run, TERMS)
+
+
+def test_pictures_that_fail_leave_a_run_that_can_be_gone_on_with(tmp_path: Path) -> None:
+    """The log stays until all that follows the last frame is done."""
+
+    def fail_after(recorder: Recorder) -> None:
+        with recorder:
+            recorder.append(ESTIMATES[0], state(4), Traffic(), 0.0)
+            recorded = recorder.read()
+            assert recorded is not None
+            recorder.finish(recorded, {}, complete=True)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail_after(Recorder(tmp_path, TERMS))
+    past = record(tmp_path, [], resume=True)
+    assert past is not None
+    assert names(tmp_path) == ["poses.csv", "summary.json", "track.npz"]
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    """A file where the folder should be, and a file above it."""
+    (tmp_path / "file").touch()
+    for folder in (tmp_path / "file", tmp_path / "file" / "run", Path("/proc/run")):
+        with pytest.raises(InputError, match="cannot write to"):
+            Recorder(folder, TERMS)
+    assert names(tmp_path) == ["file"]
+
+
+def test_a_file_that_fails_half_way_does_not_come_to_be(tmp_path: Path) -> None:
+    """Neither the file nor its draft; what was there before stays."""
+    path = tmp_path / "results"
+    path.write_text("before")
+
+    def fail(file: BinaryIO) -> None:
+        file.write(b"half of it")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left"):
+        write_atomically(path, fail)
+    assert names(tmp_path) == ["results"]
+    assert path.read_text() == "before"
+
+
+def test_the_csv_gives_back_the_same_numbers(run: Path) -> None:
+    """One line a frame; every number reads as the float64 it was."""
+    track = read_track(run)
+    with (run / "poses.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["status"] for row in rows] == ["tracked", "ambiguous", "lost"]
+    assert [int(row["frame"]) for row in rows] == [4, 5, 6]
+    pose = [[float(row[name]) for name in DOFS] for row in rows]
+    wrist = [[float(row[f"right_wrist_{axis}"]) for axis in "xyz"] for row in rows]
+    np.testing.assert_array_equal(pose, track.pose)
+    np.testing.assert_array_equal(wrist, track.joint_positions[:, 1])
+
+
+def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:
+    """CSV is that of the run; JSON has all fields, with null where hypotheses are missing."""
+    track = read_track(run)
+    export_run(run, "csv", tmp_path / "poses")
+    export_run(run, "json", tmp_path / "poses.json")
+    assert (tmp_path / "poses").read_bytes() == (run / "poses.csv").read_bytes()
+    content = json.loads((tmp_path / "poses.json").read_text())
+    assert set(content) == set(Track.__slots__)
+    assert content["pose"] == track.pose.tolist()
+    assert content["hypothesis_weight"][0] == [1.0, None, None]
+
+
+def test_exports_refuse_what_they_cannot_do(tmp_path: Path, run: Path) -> None:
+    """An unknown format names the known ones; a place that cannot be written is named."""
+    with pytest.raises(
+        InputError, match="unknown format 'fbx'; choose from bap, bvh, csv, glb, gltf, json, trc"
+    ):
+        export_run(run, "fbx", tmp_path / "poses.fbx")
+    with pytest.raises(InputError, match="cannot write"):
+        export_run(run, "csv", tmp_path / "nowhere" / "poses.csv")
+    assert names(tmp_path) == ["run"]

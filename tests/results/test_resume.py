@@ -1,0 +1,249 @@
+"""Runs that end early and go on, in one process: a tracker from its state, a run from its folder."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import coordinator.commands.workers
+from common.errors import NoWorkers
+from common.settings import preset
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.tracked import Bodies
+from coordinator.cli import main
+from coordinator.commands.options import choose_settings
+from coordinator.filters.methods import METHODS
+from coordinator.pool.statistics import Traffic
+from coordinator.results.log import Began, Entry, Record, append_records, read_records
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.start import Start
+from coordinator.tracking.state import Carried, TrackerState
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+from tests.commands.test_cli import StillWorkers, _no_pictures, sequence, workers  # noqa: F401 fixtures
+from tests.tracking.test_tracker import STANDING, empty, shown
+
+
+@cache
+def bodies() -> Bodies:
+    """One person, for all tests."""
+    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
+
+
+def through_a_file(state: TrackerState, estimate: Estimate, path: Path) -> TrackerState:
+    """A state as it is read from a log."""
+    with path.open("wb") as file:
+        records: list[Record] = [Began(state.start), Entry(estimate, state.carried, Traffic(), 0.0)]
+        append_records(file.fileno(), records)
+    with path.open("rb") as file:
+        (began, _), (entry, _) = read_records(file)
+    assert isinstance(began, Began)
+    assert isinstance(entry, Entry)
+    return TrackerState(began.start, entry.carried)
+
+
+def as_bytes(estimate: Estimate) -> list[bytes]:
+    """All that is said about a frame, time taken aside."""
+    names = [name for name in Estimate.__slots__ if name != "stage_seconds"]
+    return [np.asarray(getattr(estimate, name)).tobytes() for name in names]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
+    """Whatever frame it is stopped after, a new tracker from the recorded state says what it would say."""
+    settings = choose_settings(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
+    quick = msgspec.structs.replace(settings.filter, layers=2)
+    settings = msgspec.structs.replace(settings, filter=quick)
+    frames = list(shown("standing").frames)
+    frames[2] = empty(2)
+    whole = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    said: list[list[bytes]] = []
+    whole.follow(frames, lambda estimate, _: said.append(as_bytes(estimate)))
+
+    following = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    for number, frame in enumerate(frames):
+        estimate = following.track(frame)
+        assert as_bytes(estimate) == said[number]
+        state = through_a_file(following.state, estimate, tmp_path / "log")
+        following = Tracker(DirectRefiner(), settings, bodies(), None, state)
+
+
+def test_all_that_a_tracker_changes_is_in_its_state() -> None:
+    """Attributes that tracking changes are those that are recorded; a new one fails here."""
+    following = Tracker(DirectRefiner(), preset("default"), bodies(), STANDING)
+    before = dict(vars(following))
+    generator = json.dumps(following._rng.bit_generator.state)
+    following.track(shown("standing").frames[0])
+    changed = {name for name, value in vars(following).items() if value is not before[name]}
+    assert changed == {"_start", "_belief", "_around"}
+    assert generator != following.state.carried.generator
+    assert set(TrackerState.__slots__) == {"start", "carried"}
+    assert set(Carried.__slots__) == {"belief", "around", "generator"}
+    assert isinstance(following.state.start, Start)
+
+
+OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3")
+
+
+def track(sequence: Path, out: Path, *options: str) -> int:
+    """`gepf track` in this process."""
+    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *options])
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Lines on stderr since the last look."""
+    return capsys.readouterr().err.splitlines()
+
+
+def interrupt(workers: StillWorkers, at: int | None, failure: BaseException | None = None) -> None:
+    """Have the workers fail at a frame."""
+    workers.fail_at, workers.failure = at, failure or KeyboardInterrupt()
+
+
+def test_an_interrupted_run_says_how_to_go_on_and_does(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Stopped twice, it ends with the bytes of a calm run; counts and times are of all three goes."""
+    out = tmp_path / "out"
+    assert track(sequence, tmp_path / "calm") == 0
+    interrupt(workers, 1)
+    assert track(sequence, out) == 130
+    lines = said(capsys)
+    assert lines[-2] == f"ended early with 1 of 5 frames in {out}; the same command with --resume goes on"
+    assert lines[-1] == "gepf: stopped"
+    interrupt(workers, 4, NoWorkers("nobody came"))
+    assert track(sequence, out, "--resume", "--workers", "7") == 1
+    assert "going on with frame 1; 1 of 5 are recorded" in said(capsys)
+    interrupt(workers, None)
+    assert track(sequence, out, "--resume") == 0
+    assert any("frame 5 of 5" in line for line in said(capsys))
+    assert (out / "track.npz").read_bytes() == (tmp_path / "calm" / "track.npz").read_bytes()
+    assert not (out / "frames.log").exists()
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["complete"], summary["frames"], summary["resumes"]) == (True, 5, 2)
+    assert (summary["workers_seen"], summary["batches_sent_again"]) == (["one", "two"], 9)
+
+
+def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The same command may be given until it is done, and then again."""
+    assert workers.failure is None
+    out = tmp_path / "out"
+    assert track(sequence, out, "--resume") == 0
+    assert f"nothing to resume in {out}; beginning anew" in said(capsys)
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    assert track(sequence, out, "--resume") == 0
+    assert said(capsys) == [f"all 5 frames are in {out} already"]
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """All frames are there, no worker is asked, and the files come to be as ever."""
+    out = tmp_path / "out"
+    assert track(sequence, tmp_path / "calm") == 0
+    with monkeypatch.context() as patched:
+        patched.setattr("coordinator.results.recorder.write_csv", lambda *_: 1 / 0)
+        assert track(sequence, out) == 1
+    (out / "track.npz").unlink()
+    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", None)
+    assert workers.failure is None
+    capsys.readouterr()
+    assert track(sequence, out, "--resume") == 0
+    assert said(capsys)[0] == f"all 5 frames are recorded in {out}; writing the results"
+    assert (out / "track.npz").read_bytes() == (tmp_path / "calm" / "track.npz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--seed", "4"), "--seed (recorded 3, now 4)"),
+        (("--particles", "7"), "--particles (recorded 6, now 7)"),
+        (("--frames", "0:4"), "--frames (recorded 0:5, now 0:4)"),
+        (("--dof", "r_elbow_flexion"), "--dof (recorded not given, now r_elbow_flexion)"),
+        (("--init", "auto"), "--init (recorded"),
+        (
+            ("--preset", "paper", "--particles", "2", "--points", "4"),
+            "--preset (recorded default, now paper), --particles (recorded 6, now 2), --points (recorded 300",
+        ),
+    ],
+)
+@pytest.mark.parametrize("complete", [True, False])
+def test_other_options_are_named(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    says: str,
+    *,
+    complete: bool,
+) -> None:
+    """One line that names what is not as it was, whether the run had ended or not, and nothing is touched."""
+    interrupt(workers, None if complete else 2)
+    track(sequence, tmp_path / "out")
+    before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    capsys.readouterr()
+    assert track(sequence, tmp_path / "out", "--resume", *options) == 2
+    (line,) = [each for each in said(capsys) if each.startswith("gepf: ")]
+    assert f"was recorded with other options: {says}" in line
+    assert line.endswith("; give the same or choose another --out")
+    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_a_body_that_was_changed_is_noticed(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A run goes on with a model file that was moved, not with one that says something else."""
+    person = tmp_path / "person.json"
+    person.write_text('{"stature": 1.8}')
+    interrupt(workers, 2)
+    track(sequence, tmp_path / "out", "--model", str(person))
+    (tmp_path / "moved").mkdir()
+    moved = person.rename(tmp_path / "moved" / person.name)
+    interrupt(workers, 4)
+    assert track(sequence, tmp_path / "out", "--model", str(moved), "--resume") == 130
+    moved.write_text('{"stature": 1.7}')
+    capsys.readouterr()
+    assert track(sequence, tmp_path / "out", "--model", str(moved), "--resume") == 2
+    assert "other options: the content of --model (recorded" in said(capsys)[-1]
+
+
+def test_another_sequence_of_the_same_name_is_refused(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The first frame tells it; a sequence that was moved is the same one."""
+    interrupt(workers, 2)
+    track(sequence, tmp_path / "out")
+    (tmp_path / "moved").mkdir()
+    moved = sequence.rename(tmp_path / "moved" / sequence.name)
+    interrupt(workers, 4)
+    assert track(moved, tmp_path / "out", "--resume") == 130
+    camera = json.loads((moved / "camera_intrinsic.json").read_text()) | {"depth_scale": 999}
+    (moved / "camera_intrinsic.json").write_text(json.dumps(camera))
+    capsys.readouterr()
+    assert track(moved, tmp_path / "out", "--resume") == 2
+    assert "the sequence's first frame (recorded" in said(capsys)[-1]

@@ -1,0 +1,78 @@
+"""Results drawn over colour frames that go with the depth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from common.camera import Intrinsics
+from common.errors import InputError
+from coordinator.pictures.overlay import Painter
+from coordinator.pictures.view import View
+from coordinator.sources.colour_folder import ColourFolder
+from tests.support.bodies import hinges
+
+CAMERA = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5)
+GREEN, RED = (0, 200, 0), (200, 0, 0)
+
+
+def save(folder: Path, name: str, size: tuple[int, int] = (64, 48)) -> None:
+    """A picture that is red to the left and green to the right."""
+    picture = Image.new("RGB", size, GREEN)
+    picture.paste(RED, (0, 0, size[0] // 2, size[1]))
+    folder.mkdir(exist_ok=True)
+    picture.save(folder / name)
+
+
+def test_frames_are_found_by_number(tmp_path: Path) -> None:
+    """Whatever else the name holds, and whatever else is there."""
+    save(tmp_path, "color_000007.png")
+    save(tmp_path, "000008.png", (128, 96))
+    (tmp_path / "notes.txt").write_text("x")
+    colours = ColourFolder(tmp_path, CAMERA, range(7, 9))
+    assert colours.frame(7).size == (64, 48)
+    assert colours.frame(8).getpixel((0, 0)) == RED
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "says"),
+    [
+        ("000000.png", (64, 48), "has no colour frame 1 (1 of 2 are missing)"),
+        ("000001.png", (64, 64), "000001.png is 64x64, not in the shape of the depth, 64x48"),
+    ],
+)
+def test_wrong_counts_and_sizes_are_told_before_tracking(
+    tmp_path: Path, name: str, size: tuple[int, int], says: str
+) -> None:
+    """All frames are looked at, not only the first."""
+    save(tmp_path, "000000.png")
+    save(tmp_path, name, size)
+    with pytest.raises(InputError) as caught:
+        ColourFolder(tmp_path, CAMERA, range(2))
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture"])
+def test_damage_is_told(tmp_path: Path, content: bytes) -> None:
+    """As is a folder that is not there."""
+    (tmp_path / "0.png").write_bytes(content)
+    with pytest.raises(InputError, match="damaged"):
+        ColourFolder(tmp_path, CAMERA, range(1))
+    with pytest.raises(InputError, match="no such folder"):
+        ColourFolder(tmp_path / "x", CAMERA, range(1))
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_the_view_s_part_of_the_colour_frame_is_shown(scale: int) -> None:
+    """The edge between red and green stays where it is in the camera's image, whatever the frame's size."""
+    picture = Image.new("RGB", (64 * scale, 48 * scale), GREEN)
+    picture.paste(RED, (0, 0, 32 * scale, 48 * scale))
+    view = View(CAMERA, left=22, top=8, columns=20, rows=20, scale=2.0)
+    painter = Painter(hinges(), view, opengl=False)
+    shown = painter._paint_colour(picture)
+    assert shown.shape == (80, 80, 3)
+    np.testing.assert_array_equal(shown[40, [5, 35]], [RED, RED])
+    np.testing.assert_array_equal(shown[40, [45, 75]], [GREEN, GREEN])

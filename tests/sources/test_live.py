@@ -1,0 +1,381 @@
+"""Live input: what others publish is tracked as it comes, and what does not fit in time is counted."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+import coordinator.bodies.choice
+from common.body import BodyModel
+from common.errors import InputError
+from common.frame import DepthFrame
+from common.protocol.messages import encode_live, encode_live_end
+from common.refinement import Refined
+from common.settings import RefineSettings
+from common.transport.bus import open_worker
+from coordinator.cli import main
+from coordinator.results.track import read_track
+from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
+from tests.commands.test_cli import one_human
+from tests.pool.test_pool import MODEL, endpoint, pool, serving
+from tests.pool.test_processes import INSTANT, wait_until
+from tests.support.instant_worker import KERNEL
+from worker.service import Kernel
+from worker.warm_up import tiny_frame
+
+__all__ = ["endpoint"]
+
+KEY = "camera/depth"
+CAMERA = tiny_frame().frame.intrinsics
+FOLDER_CAMERA = {
+    "width": CAMERA.width,
+    "height": CAMERA.height,
+    "intrinsic_matrix": [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy, 1],
+    "depth_scale": 1000,
+}
+COMMAND = (sys.executable, "-m", "coordinator.cli")
+
+
+def image(number: int, depth: int = 2000) -> DepthFrame:
+    """A wall, 32 by 32 pixels."""
+    filled = np.full((CAMERA.height, CAMERA.width), depth, dtype=np.uint16)
+    return DepthFrame(number, number / 30, filled, 1000.0, CAMERA)
+
+
+def heard() -> tuple[LiveFrames, list[str]]:
+    """Live frames, and what people are told."""
+    told: list[str] = []
+    return LiveFrames(KEY, told.append), told
+
+
+def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
+    """Whoever asks gets the frame that came last, each once; the end comes after the last frame."""
+    frames, told = heard()
+    numbers = iter(frames)
+    for number in (0, 1, 2):
+        frames.receive(encode_live(image(number)))
+    assert next(numbers).number == 2
+    frames.receive(encode_live(image(3)))
+    assert next(numbers).number == 3
+    for message in (encode_live(image(4)), encode_live_end(), encode_live(image(5))):
+        frames.receive(message)
+    assert [frame.number for frame in numbers] == [4]
+    assert frames.counts == LiveCounts(received=5, skipped=2, malformed=0)
+    assert told == []
+
+
+def test_what_makes_no_sense_is_counted_and_told_once() -> None:
+    """Rubbish does not displace a frame that waits, and does not end the stream."""
+    frames, told = heard()
+    frames.receive(encode_live(image(7)))
+    for rubbish in (b"", b"\xc1" * 100, encode_live(image(8)).replace(b"version\x01", b"version\x09")):
+        frames.receive(rubbish)
+    frames.receive(encode_live_end())
+    assert [frame.number for frame in frames] == [7]
+    assert frames.counts == LiveCounts(received=1, skipped=0, malformed=3)
+    assert told == [
+        f"a message on {KEY} makes no sense: not a live-frame or live-end message: Input data was truncated"
+    ]
+
+
+def test_a_frame_is_waited_for_and_silence_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who asks too early gets the frame when it comes; after a while people are told of the silence."""
+    monkeypatch.setattr("coordinator.sources.live.NOTICE", 0.05)
+    frames, told = heard()
+    threading.Timer(0.2, lambda: frames.receive(encode_live(image(1)))).start()
+    assert next(iter(frames)).number == 1
+    assert told == [f"no frame comes on {KEY}; waiting for one"]
+
+
+def test_nothing_starts_from_frames_without_depth() -> None:
+    """Empty frames before the first one with depth are passed over, later ones are not."""
+    frames = [image(0, depth=0), image(1), image(2, depth=0)]
+    assert [frame.number for frame in from_first_seen(iter(frames))] == [1, 2]
+
+
+@pytest.mark.parametrize("key", ["", "/a", "../a", "a/*", "a?b", "a b", "@adv/x", "x" * 99])
+def test_a_key_names_one_place(key: str) -> None:
+    """Patterns and malformed keys are refused in a line that shows a good one."""
+    with pytest.raises(InputError, match="such as camera/depth"):
+        live_key(Path("zenoh:" + key))
+    assert live_key(Path("recording")) is None
+
+
+class Still:
+    """A worker whose particles stay where they are, slowly."""
+
+    def __init__(self, seconds_per_particle: float = 0.0) -> None:
+        self.seconds_per_particle = seconds_per_particle
+
+    def refine(
+        self, _model: BodyModel, _seen: float, poses: NDArray[np.float64], _settings: RefineSettings
+    ) -> Refined:
+        """The same poses, all equally likely."""
+        time.sleep(self.seconds_per_particle * len(poses))
+        return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01))
+
+    @property
+    def kernel(self) -> Kernel[Any]:
+        """What a worker is given."""
+        return Kernel(KERNEL.observe, self.refine)
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(coordinator.bodies.choice, "human", one_human)
+
+
+@contextmanager
+def in_thread(act: Callable[[threading.Event], None]) -> Iterator[None]:
+    """Something that goes on beside the body until it is told to stop."""
+    stop = threading.Event()
+    thread = threading.Thread(target=act, args=(stop,))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join(5.0)
+
+
+@contextmanager
+def staged(
+    where: str, messages: list[bytes], rest: Callable[[threading.Event], object], worker: Still
+) -> Iterator[None]:
+    """A worker, and a camera that shows messages from when somebody listens, with a rest after each."""
+
+    def publish(stop: threading.Event) -> None:
+        with open_worker([where]) as bus:
+            publisher = bus.publish(KEY)
+            while not publisher.followed and not stop.wait(0.01):
+                pass
+            for message in messages:
+                publisher.put_surely(message)
+                rest(stop)
+
+    def work(stop: threading.Event) -> None:
+        with serving(where, "w", worker.kernel):
+            stop.wait()
+
+    with in_thread(publish), in_thread(work):
+        yield
+
+
+def until_recorded(out: Path) -> Callable[[threading.Event], None]:
+    """A rest until one more frame has been recorded, or the run is over."""
+
+    def size() -> int | None:
+        try:
+            return (out / "frames.log").stat().st_size
+        except FileNotFoundError:
+            return None
+
+    seen: int | None = 0
+
+    def rest(stop: threading.Event) -> None:
+        nonlocal seen
+        while size() == seen is not None and not stop.wait(0.01):
+            pass
+        seen = size()
+
+    return rest
+
+
+def track_live(where: str, out: Path, *options: str) -> int:
+    """`gepf track` of the stream, without workers of its own."""
+    init = out.parent / "init.json"
+    init.write_text(json.dumps({"root_tz": 2.0}))
+    given = {"--out": out, "--workers": 0, "--listen": where, "--init": init, "--particles": 20}
+    return main(["track", f"zenoh:{KEY}", *(str(part) for pair in given.items() for part in pair), *options])
+
+
+def summary_of(out: Path) -> dict[str, Any]:
+    """The summary of a run."""
+    content: dict[str, Any] = json.loads((out / "summary.json").read_text())
+    return content
+
+
+def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
+    """Every frame of a slow stream is in the results under its own number and time."""
+    messages = [encode_live(image(number)) for number in (10, 11, 15)] + [encode_live_end()]
+    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Still()):
+        assert track_live(endpoint, tmp_path / "run") == 0
+    track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
+    assert track.frame.tolist() == [10, 11, 15]
+    np.testing.assert_allclose(track.time_s, np.array([10, 11, 15]) / 30)
+    assert track.particles_answered is None
+    counts = {name: summary[f"frames_{name}"] for name in ("received", "skipped", "malformed")}
+    assert counts == {"received": 3, "skipped": 0, "malformed": 0}
+    assert (summary["frames"], summary["complete"], summary["deadline_ms"]) == (3, True, None)
+    assert (tmp_path / "run" / "hypotheses.png").exists()
+
+
+def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_path: Path) -> None:
+    """With a worker that needs 0.2 s a frame, frames every 20 ms are skipped, counted, the last one kept."""
+    messages = [encode_live(image(number)) for number in range(30)] + [encode_live_end()]
+    with staged(endpoint, messages, lambda stop: stop.wait(0.02), Still(0.01)):
+        assert track_live(endpoint, tmp_path / "run") == 0
+    track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
+    assert summary["frames_received"] == 30
+    assert summary["frames_skipped"] == 30 - len(track.frame) > 10
+    assert track.frame[-1] == 29
+    assert np.all(np.diff(track.frame) > 0)
+
+
+def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_path: Path) -> None:
+    """Of 20 particles at 10 ms each, some but not all are answered in time; results say how many."""
+    messages = [encode_live(image(number)) for number in range(4)] + [encode_live_end()]
+    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Still(0.01)):
+        assert track_live(endpoint, tmp_path / "run", "--deadline", "130") == 0
+    track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
+    assert track.particles_answered is not None
+    assert np.all(track.particles_answered > 0)
+    assert np.any(track.particles_answered < 20)
+    assert summary["deadline_ms"] == pytest.approx(130.0)
+    assert summary["particles_unanswered"] == 80 - track.particles_answered.sum() > 0
+    assert np.isfinite(track.pose).all()
+
+
+def test_unanswered_particles_are_left_out_in_order(endpoint: str) -> None:
+    """What was answered stands in its place, NaN in the others'; the next frame is whole again."""
+    poses = np.arange(120.0).reshape(20, 6) / 100
+    slow = Still(0.02)
+    with pool(endpoint, deadline=0.25) as refiner, serving(endpoint, "w", slow.kernel):
+        refiner.wait_for(1)
+        refiner.publish(tiny_frame())
+        part = refiner.refine(MODEL, poses, RefineSettings())
+        answered = part.answered
+        assert 0 < len(answered) < 20
+        assert part.poses.shape == poses.shape
+        np.testing.assert_array_equal(part.take(answered).poses, poses[answered])
+        assert np.isnan(np.delete(part.poses, answered, axis=0)).all()
+        slow.seconds_per_particle = 0.0
+        time.sleep(0.5)  # for the worker to be done with what nobody wants any more
+        refiner.publish(tiny_frame())
+        np.testing.assert_array_equal(refiner.refine(MODEL, poses, RefineSettings()).poses, poses)
+
+
+def test_the_first_answer_is_waited_for(endpoint: str) -> None:
+    """A deadline that is over before anything arrives leaves a frame with its first batch, not with none."""
+    poses = np.arange(120.0).reshape(20, 6)
+    with pool(endpoint, deadline=0.001) as refiner:
+        refiner.publish(tiny_frame())
+        with serving(endpoint, "w", Still(0.01).kernel):
+            part = refiner.refine(MODEL, poses, RefineSettings())
+    assert 0 < len(part.answered) < 20
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Forty frames of a wall at two metres."""
+    folder = tmp_path / "wall"
+    (folder / "depth").mkdir(parents=True)
+    for number in range(40):
+        Image.fromarray(image(number).depth).save(folder / "depth" / f"{number:06d}.png")
+    (folder / "camera_intrinsic.json").write_text(json.dumps(FOLDER_CAMERA))
+    (tmp_path / "init.json").write_text(json.dumps({"root_tz": 2.0}))
+    return folder
+
+
+@contextmanager
+def started(*arguments: str, command: tuple[str, ...] = COMMAND) -> Iterator[subprocess.Popen[str]]:
+    """A `gepf` process; killed if it is left running."""
+    with subprocess.Popen(
+        [*command, *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def tracking(where: str, tmp_path: Path) -> list[str]:
+    """`gepf track` of the stream on the workers of others."""
+    options = ["--workers", "0", "--listen", where, "--init", str(tmp_path / "init.json")]
+    return ["track", f"zenoh:{KEY}", "--out", str(tmp_path / "run"), *options]
+
+
+@pytest.mark.slow
+def test_publisher_and_tracker_as_processes(endpoint: str, recording: Path, tmp_path: Path) -> None:
+    """`gepf publish` shows a recorded folder in real time, and `gepf track` ends when it does."""
+    worker = started("--connect", endpoint, command=INSTANT)
+    with worker, started(*tracking(endpoint, tmp_path)) as tracker:
+        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "10"]
+        with started(*play) as publisher:
+            assert publisher.wait(60.0) == 0
+            assert publisher.stderr is not None
+            assert publisher.stderr.read().endswith(f"40 frames were published on {KEY}\n")
+        assert tracker.wait(60.0) == 0
+        assert tracker.stderr is not None
+        assert " frames skipped\n" in tracker.stderr.read()
+    track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
+    assert summary["frames_received"] == 40
+    assert summary["frames_skipped"] + len(track.frame) == 40
+    assert track.frame[-1] == 39
+
+
+@pytest.mark.slow
+def test_an_interrupt_ends_a_live_run_well(endpoint: str, recording: Path, tmp_path: Path) -> None:
+    """Ctrl-C at the tracker is the stream's end: all files are written, and the exit code is 0."""
+    worker = started("--connect", endpoint, command=INSTANT)
+    with worker, started(*tracking(endpoint, tmp_path)) as tracker:
+        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
+        with started(*play):
+            log = tmp_path / "run" / "frames.log"
+            wait_until(lambda: log.exists() and log.stat().st_size > 20_000, 60.0)
+            tracker.send_signal(signal.SIGINT)
+            assert tracker.wait(30.0) == 0
+    summary = summary_of(tmp_path / "run")
+    assert summary["complete"]
+    assert 0 < summary["frames"] < 40
+    assert not log.exists()
+
+
+@pytest.mark.slow
+def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_path: Path) -> None:
+    """Who gives up waiting gets exit code 130, as for every other run, and no folder."""
+    (tmp_path / "init.json").write_text("{}")
+    with started(*tracking(endpoint, tmp_path)) as tracker:
+        wait_until((tmp_path / "run" / "frames.log").exists, 60.0)
+        time.sleep(0.5)
+        tracker.send_signal(signal.SIGINT)
+        assert tracker.wait(30.0) == 130
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        (["track", f"zenoh:{KEY}", "--out", "x"], "nobody could publish to this; add --listen or --connect"),
+        (
+            ["track", f"zenoh:{KEY}", "--out", "x", "--frames", "1:2", "--listen", "tcp/127.0.0.1:1"],
+            "--frames",
+        ),
+        (["track", "zenoh:a b", "--out", "x", "--listen", "tcp/127.0.0.1:1"], "such as camera/depth"),
+        (["track", "x", "--out", "y", "--deadline", "0"], "give milliseconds above 0"),
+        (["track", "x", "--out", "y", "--deadline", "nan"], "give milliseconds above 0"),
+        (["track", "x", "--out", "y", "--deadline", "9", "--method", "annealed"], "leave --deadline out"),
+        (["publish", "x", "--key", "a/*", "--connect", "tcp/127.0.0.1:1"], "such as camera/depth"),
+        (["publish", "x", "--key", KEY, "--connect", "tcp/127.0.0.1:1", "--rate", "0"], "--rate 0"),
+        (["publish", "WALL", "--key", KEY], "nobody could receive this"),
+    ],
+)
+def test_faults_are_told_in_one_line(
+    command: list[str], line: str, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Options that cannot be done are refused before anything is made."""
+    assert main([str(recording) if part == "WALL" else part for part in command]) == 2
+    assert line in capsys.readouterr().err

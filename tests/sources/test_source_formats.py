@@ -1,0 +1,352 @@
+"""One recorded sequence through every input format: the same frames, the same poses; and every damage."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from pypcd4.pypcd4 import Encoding
+
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.frame import DepthFrame
+from common.kinematics import pose_vertices
+from common.settings import preset
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.cli import main
+from coordinator.sources import ArraySource, find_format, open_source
+from coordinator.sources.source import check_frames
+from coordinator.sources.tum_rgbd import CAMERAS, NOMINAL
+from coordinator.sources.utd_mhad import KINECT
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+from tests.support.recordings import (
+    FPS,
+    WRITERS,
+    Depth,
+    matrix_of,
+    write_bag,
+    write_npz,
+    write_open3d,
+    write_pcd,
+    write_ply,
+    write_tum,
+)
+
+Array = NDArray[np.float64]
+
+START = {"root_ty": 0.1, "root_tz": 2.6, "r_shoulder_abduct": 0.3, "l_shoulder_abduct": 0.3}
+RAISING = {"r_elbow_flexion": 0.12, "root_tx": 0.01}  # by frame
+FRAMES = 3
+
+
+@cache
+def bodies() -> Bodies:
+    """The person of the sequence, made once."""
+    one = cache(human)
+    return Bodies(one, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.75, 1.0))
+
+
+def full_body() -> BodyModel:
+    """The person with all degrees of freedom."""
+    return bodies().full(1.75, 1.0)
+
+
+@cache
+def recorded() -> Depth:
+    """Frames (F, H, W) of a person who raises a forearm, in whole millimetres."""
+    model = full_body()
+    poses = np.array(
+        [name_pose(model, START | {name: rate * n for name, rate in RAISING.items()}) for n in range(FRAMES)]
+    )
+    with DepthRenderer(KINECT) as renderer:
+        images = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
+    millimetres: NDArray[np.float64] = np.rint(np.array(images) * 1000.0)
+    return millimetres.astype(np.uint16)
+
+
+def poses_of(frames: Iterable[DepthFrame]) -> Array:
+    """Poses (F, D) of the tracker on these frames."""
+    settings = preset("default")
+    one = msgspec.structs.replace(settings.filter, particles=1)
+    settings = msgspec.structs.replace(settings, method="gradient", points=1500, filter=one)
+    tracker = Tracker(DirectRefiner(), settings, bodies(), START)
+    return np.array([tracker.track(frame).pose for frame in frames])
+
+
+@cache
+def expected() -> Array:
+    """Poses from the frames themselves, without any file."""
+    return poses_of(DepthFrame(n, n / FPS, depth, 1000.0, KINECT) for n, depth in enumerate(recorded()))
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_the_same_frames(tmp_path: Path, name: str) -> None:
+    """Depth to the unit, the camera, numbers, times and rate."""
+    source = open_source(WRITERS[name](tmp_path / name, recorded()))
+    assert source.numbers == range(FRAMES)
+    assert source.fps == pytest.approx(FPS, rel=1e-4)
+    camera = source.intrinsics
+    assert (camera.width, camera.height) == (KINECT.width, KINECT.height)
+    np.testing.assert_allclose(matrix_of(camera), matrix_of(KINECT), rtol=1e-5)
+    for n, frame in enumerate(source):
+        assert (frame.number, frame.intrinsics) == (n, camera)
+        assert frame.time_s == pytest.approx(n / FPS, abs=1e-5)
+        np.testing.assert_array_equal(frame.metres(), recorded()[n] / np.float32(1000.0))
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_the_same_poses(tmp_path: Path, name: str) -> None:
+    """Tracked through the file as from memory, within what a fitted camera's last digits change."""
+    source = open_source(WRITERS[name](tmp_path / name, recorded()))
+    poses = poses_of(source)
+    assert np.ptp(expected(), axis=0).max() > 0.1  # something moves
+    np.testing.assert_allclose(poses, expected(), rtol=0.0, atol=1e-4)
+
+
+def test_arrays_need_no_file() -> None:
+    """The same frames from numpy arrays in memory give the same poses."""
+    source = ArraySource(recorded(), matrix_of(KINECT), depth_scale=1000.0)
+    assert (len(source), source.name, source.truth) == (FRAMES, "arrays", None)
+    np.testing.assert_array_equal(poses_of(source), expected())
+
+
+def test_the_format_is_found_by_what_is_there(tmp_path: Path) -> None:
+    """Each recording is known by its own format's name."""
+    found = {
+        name: find_format(write(tmp_path / name, recorded()[:1])).name for name, write in WRITERS.items()
+    }
+    assert found == {
+        "open3d": "Open3D folder (depth/000000.png)",
+        "tum": "TUM RGB-D folder (depth.txt)",
+        "ply": "point clouds (.ply or .pcd)",
+        "pcd": "point clouds (.ply or .pcd)",
+        "walk.bag": "RealSense .bag",
+        "walk.npz": "numpy .npz (depth, intrinsics)",
+        "metres.npz": "numpy .npz (depth, intrinsics)",
+        "walk.mat": "UTD-MHAD .mat",
+    }
+
+
+@pytest.mark.parametrize("encoding", list(Encoding))
+def test_every_encoding_of_pcd_is_read(tmp_path: Path, encoding: Encoding) -> None:
+    """ASCII, binary, compressed."""
+    source = open_source(write_pcd(tmp_path / "clouds", recorded()[:1], encoding))
+    np.testing.assert_array_equal(source.frame(0).metres(), recorded()[0] / np.float32(1000.0))
+
+
+def test_an_unorganised_cloud_without_a_camera_is_seen_by_the_nominal_one(tmp_path: Path) -> None:
+    """Every point is where it was, to the pixel's width."""
+    path = write_ply(tmp_path / "clouds", recorded()[:1])
+    (path / "camera_intrinsic.json").unlink()
+    source = open_source(path)
+    assert (source.intrinsics.width, source.intrinsics.fx) == (640, 525.0)
+    seen = source.frame(0).metres()
+    assert 0.5 < np.count_nonzero(seen) / np.count_nonzero(recorded()[0]) <= 1.0
+    assert seen[seen > 0].min() == pytest.approx(recorded()[0][recorded()[0] > 0].min() / 1000.0, abs=2e-4)
+
+
+def test_of_points_in_one_pixel_the_nearest_counts(tmp_path: Path) -> None:
+    """What is behind is hidden."""
+    (tmp_path / "clouds").mkdir()
+    points = "0 0 3\n0 0 2\n0 0 2.5\n0 0 -1\nnan 0 1\n"
+    head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+    (tmp_path / "clouds" / "a.ply").write_text(head + "end_header\n" + points)
+    depth = open_source(tmp_path / "clouds").frame(0).metres()
+    assert depth[depth > 0].tolist() == [2.0]
+
+
+def test_clouds_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """cloud_10 comes after cloud_9."""
+    path = write_ply(tmp_path / "clouds", np.repeat(recorded()[:1], 2, axis=0))
+    (path / "cloud_0.ply").rename(path / "cloud_9.ply")
+    (path / "cloud_1.ply").write_bytes(b"")
+    (path / "cloud_1.ply").rename(path / "cloud_10.ply")
+    source = open_source(path)
+    assert source.frame(0).depth.any()
+    with pytest.raises(InputError, match=r"cloud_10\.ply is damaged"):
+        source.frame(1)
+
+
+@pytest.mark.parametrize("name", ["rgbd_dataset_freiburg1_xyz", "rgbd_dataset_freiburg3_walking", "mine"])
+def test_a_tum_folder_has_the_camera_that_the_data_set_documents(tmp_path: Path, name: str) -> None:
+    """By the folder's name; the nominal one for others; 5000 units a metre."""
+    depth = np.full((1, 480, 640), 2000, np.uint16)
+    source = open_source(write_tum(tmp_path / name, depth, with_camera=False))
+    assert source.intrinsics == next((c for key, c in CAMERAS.items() if key in name), NOMINAL)
+    assert source.frame(0).metres()[0, 0] == 2.0
+
+
+def test_a_bag_without_units_is_in_millimetres_and_one_with_units_in_those(tmp_path: Path) -> None:
+    """As ROS says of 16-bit depth; a D405 counts in 0.1 mm."""
+    assert open_source(write_bag(tmp_path / "a.bag", recorded(), None)).frame(0).depth_scale == 1000.0
+    assert open_source(write_bag(tmp_path / "b.bag", recorded(), 1e-4)).frame(0).depth_scale == 10_000.0
+
+
+def cut(path: Path, share: float = 0.5) -> None:
+    """Keep the first part of a file."""
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+
+
+def remove(path: Path) -> None:
+    """Delete a file."""
+    path.unlink()
+
+
+def other_size(path: Path) -> None:
+    """A picture of another size."""
+    Image.fromarray(np.ones((6, 8), np.uint16)).save(path)
+
+
+def text(content: str) -> Callable[[Path], object]:
+    """Write a text."""
+    return lambda path: path.write_text(content)
+
+
+def arrays(**values: object) -> Callable[[Path], None]:
+    """Write other arrays into an `.npz` file."""
+
+    def write(path: Path) -> None:
+        kept = {"depth": recorded(), "intrinsics": matrix_of(KINECT), "depth_scale": 1000} | values
+        np.savez(path, **{k: np.asarray(v) for k, v in kept.items() if v is not None})  # type: ignore[arg-type]
+
+    return write
+
+
+DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
+    ("tum", "depth.txt", text("# nothing\n"), "depth.txt lists no picture"),
+    ("tum", "depth.txt", text("1.0 a.png\n1.0 b.png\n"), "line 2: '1.0 b.png' is not a later time"),
+    ("tum", "depth.txt", text("soon a.png\n"), "line 1: 'soon a.png' is not a later time"),
+    ("tum", "depth.txt", text("1.0 a.png\n"), "a.png is damaged or no PNG"),
+    ("tum", "depth.txt", lambda path: path.write_bytes(b"\xff\xfe\x00"), "depth.txt is no text"),
+    (
+        "tum",
+        "camera_intrinsic.json",
+        remove,
+        "is 320x240, but the camera that the data set documents has 640x480",
+    ),
+    ("tum", "camera_intrinsic.json", text("{"), "camera_intrinsic.json"),
+    ("ply", "cloud_1.ply", cut, "cloud_1.ply is damaged"),
+    ("ply", "cloud_1.ply", text("ply"), "cloud_1.ply is damaged"),
+    ("ply", "x.pcd", text(""), "holds both .ply and .pcd"),
+    ("pcd", "0.pcd", cut, "0.pcd is damaged"),
+    ("pcd", "1.pcd", cut, "1.pcd is damaged"),
+    ("pcd", "0.pcd", text(""), "0.pcd is damaged"),
+    ("walk.bag", "", cut, "walk.bag is damaged or no ROS 1 bag"),
+    ("walk.bag", "", text(""), "walk.bag is damaged or no ROS 1 bag"),
+    ("walk.bag", "", text("#ROSBAG V2.0\n"), "walk.bag is damaged or no ROS 1 bag"),
+    ("walk.npz", "", cut, "walk.npz is damaged"),
+    ("walk.npz", "", arrays(depth=None), "has no 'depth' but"),
+    ("walk.npz", "", arrays(intrinsics=None), "has no 'intrinsics' but"),
+    ("walk.npz", "", arrays(depth_scale=None), "needs depth_scale, its units per metre"),
+    ("walk.npz", "", arrays(depth=np.zeros((3, 4))), "depth has shape (3, 4)"),
+    ("walk.npz", "", arrays(depth=np.zeros((0, 3, 4))), "depth has shape (0, 3, 4)"),
+    ("walk.npz", "", arrays(depth=np.full((1, 2, 2), -5)), "nor whole units from 0 to 65535"),
+    ("walk.npz", "", arrays(depth=np.full((1, 2, 2), "a")), "nor whole units from 0 to 65535"),
+    ("walk.npz", "", arrays(intrinsics=np.zeros((3, 3))), "intrinsics are not fx 0 cx"),
+    ("walk.npz", "", arrays(intrinsics=np.eye(4)), "'intrinsics' has shape (4, 4)"),
+    ("walk.npz", "", arrays(fps=-1), "-1.0 frames a second make no sense"),
+]
+
+
+def read_all(path: Path) -> None:
+    """Do what a run does before it makes its folder."""
+    source = open_source(path)
+    check_frames(source, source.numbers)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "damage", "says"),
+    DAMAGES,
+    ids=[f"{n} {row[0]} {row[3]}" for n, row in enumerate(DAMAGES)],
+)
+def test_damage_is_found_and_told_in_one_line(
+    tmp_path: Path, name: str, file: str, damage: Callable[[Path], object], says: str
+) -> None:
+    """Whatever is wrong and wherever: an error of ours, which names the file and the mend."""
+    path = WRITERS[name](tmp_path / name, recorded())
+    damage(path / file if file else path)
+    with pytest.raises(InputError) as raised:
+        read_all(path)
+    assert says in str(raised.value)
+    assert "\n" not in str(raised.value)
+    assert "; " in str(raised.value)
+
+
+def test_a_bag_cut_or_changed_anywhere_is_read_or_refused(tmp_path: Path) -> None:
+    """No damage gets past as an error of the library's own."""
+    path = write_bag(tmp_path / "x.bag", recorded()[:1, 100:140, 140:180], camera=small())
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    refused = []
+    for place in rng.integers(0, len(whole), 40):
+        changed = bytearray(whole)
+        changed[place] ^= 1 << rng.integers(8)
+        for content in (whole[:place], bytes(changed)):
+            path.write_bytes(content)
+            try:
+                read_all(path)
+            except InputError as error:
+                refused.append(str(error))
+    assert len(refused) >= 40
+    assert not any("\n" in line for line in refused)
+
+
+def small() -> Intrinsics:
+    """The camera of a crop of 40 x 40 pixels."""
+    return KINECT.crop(140, 100, 40, 40)
+
+
+def test_a_bag_without_what_is_needed_says_so(tmp_path: Path) -> None:
+    """No depth image; frames of another size than their camera."""
+    with pytest.raises(InputError, match="holds no 16-bit depth images; record the camera's depth stream"):
+        open_source(write_bag(tmp_path / "empty.bag", recorded()[:0]))
+    source = open_source(write_bag(tmp_path / "sizes.bag", recorded(), camera=small()))
+    with pytest.raises(InputError, match="frame 0 is 320x240, but its camera 40x40"):
+        source.frame(0)
+
+
+def test_an_organised_cloud_that_no_pinhole_camera_sees_needs_a_camera(tmp_path: Path) -> None:
+    """Rows and columns of a laser scanner are no image."""
+    path = write_pcd(tmp_path / "clouds", np.roll(recorded()[:1], 40, axis=2))
+    twisted = write_pcd(tmp_path / "twisted", recorded()[:1])
+    cloud = (path / "0.pcd").read_bytes()
+    (twisted / "0.pcd").write_bytes(
+        cloud.replace(b"WIDTH 320", b"WIDTH 240").replace(b"HEIGHT 240", b"HEIGHT 320")
+    )
+    with pytest.raises(InputError, match=r"not as a pinhole camera sees it; add camera_intrinsic\.json"):
+        open_source(twisted)
+
+
+def test_truth_and_start_beside_the_frames_are_found_in_every_folder(tmp_path: Path) -> None:
+    """As with recorded folders; a single file has none."""
+    for write in (write_open3d, write_tum, write_ply):
+        path = write(tmp_path / write.__name__, recorded()[:1])
+        (path / "init.json").write_text(json.dumps(START))
+        assert open_source(path).init == path / "init.json"
+        assert open_source(path).truth is None
+    assert open_source(write_npz(tmp_path / "x.npz", recorded())).init is None
+
+
+def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Format, frames, size, rate and range as JSON, and a picture."""
+    path = write_tum(tmp_path / "walk", recorded())
+    assert main(["info", str(path), "--json", "--thumbnail", str(tmp_path / "x.png")]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    seen = recorded()[recorded() > 0] / 1000.0
+    assert (facts["format"], facts["frames"]) == ("TUM RGB-D folder (depth.txt)", FRAMES)
+    assert (facts["width"], facts["height"], facts["intrinsics"]["fx"]) == (320, 240, KINECT.fx)
+    assert (facts["nearest_m"], facts["farthest_m"]) == (pytest.approx(seen.min()), pytest.approx(seen.max()))
+    with Image.open(tmp_path / "x.png") as picture:
+        assert picture.size == (320, 240)
+    assert main(["info", str(tmp_path / "nowhere")]) == 2

@@ -1,0 +1,28 @@
+"""`gepf track` without what takes long and takes no part: no pictures, and a body that is read, not built.
+
+For sequences of `tests.support.small_sequence`. Importing it imports all that a run needs.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import coordinator.bodies.choice
+import coordinator.commands.track
+import coordinator.commands.workers
+from common.protocol.messages import decode_model
+from coordinator.cli import main
+from tests.support.small_sequence import BODY, OPTIONS
+
+
+def track(sequence: Path, out: Path, endpoint: str, *options: str) -> int:
+    """Run the command line in this process, with workers of others; gives its exit code."""
+    body = decode_model((sequence / BODY).read_bytes())
+    vars(coordinator.bodies.choice)["human"] = lambda *_: body
+    pictures = ModuleType("coordinator.pictures.run")
+    vars(pictures)["draw_run"] = lambda *_: []
+    sys.modules[pictures.__name__] = pictures
+    pool = ("--workers", "0", "--listen", endpoint)
+    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *pool, *options])

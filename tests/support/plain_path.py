@@ -1,0 +1,330 @@
+"""The plain path: steps 4a-4d and 5 point by point in numpy and scipy, the oracle that the kernel must match.
+
+Nothing is summed up before it must be: every correspondence has its three rows in the Jacobian matrix. A
+vertex whose skin is shared by two links is drawn as a part of each, by its share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
+
+from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.camera import Intrinsics, back_project, project
+from common.frame import DepthFrame, SubjectFrame
+from common.kinematics import difference, dof_transforms, pose_vertices, retract, step_axes
+from common.settings import RefineSettings
+from tests.support.bodies import moves
+from worker.kernel.gauss_newton import CONVERGED, LIMIT_SHARE
+from worker.kernel.visibility import LARGEST_SIDE, NEAR, PIXEL, TOLERANCE
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+UNITS_PER_METRE = 10_000.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Factors:
+    """Model points (n, 3) at a pose (D,), each on one link, drawn to a target (n, 3) by a weight (n,)."""
+
+    pose: Array
+    points: Array
+    links: Indices
+    targets: Array
+    weights: Array
+    unexplained: int = 0  # observed points that count less than half
+
+
+def picture(model: BodyModel, pose: Array, camera: Intrinsics, number: int = 0) -> DepthFrame:
+    """What a depth camera sees of a body."""
+    vertices = pose_vertices(model, pose[None])[0]
+    depth = draw(project(vertices, camera), vertices[:, 2], model.triangles, (camera.height, camera.width))
+    units = np.where(np.isfinite(depth), np.rint(depth * UNITS_PER_METRE), 0.0).astype(np.uint16)
+    return DepthFrame(number, number / 30.0, units, UNITS_PER_METRE, camera)
+
+
+def draw(image: Array, z: Array, triangles: Indices, shape: tuple[int, int]) -> Array:
+    """Nearest depth (H, W) of the triangles that face the camera, infinite where there is none."""
+    buffer = np.full(shape, np.inf)
+    drawn = triangles[facing(image, z, triangles)]
+    corners = image[drawn]  # (T, 3, 2)
+    first = np.ceil(corners.min(axis=1)).astype(int)
+    extent = (np.floor(corners.max(axis=1)).astype(int) - first).max(axis=0, initial=-1)
+    for offset in np.ndindex(*(extent + 1)):  # one pixel of all triangles at a time
+        pixel = first + offset
+        shares = barycentric(corners, pixel)
+        covered = (shares.min(axis=1) >= -1e-9) & np.all((pixel >= 0) & (pixel < shape[::-1]), axis=1)
+        depth = np.sum(shares * z[drawn], axis=1)
+        np.minimum.at(buffer, tuple(pixel[covered].T[::-1]), depth[covered])
+    return buffer
+
+
+def barycentric(corners: Array, places: Indices) -> Array:
+    """Shares (T, 3) of the corners (T, 3, 2) in places (T, 2)."""
+    around = corners - places[:, None]
+    following, last = np.roll(around, -1, axis=1), np.roll(around, -2, axis=1)
+    areas = following[..., 0] * last[..., 1] - following[..., 1] * last[..., 0]
+    return np.asarray(areas / areas.sum(axis=1, keepdims=True))
+
+
+def facing(image: Array, z: Array, triangles: Indices) -> NDArray[np.bool_]:
+    """Which triangles (T,) in front of the camera show it their outside."""
+    a, b, c = (image[triangles[:, i]] for i in range(3))
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    clear: NDArray[np.bool_] = (area < 0.0) & (z[triangles].min(axis=1) > NEAR)
+    return clear
+
+
+def see(model: BodyModel, pose: Array) -> tuple[Array, Indices]:
+    """Steps 4a and 4b: vertices (V, 3) in the pose, and the indices of those that are visible."""
+    posed = pose_vertices(model, pose[None])[0]
+    z = posed[:, 2]
+    image = posed[:, :2] / np.maximum(z, NEAR)[:, None] * z.mean() / PIXEL
+    shown = facing(image, z, model.triangles)
+    corner = np.floor(image.min(axis=0))
+    size = np.minimum(np.ceil(image.max(axis=0)) - corner + 1, LARGEST_SIDE).astype(int)
+    buffer = draw(image - corner, z, model.triangles, (size[1], size[0]))
+    front = np.unique(model.triangles[shown])
+    pixels = np.floor(image[front] - corner + 0.5).astype(int)
+    inside = np.all((pixels >= 0) & (pixels < size), axis=1)
+    behind = buffer[tuple(np.clip(pixels, 0, size - 1).T[::-1])]
+    return posed, front[~inside | (z[front] <= behind + TOLERANCE)]
+
+
+def observed_points(subject: SubjectFrame) -> Array:
+    """Points (P, 3) of the picked pixels, rounded as they are kept."""
+    points = back_project(subject.frame.metres().astype(np.float64), subject.frame.intrinsics).reshape(-1, 3)
+    return points[subject.picked].astype(np.float32).astype(np.float64)
+
+
+def correspond(points: Array, seen: Array, settings: RefineSettings) -> tuple[Indices, Array]:
+    """Step 4c: for each observed point (P, 3) the closest of (Q, 3); squared distance in its noise."""
+    metric = np.array([1.0, 1.0, settings.noise_lateral / settings.noise_depth])
+    distance, index = cKDTree(seen * metric).query(points * metric)
+    return index, distance**2
+
+
+def robust_weight(squared: Array, settings: RefineSettings) -> Array:
+    """Geman and McClure's weight, or 1."""
+    scale = settings.outlier_distance**2
+    return (scale / (scale + squared)) ** 2 if scale > 0.0 else np.ones_like(squared)
+
+
+def robust_cost(squared: Array, settings: RefineSettings) -> Array:
+    """Geman and McClure's cost, or the square."""
+    scale = settings.outlier_distance**2
+    return scale * squared / (scale + squared) if scale > 0.0 else squared
+
+
+def faces(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.bool_]:
+    """Which posed (V, 3) are on surfaces that the camera sees at less than 78 degrees from their normal."""
+    corners = model.vertices[model.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    around = np.zeros_like(posed)
+    np.add.at(around, model.triangles.ravel(), np.repeat(across, 3, axis=0))
+    transforms = np.concatenate([dof_transforms(model, pose[None])[0], np.eye(4)[None, :3]])
+    turns = transforms[model.link_dofs[model.skin_links[:, 0]], :, :3]
+    along = np.einsum("vij,vj,vi->v", turns, around, posed)
+    lengths = np.linalg.norm(around, axis=1) * np.linalg.norm(posed, axis=1)
+    facing: NDArray[np.bool_] = np.abs(along) > np.cos(np.radians(78.0)) * lengths
+    return facing
+
+
+def pulled(seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame) -> tuple[Array, Array]:
+    """For model points (Q, 3) where nothing was seen the nearest (Q, 3) on the outline; distance squared."""
+    camera, depth = subject.frame.intrinsics, subject.frame.depth
+    left, top, right, bottom = subject.view
+    pixels = project(seen, camera)
+    cells = np.floor(pixels + 0.5).astype(int)
+    viewed = np.all((cells >= (left, top)) & (cells < (right, bottom)), axis=1)
+    inside = np.clip(cells, 0, np.array(depth.shape[::-1]) - 1)
+    nearest = distance_transform_edt(depth == 0, return_distances=False, return_indices=True)
+    outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
+    off = outline - pixels
+    apart = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)
+    shift = np.column_stack([off * seen[:, 2:] / (camera.fx, camera.fy), np.zeros(len(seen))])
+    shift *= apart[:, None]
+    return seen + shift, np.sum(shift**2, axis=1)
+
+
+def collect(
+    model: BodyModel,
+    pose: Array,
+    posed: Array,
+    visible: Indices,
+    subject: SubjectFrame,
+    settings: RefineSettings,
+) -> Factors:
+    """All that draws on the body in this pose, point by point."""
+    points = observed_points(subject)
+    index, squared = correspond(points, posed[visible], settings)
+    vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
+    unexplained = int(np.count_nonzero(weights < 0.5))
+    if settings.free_space_weight > 0.0:
+        outline, away = pulled(posed[visible], faces(model, pose, posed)[visible], subject)
+        pull = settings.free_space_weight * len(points) / len(visible) * robust_weight(away, settings)
+        vertices = np.concatenate([vertices, visible[away > 0.0]])
+        targets = np.concatenate([targets, outline[away > 0.0]])
+        weights = np.concatenate([weights, pull[away > 0.0]])
+    return replace(split(model, pose, posed, vertices, targets, weights), unexplained=unexplained)
+
+
+def split(
+    model: BodyModel, pose: Array, posed: Array, vertices: Indices, targets: Array, weights: Array
+) -> Factors:
+    """Each correspondence once for every link that its vertex follows."""
+    links, shares = model.skin_links[vertices], model.skin_weights[vertices]  # (n, K)
+    row, column = np.nonzero(shares)
+    return Factors(
+        pose, posed[vertices[row]], links[row, column], targets[row], weights[row] * shares[row, column]
+    )
+
+
+def carry(model: BodyModel, factors: Factors, pose: Array) -> Array:
+    """Where the factors' points (n, 3) are when the body has moved on to a pose (D,)."""
+    still = np.eye(4)[None, :3]
+    before, after = (
+        np.concatenate([dof_transforms(model, p[None])[0], still])[model.link_dofs[factors.links]]
+        for p in (factors.pose, pose)
+    )
+    rest = np.einsum("nji,nj->ni", before[:, :, :3], factors.points - before[:, :, 3])
+    found: Array = np.einsum("nij,nj->ni", after[:, :, :3], rest) + after[:, :, 3]
+    return found
+
+
+def jacobian(model: BodyModel, factors: Factors, pose: Array, points: Array) -> Array:
+    """J (3n, D) of the carried points (n, 3), Eq. 1 and 2, one point at a time."""
+    w, q = (a[0] for a in step_axes(model, pose[None]))
+    moved = moves(model)
+    found = np.zeros((len(points), 3, len(pose)))
+    for j in range(len(pose)):
+        of_j = moved[j, factors.links]
+        found[of_j, :, j] = np.cross(w[j], points[of_j] - q[j]) if model.kinds[j] == ROTATION else w[j]
+    return found.reshape(-1, len(pose))
+
+
+def equations(
+    model: BodyModel, factors: Factors, pose: Array, settings: RefineSettings
+) -> tuple[Array, Array]:
+    """J^T J (D, D) and J^T r (D,) of Eq. 4 at a pose (D,), in the noise's metric."""
+    points = carry(model, factors, pose)
+    matrix = jacobian(model, factors, pose, points)
+    residual = (points - factors.targets).ravel()
+    metric = np.array([1.0, 1.0, (settings.noise_lateral / settings.noise_depth) ** 2])
+    weights = (factors.weights[:, None] * metric).ravel()
+    return matrix.T @ (weights[:, None] * matrix), matrix.T @ (weights * residual)
+
+
+def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSettings) -> Array:
+    """Step 4d: the pose (D,) after Gauss-Newton steps on fixed correspondences."""
+    pose = factors.pose.copy()
+    for _ in range(settings.gauss_newton_iterations):
+        gram, gradient = equations(model, factors, pose, settings)
+        gram += np.eye(len(pose)) * (settings.damping + settings.damping_share * count)
+        gram, gradient = draw_to_rest(model, pose, settings.rest_weight * factors.unexplained, gram, gradient)
+        free = np.ones(len(pose), dtype=bool)
+        if settings.keep_limits:
+            stiffness = LIMIT_SHARE * factors.weights.sum()
+            gram, gradient = draw_into_limits(model, pose, stiffness, gram, gradient)
+            free = ~held(model, pose, gradient)
+        step = np.zeros_like(pose)
+        step[free] = np.linalg.solve(gram[np.ix_(free, free)], -gradient[free])
+        pose = retract(model, pose[None], step[None])[0]
+        pose = clamp(model, pose) if settings.keep_limits else pose
+        if np.abs(step).max() < CONVERGED:
+            break
+    return pose
+
+
+def draw_to_rest(
+    model: BodyModel, pose: Array, stiffness: float, gram: Array, gradient: Array
+) -> tuple[Array, Array]:
+    """Half the squared way from the rest pose, the root's aside, added to the equations."""
+    way = difference(model, np.zeros((1, len(pose))), pose[None])[0]
+    drawn = stiffness * np.array([name not in ROOT_DOFS for name in model.dof_names], dtype=np.float64)
+    return gram + np.diag(drawn), gradient + drawn * way
+
+
+def draw_into_limits(
+    model: BodyModel, pose: Array, stiffness: float, gram: Array, gradient: Array
+) -> tuple[Array, Array]:
+    """Half the squared excess of balls over their limits; angles change with a step as `retract` says."""
+    gram, gradient, small = gram.copy(), gradient.copy(), 1e-6
+    excess = pose - np.clip(pose, *model.limits.T)
+    for start in model.balls:
+        if abs(np.cos(pose[start + 1])) <= 0.3:
+            continue
+        steps = small * np.eye(len(pose))[start : start + 3]
+        ahead, behind = (retract(model, np.tile(pose, (3, 1)), s) for s in (steps, -steps))
+        ball = slice(start, start + 3)
+        rates = (ahead - behind)[:, ball].T / (2.0 * small)  # angle by step
+        outside = rates[excess[ball] != 0.0]
+        gradient[ball] += stiffness * rates.T @ excess[ball]
+        gram[ball, ball] += stiffness * outside.T @ outside
+    return gram, gradient
+
+
+def single(model: BodyModel) -> NDArray[np.bool_]:
+    """Degrees of freedom (D,) that are no part of a ball."""
+    found = np.ones(len(model.dof_names), dtype=bool)
+    found[(model.balls[:, None] + np.arange(3)).ravel()] = False
+    return found
+
+
+def held(model: BodyModel, pose: Array, gradient: Array) -> NDArray[np.bool_]:
+    """Single axes (D,) at a limit that are pushed out of it."""
+    low, high = model.limits.T
+    pushed: NDArray[np.bool_] = ((pose <= low) & (gradient > 0.0)) | ((pose >= high) & (gradient < 0.0))
+    return pushed & single(model)
+
+
+def clamp(model: BodyModel, pose: Array) -> Array:
+    """The pose (D,) with single axes within their limits."""
+    return np.where(single(model), np.clip(pose, *model.limits.T), pose)
+
+
+def assess(
+    model: BodyModel, pose: Array, before: Indices, subject: SubjectFrame, settings: RefineSettings
+) -> tuple[float, float]:
+    """Step 5: log likelihood and mean residual, by what is visible or, if that counts, was so before."""
+    posed, visible = see(model, pose)
+    if len(before) > 0 and settings.look_every > 1:
+        visible = before
+    points = observed_points(subject)
+    if len(visible) == 0:
+        return -np.inf, np.inf
+    index, squared = correspond(points, posed[visible], settings)
+    cost = robust_cost(squared, settings).mean()
+    _, away = pulled(posed[visible], faces(model, pose, posed)[visible], subject)
+    cost += settings.free_space_weight * robust_cost(away, settings).mean()
+    residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
+    return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
+
+
+def refine(
+    model: BodyModel, subject: SubjectFrame, pose: Array, settings: RefineSettings
+) -> tuple[Array, float, float]:
+    """Steps 4a-4d, as often as asked, and then 5."""
+    pose = clamp(model, pose) if settings.keep_limits else pose
+    visible = np.empty(0, dtype=np.int64)
+    for k in range(settings.icp_iterations):
+        posed, seen = see(model, pose)
+        visible = seen if k % settings.look_every == 0 else visible
+        if len(visible) == 0:
+            break
+        factors = collect(model, pose, posed, visible, subject, settings)
+        moved = minimise(model, factors, len(subject.picked), settings)
+        pose = moved if k == settings.icp_iterations - 1 else extend(model, pose, moved, settings)
+    return pose, *assess(model, pose, visible, subject, settings)
+
+
+def extend(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
+    """The pose (D,) moved on by a share of the motion that led there from another."""
+    step = settings.overstep * difference(model, before[None], pose[None])
+    further = retract(model, pose[None], step)[0]
+    return clamp(model, further) if settings.keep_limits else further

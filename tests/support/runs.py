@@ -1,0 +1,59 @@
+"""Runs on disk as `gepf track` leaves them, with poses that are made up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.kinematics import joint_positions
+from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_model
+from coordinator.results.track import TRACK_FILE, Track, write_track
+
+Array = NDArray[np.float64]
+
+RATE = 25.0
+
+
+def swing(model: BodyModel, frames: int, seed: int = 0) -> Array:
+    """Poses (F, D) that move every degree of freedom smoothly, within its limits, two metres away."""
+    rng = np.random.default_rng(seed)
+    farthest = np.where(model.kinds == ROTATION, 2.5, 0.3)[:, None]
+    limits = np.clip(model.limits, -farthest, farthest)
+    middle, reach = limits.mean(axis=1), 0.5 * np.ptp(limits, axis=1)
+    phase = rng.uniform(0.0, 2.0 * np.pi, len(middle))
+    poses: Array = middle + reach * np.sin(phase + np.linspace(0.0, 2.0, frames)[:, None])
+    if set(ROOT_DOFS) <= set(model.dof_names):
+        poses[:, model.dof("root_tz")] += 2.0
+    return poses
+
+
+def write_run(
+    folder: Path,
+    model: BodyModel,
+    poses: Array,
+    lost: tuple[int, ...] = (),
+    held: Mapping[str, float] | None = None,
+) -> Track:
+    """A run's folder with these poses (F, D); one hypothesis a frame."""
+    folder.mkdir(parents=True)
+    count = len(poses)
+    track = Track(
+        frame=np.arange(100, 100 + count, dtype=np.int64),
+        time_s=np.arange(100, 100 + count) / RATE,
+        dof_names=model.dof_names,
+        pose=poses,
+        joint_names=model.joint_names,
+        joint_positions=joint_positions(model, poses),
+        hypothesis_pose=poses[:, None],
+        hypothesis_weight=np.ones((count, 1)),
+        status=np.array(["lost" if f in lost else "tracked" for f in range(count)]),
+    )
+    with (folder / TRACK_FILE).open("wb") as file:
+        write_track(track, file)
+    with (folder / MODEL_FILE).open("wb") as file:
+        write_model(TrackedBody(model, held or {}), file)
+    return track

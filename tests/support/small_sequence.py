@@ -1,0 +1,31 @@
+"""A sequence that takes next to no time to track: the paper's arm, forth and back, seen by a tiny camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+MOVING = "r_shoulder_flexion,r_shoulder_abduct,r_shoulder_twisting,r_elbow_flexion"
+OPTIONS = ("--dof", MOVING, "--preset", "paper", "--points", "200", "--particles", "12")
+BODY = "body.msgpack"  # the template, which takes seconds to build, for `tests.support.bare_gepf`
+
+
+def write_small_sequence(folder: Path, frames: int) -> None:
+    """Depth, camera, start and body; the start is that of the first frame."""
+    from common.camera import Intrinsics
+    from common.protocol.messages import encode_model
+    from coordinator.synthesis.scenes.arm import arm
+    from coordinator.synthesis.scenes.scene import Scene
+    from coordinator.synthesis.sequence import write_camera, write_depth, write_start
+    from coordinator.tracking.sensor_noise import SensorNoise
+
+    whole = arm()
+    there = np.arange(frames) % (2 * len(whole.poses) - 2)
+    poses = whole.poses[np.minimum(there, 2 * len(whole.poses) - 2 - there)]
+    scene = Scene(whole.model, Intrinsics(64, 64, 98.75, 98.75, 31.5, 31.5), 25.0, poses, poses[0].copy())
+    folder.mkdir(parents=True)
+    write_depth(scene, SensorNoise(0.0, 0.0), 0, folder / "depth", None)
+    write_camera(scene, folder / "camera_intrinsic.json")
+    write_start(scene, folder / "init.json")
+    (folder / BODY).write_bytes(encode_model(scene.model))

@@ -1,0 +1,87 @@
+"""Real processes that start in a moment: forked from one that has loaded all and opened no bus yet."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+CONTEXT = multiprocessing.get_context("forkserver")
+CONTEXT.set_forkserver_preload(["tests.support.bare_gepf", "tests.support.warm_kernel"])
+
+
+def start(do: Callable[..., None], *arguments: object, log: Path) -> BaseProcess:
+    """A process that does something, and tells of it in a file."""
+    process = CONTEXT.Process(target=run, args=(do, arguments, log))
+    process.start()
+    return process
+
+
+def run(do: Callable[..., None], arguments: tuple[object, ...], log: Path) -> None:
+    """The body of every process: standard error goes to the file."""
+    os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), 2)
+    do(*arguments)
+
+
+def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
+    """`gepf track`."""
+    from tests.support.bare_gepf import track
+
+    sys.exit(track(sequence, out, endpoint, *options))
+
+
+def work(endpoints: tuple[str, ...], name: str) -> None:
+    """`gepf-worker`."""
+    from tests.support.warm_kernel import KERNEL
+    from worker.cli import Place, exit_with, serve
+
+    exit_with(lambda: serve(Place(endpoints, name), lambda: KERNEL, tied=False))
+
+
+class Workers:
+    """Worker processes by name, each of which can be killed, frozen, and started again; a context manager."""
+
+    def __init__(self, endpoints: tuple[str, ...], log: Path) -> None:
+        self._endpoints = endpoints
+        self._log = log
+        self._processes: dict[str, list[BaseProcess]] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for name in list(self._processes):
+            self.kill(name)
+
+    def start(self, name: str) -> None:
+        """Start a worker; one of the same name may be there already."""
+        self._processes.setdefault(name, []).append(start(work, self._endpoints, name, log=self._log))
+
+    def kill(self, name: str) -> None:
+        """End all workers of a name, at once, whatever they are at."""
+        for process in self._processes.pop(name, []):
+            process.kill()
+            process.join()
+
+    def freeze(self, name: str) -> None:
+        """Stop all workers of a name until they are thawed."""
+        self._signal(name, signal.SIGSTOP)
+
+    def thaw(self, name: str) -> None:
+        """Let them go on."""
+        self._signal(name, signal.SIGCONT)
+
+    def _signal(self, name: str, number: signal.Signals) -> None:
+        for process in self._processes.get(name, []):
+            if process.pid is not None:
+                with suppress(ProcessLookupError):
+                    os.kill(process.pid, number)

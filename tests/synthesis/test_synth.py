@@ -1,0 +1,274 @@
+"""Synthetic sequences: rendered where the camera says, with noise as wide as stated, and exact truth."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from common.camera import Intrinsics, back_project, project
+from common.errors import GepfError, InputError
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.human.template import DEFAULT_ACTIVE
+from coordinator.results.truth import read_truth
+from coordinator.sources import open_source
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes import SCENES
+from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.sequence import synthesise
+from coordinator.tracking.sensor_noise import SensorNoise
+
+CAMERA = Intrinsics(160, 120, 170.0, 180.0, 77.3, 61.8)
+RIGHT_ARM = ("r_upper_arm", "r_forearm", "r_hand", "r_thumb", "r_index", "r_middle", "r_ring", "r_pinky")
+
+
+def rays(camera: Intrinsics) -> NDArray[np.float64]:
+    """Points (H, W, 3) at depth 1 through every pixel's centre."""
+    return back_project(np.ones((camera.height, camera.width)), camera)
+
+
+@pytest.fixture(scope="module")
+def arm() -> Scene:
+    """Section 5."""
+    return SCENES["arm"]()
+
+
+@pytest.fixture(scope="module")
+def turn() -> Scene:
+    """Section 6."""
+    return SCENES["turn"]()
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first frames of the arm, without noise."""
+    out = tmp_path_factory.mktemp("synth") / "arm"
+    synthesise("arm", out, frames=3)
+    return out
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_a_slanted_plane_is_rendered_at_the_pixels_centres(slope: tuple[float, float]) -> None:
+    """Depth of z = 2 + a x + b y is right to a hundredth of a pixel in any direction."""
+    a, b = slope
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5
+    vertices = np.column_stack([corners, 2.0 + corners @ slope])
+    with DepthRenderer(CAMERA) as renderer:
+        depth = renderer.depth(vertices, np.array([[0, 2, 1], [0, 3, 2]]))
+    x, y, _ = np.moveaxis(rays(CAMERA), -1, 0)
+    exact = 2.0 / (1.0 - a * x - b * y)
+    seen = depth > 0.0
+    depth_of_a_pixel = 2.0 / min(CAMERA.fx, CAMERA.fy)
+    assert seen.sum() > 5000
+    assert np.abs(depth - exact)[seen].max() < 0.01 * depth_of_a_pixel
+
+
+def test_a_sphere_has_its_silhouette_and_depth() -> None:
+    """The outline of a sphere beside the optical axis is the analytic one, and so is its front."""
+    centre, radius = np.array([0.15, -0.1, 2.0]), 0.4
+    sphere = trimesh.creation.icosphere(subdivisions=5, radius=radius)
+    with DepthRenderer(CAMERA) as renderer:
+        depth = renderer.depth(np.asarray(sphere.vertices) + centre, np.asarray(sphere.faces))
+    ray = rays(CAMERA)
+    squared, along = np.sum(ray * ray, axis=-1), ray @ centre
+    discriminant = along**2 - squared * (centre @ centre - radius**2)
+    exact = (along - np.sqrt(np.maximum(discriminant, 0.0))) / squared
+    inside = discriminant > 0.0
+    assert np.sum((depth > 0.0) != inside) <= 6
+    front = (depth > 0.0) & (discriminant > 0.02)
+    assert np.abs(depth - exact)[front].max() < 0.001
+
+
+@pytest.mark.parametrize(("along", "across"), [(0.15, 0.0), (0.0, 0.01), (0.0, 0.002), (0.02, 0.01)])
+@pytest.mark.parametrize("slope", [0.0, 1.0])
+def test_noise_has_the_stated_width_along_and_across(along: float, across: float, slope: float) -> None:
+    """Points of a noisy plane z = 2.5 + a x lie off it by noise along, and a times noise across."""
+    camera = Intrinsics(400, 400, 600.0, 600.0, 199.5, 199.5)
+    x = rays(camera)[..., 0]
+    disc = np.hypot(x, rays(camera)[..., 1]) < 0.28
+    exact = np.where(disc, 2.5 / (1.0 - slope * x), 0.0)
+    noisy = add_noise(exact, camera, SensorNoise(along, across), np.random.default_rng(1))
+    points = back_project(noisy, camera)[(noisy > 0.0) & (np.hypot(x, rays(camera)[..., 1]) < 0.25)]
+    off = points[:, 2] - 2.5 - slope * points[:, 0]
+    assert np.std(off) == pytest.approx(np.hypot(along, slope * across), rel=0.03, abs=1e-9)
+    assert abs(np.mean(off)) < 0.02 * max(along, across)
+    assert np.sum(noisy > 0.0) == pytest.approx(np.sum(exact > 0.0), rel=0.01)
+
+
+def test_noise_across_frays_an_outline_by_its_width() -> None:
+    """Beyond the edge of a half plane as many pixels see it as a normal distribution says."""
+    camera = Intrinsics(160, 1200, 600.0, 600.0, 79.5, 599.5)
+    x = 2.0 * rays(camera)[..., 0]
+    exact = np.where(x < 0.0, 2.0, 0.0)
+    noisy = add_noise(exact, camera, SensorNoise(0.0, 0.02), np.random.default_rng(2))
+    off = np.mean(noisy > 0.0, axis=0) - ndtr(-x[0] / 0.02)
+    assert np.sqrt(np.mean(off[np.abs(x[0]) < 0.05] ** 2)) < 0.015
+
+
+def test_no_noise_changes_nothing_and_nothing_stays_nothing() -> None:
+    """Noise of width zero returns the image, and an image without depth gets none from noise."""
+    exact = np.where(np.hypot(*np.indices((60, 80)) - 30) < 20, 1.5, 0.0)
+    camera = Intrinsics(80, 60, 90.0, 90.0, 39.5, 29.5)
+    rng = np.random.default_rng(0)
+    assert np.array_equal(add_noise(exact, camera, SensorNoise(), rng), exact)
+    assert not add_noise(0.0 * exact, camera, SensorNoise(0.1, 0.01), rng).any()
+
+
+def test_a_sequence_is_one_that_can_be_opened_with_its_truth_and_start(sequence: Path) -> None:
+    """The folder reads as a recorded sequence; its depth is the scene's to a tenth of a millimetre."""
+    source, scene = open_source(sequence), SCENES["arm"]()
+    assert (source.numbers, source.fps, source.intrinsics) == (range(3), 25.0, scene.camera)
+    assert source.truth is not None
+    truth = read_truth(source.truth)
+    assert truth.dof_names == scene.model.dof_names
+    assert np.array_equal(truth.pose, scene.poses[:3])
+    assert np.array_equal(truth.joint_positions, joint_positions(scene.model, scene.poses[:3]))
+    with DepthRenderer(scene.camera) as renderer:
+        exact = renderer.depth(pose_vertices(scene.model, scene.poses[2:3])[0], scene.model.triangles)
+    assert np.abs(source.frame(2).metres() - exact).max() < 0.6e-4
+    assert np.array_equal(source.frame(2).depth > 0, exact > 0.0)
+
+
+def test_the_arm_starts_fifty_degrees_off_in_one_shoulder_angle(sequence: Path) -> None:
+    """init.json is the truth of the first frame, the place of the body included, but for one angle."""
+    truth = read_truth(sequence / "truth.npz")
+    start = json.loads((sequence / "init.json").read_text())
+    off = {
+        name: np.degrees(start.get(name, 0.0) - value)
+        for name, value in zip(truth.dof_names, truth.pose[0], strict=True)
+        if start.get(name, 0.0) != value
+    }
+    assert list(off) == ["r_shoulder_abduct"]
+    assert abs(off["r_shoulder_abduct"]) == pytest.approx(50.0)
+    assert start["root_tz"] > 2.0
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_other_noise(tmp_path: Path) -> None:
+    """Every file of a noisy sequence is reproducible; its first frames do not depend on their number."""
+    for name, frames, seed in (("one", 2, 7), ("two", 2, 7), ("short", 1, 7), ("other", 1, 8)):
+        synthesise("arm", tmp_path / name, frames, 0.15, 0.01, seed)
+    files = sorted(p.relative_to(tmp_path / "one") for p in (tmp_path / "one").rglob("*.*"))
+    assert len(files) == 5
+    for file in files:
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+    first = "depth/000000.png"
+    assert (tmp_path / "short" / first).read_bytes() == (tmp_path / "one" / first).read_bytes()
+    assert (tmp_path / "other" / first).read_bytes() != (tmp_path / "one" / first).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["arm", "turn"])
+def test_truth_joints_lie_on_the_rendered_silhouette(name: str, request: pytest.FixtureRequest) -> None:
+    """Every true joint projects onto the body, behind its visible surface, in frames all over a scene."""
+    scene: Scene = request.getfixturevalue(name)
+    with DepthRenderer(scene.camera) as renderer:
+        for pose in scene.poses[:: len(scene.poses) // 5]:
+            depth = renderer.depth(pose_vertices(scene.model, pose[None])[0], scene.model.triangles)
+            joints = joint_positions(scene.model, pose[None])[0]
+            columns, rows = np.rint(project(joints, scene.camera)).astype(int).T
+            surface = depth[rows, columns]
+            assert np.all(surface > 0.0)
+            assert np.all(joints[:, 2] > surface)
+
+
+@pytest.mark.parametrize("name", ["arm", "turn"])
+def test_a_scene_moves_as_a_person_can_and_stays_in_the_picture(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    """Angles keep to their limits and below 18 degrees a frame, as in a spin; no vertex leaves the image."""
+    scene: Scene = request.getfixturevalue(name)
+    model = scene.model
+    angles = [j for j, dof in enumerate(model.dof_names) if not dof.startswith("root_t")]
+    assert np.degrees(np.abs(np.diff(scene.poses[:, angles], axis=0)).max()) < 18.0
+    assert np.all((scene.poses >= model.limits[:, 0]) & (scene.poses <= model.limits[:, 1]))
+    for pose in scene.poses[::5]:
+        pixels = project(pose_vertices(model, pose[None])[0], scene.camera)
+        assert pixels.min() > 0.0
+        assert np.all(pixels.max(axis=0) < (scene.camera.width - 1, scene.camera.height - 1))
+
+
+def test_the_arm_scene_is_that_of_section_5(arm: Scene) -> None:
+    """176 frames, four angles that swing by 60 degrees, the arm at the body around frames 60 and 105."""
+    moving = np.flatnonzero(np.ptp(arm.poses, axis=0) > 0.0)
+    assert arm.poses.shape[0] == 176
+    assert {arm.model.dof_names[j] for j in moving} == set(MOVING)
+    assert np.degrees(np.ptp(arm.poses[:, moving], axis=0).min()) >= 60.0
+    joints = joint_positions(arm.model, arm.poses)
+    names = arm.model.joint_names
+    hip, elbow = joints[:, names.index("right_hip")], joints[:, names.index("right_elbow")]
+    beside = np.abs(elbow[:, 0] - hip[:, 0])
+    assert beside[[60, 105]].max() < 0.15
+    assert beside[[0, 30, 82, 138, 175]].min() > 0.2
+
+
+def test_about_750_of_10_000_points_are_on_the_arm(arm: Scene) -> None:
+    """The arm's share of the picture is that of the paper, within a third on average."""
+    arm_links = [k for k, name in enumerate(arm.model.link_names) if name.startswith(RIGHT_ARM)]
+    others = np.isin(arm.model.skin_links[arm.model.triangles[:, 0], 0], arm_links, invert=True)
+    share = []
+    with DepthRenderer(arm.camera) as renderer:
+        for pose in arm.poses[::16]:
+            vertices = pose_vertices(arm.model, pose[None])[0]
+            whole = renderer.depth(vertices, arm.model.triangles)
+            rest = renderer.depth(vertices, arm.model.triangles[others])
+            share.append(np.sum(whole != rest) / np.sum(whole > 0.0))
+            assert np.sum(whole > 0.0) > 20_000
+    assert 500 < 10_000 * np.mean(share) < 1000
+
+
+def test_the_turn_hides_the_right_arm_and_leg_for_a_while(turn: Scene) -> None:
+    """24 degrees of freedom move; for some frames nearly nothing of the right arm and leg is seen."""
+    moving = np.flatnonzero(np.ptp(turn.poses, axis=0) > 0.0)
+    assert turn.poses.shape[0] == 180
+    assert {turn.model.dof_names[j] for j in moving} >= set(DEFAULT_ACTIVE) - {"root_ty"}
+    hidden = (*RIGHT_ARM, "r_thigh", "r_shank")
+    limbs = [k for k, name in enumerate(turn.model.link_names) if name.startswith(hidden)]
+    others = np.isin(turn.model.skin_links[turn.model.triangles[:, 0], 0], limbs, invert=True)
+    with DepthRenderer(turn.camera) as renderer:
+        for frame, least, most in ((0, 0.15, 1.0), (128, 0.0, 0.05), (134, 0.0, 0.05), (140, 0.0, 0.05)):
+            vertices = pose_vertices(turn.model, turn.poses[frame : frame + 1])[0]
+            whole = renderer.depth(vertices, turn.model.triangles)
+            rest = renderer.depth(vertices, turn.model.triangles[others])
+            assert least <= np.sum(whole != rest) / np.sum(whole > 0.0) <= most, frame
+
+
+@pytest.mark.parametrize(
+    ("scene", "wish", "complaint"),
+    [
+        ("dance", {}, "unknown scene 'dance'; choose from arm, turn"),
+        ("arm", {"frames": 0}, "choose from 1 to 176"),
+        ("arm", {"frames": 177}, "choose from 1 to 176"),
+        ("arm", {"noise_depth": -0.1}, "choose from 0 to 1 metre"),
+        ("arm", {"noise_lateral": float("nan")}, "choose from 0 to 1 metre"),
+        ("arm", {"seed": -1}, "choose 0 or more"),
+    ],
+)
+def test_a_wish_that_cannot_be_met_is_one_line_and_leaves_nothing(
+    scene: str, wish: dict[str, float], complaint: str, tmp_path: Path
+) -> None:
+    """The message names the choices, and no folder appears."""
+    with pytest.raises(InputError, match=complaint):
+        synthesise(scene, tmp_path / "out", **wish)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_in_use_is_left_alone(tmp_path: Path) -> None:
+    """A folder that holds something is refused, and what it holds stays."""
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="choose another"):
+        synthesise("arm", tmp_path, frames=1)
+    assert [p.name for p in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_without_opengl_the_message_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine without EGL gets one line that says what to install."""
+    monkeypatch.setitem(sys.modules, "pyrender", None)
+    with pytest.raises(GepfError, match="apt install libegl1 libgl1"):
+        DepthRenderer(CAMERA)

@@ -1,0 +1,102 @@
+"""The camera's noise, measured in a depth image whose noise is known."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.frame import DepthFrame
+from common.kinematics import pose_vertices
+from common.settings import preset
+from coordinator.bodies.human.template import human
+from coordinator.commands.options import choose_settings, tell_noise
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes.arm import arm
+from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.tracking.sensor_noise import SensorNoise, measure_noise, outline_deviation, told
+
+CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
+DEFAULT = preset("default").refine
+
+
+@cache
+def person() -> NDArray[np.float64]:
+    """Depth (H, W) in metres of the arm's first frame, at half the size."""
+    with DepthRenderer(CAMERA) as renderer:
+        vertices = pose_vertices(human(), arm().poses[:1])[0]
+        return renderer.depth(vertices, human().triangles).astype(np.float64)
+
+
+def noisy(noise: SensorNoise, seed: int = 0, scale: float = 5000.0) -> DepthFrame:
+    """The person behind noise."""
+    depth_m = add_noise(person(), CAMERA, noise, np.random.default_rng(seed))
+    return DepthFrame(0, 0.0, np.rint(depth_m * scale).astype(np.uint16), scale, CAMERA)
+
+
+@pytest.mark.parametrize(("depth", "lateral"), [(0.01, 0.0), (0.05, 0.02), (0.15, 0.0), (0.15, 0.02)])
+def test_noise_along_depth_is_measured(depth: float, lateral: float) -> None:
+    """Within 10 %, noise across or not: on slopes it adds some along depth, less than this."""
+    assert measure_noise(noisy(SensorNoise(depth, lateral))).depth == pytest.approx(depth, rel=0.1)
+
+
+@pytest.mark.parametrize("lateral", [0.015, 0.025])
+def test_noise_across_is_measured(lateral: float) -> None:
+    """Within 40 %: an outline is all that tells, and narrow gaps that noise closes make it seem more."""
+    found = measure_noise(noisy(SensorNoise(0.15, lateral)))
+    assert found.lateral == pytest.approx(lateral, rel=0.4)
+
+
+def test_a_frayed_disc() -> None:
+    """A disc whose pixels are displaced by 3 is measured as that, to a tenth."""
+    rng = np.random.default_rng(0)
+    here = np.indices((300, 300)) - 149.5
+    mask = np.hypot(*(here + 3.0 * rng.standard_normal(here.shape))) < 100.0
+    assert outline_deviation(mask) == pytest.approx(3.0, rel=0.1)
+
+
+def test_a_clean_camera_is_assumed_no_worse_than_it_was() -> None:
+    """Without noise, and with a step of a millimetre, settings stay as they are: the same bytes as ever."""
+    for scale in (5000.0, 1000.0):
+        assert told(DEFAULT, measure_noise(noisy(SensorNoise(), scale=scale))) == DEFAULT
+
+
+def test_settings_are_told_the_noise() -> None:
+    """At least what they assume, and across never more than along."""
+    loud = told(DEFAULT, SensorNoise(0.15, 0.03))
+    assert (loud.noise_depth, loud.noise_lateral) == (0.15, 0.03)
+    assert msgspec.structs.replace(loud, noise_depth=0.01, noise_lateral=0.01) == DEFAULT
+    assert told(DEFAULT, SensorNoise(0.001, 0.3)) == DEFAULT
+    assert told(DEFAULT, SensorNoise(0.02, 0.3)).noise_lateral == 0.02
+
+
+def test_an_image_of_points_has_no_noise_to_tell() -> None:
+    """Where no three pixels in a row are measured, nothing is said of depth."""
+    depth = np.zeros((9, 9), dtype=np.uint16)
+    depth[::3, ::3] = 2000
+    assert measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA)).depth == 0.0
+
+
+def test_what_the_user_tells_is_not_measured() -> None:
+    """Told noise goes into the settings as it is; what is not told stays the preset's."""
+    settings = choose_settings("gepf", "default", None, None, 0)
+    assert settings.measure_noise
+    assert tell_noise(settings, None, None) == settings
+    known = tell_noise(settings, 0.1, None)
+    assert (known.refine.noise_depth, known.refine.noise_lateral) == (0.1, DEFAULT.noise_lateral)
+    assert not known.measure_noise
+    assert tell_noise(settings, 0.1, 0.02).refine.noise_lateral == 0.02
+    json.loads(msgspec.json.encode(known))
+
+
+@pytest.mark.parametrize("value", [0.0, -0.1, 1.5, float("nan")])
+def test_noise_that_makes_no_sense_is_refused(value: float) -> None:
+    """The option and its range are named."""
+    with pytest.raises(InputError, match=r"--noise-depth .* out of range; give metres"):
+        tell_noise(preset("default"), value, None)

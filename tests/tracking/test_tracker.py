@@ -1,0 +1,367 @@
+"""The tracker on short rendered sequences, in one process: it starts, follows, and says how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.camera import Intrinsics, back_project
+from common.errors import InputError
+from common.frame import DepthFrame, SubjectFrame
+from common.kinematics import joint_positions, pose_vertices
+from common.refinement import Refined
+from common.settings import RefineSettings, Settings, preset
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.refiner import idle
+from coordinator.tracking.state import TrackerState
+from coordinator.tracking.status import judge
+from coordinator.tracking.subject import CLEARANCE, isolate
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+
+Array = NDArray[np.float64]
+
+CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
+FRAMES = 4
+STANDING = {
+    "root_tx": 0.1,
+    "root_ty": 0.1,
+    "root_tz": 2.7,
+    "r_shoulder_abduct": 0.2,
+    "l_shoulder_abduct": 0.2,
+}
+SITTING = {
+    "root_tx": -0.1, "root_tz": 2.4, "r_shoulder_abduct": 0.25, "l_shoulder_abduct": 0.25,
+    **{f"{side}_{joint}_flexion": 1.5 for side in "rl" for joint in ("hip", "knee")},
+}  # fmt: skip
+RAISING = {"l_elbow_flexion": 0.25, "l_shoulder_flexion": 0.15}  # by frame
+SETTINGS = msgspec.structs.replace(
+    preset("default"), points=2000, filter=msgspec.structs.replace(preset("default").filter, particles=6)
+)
+
+
+class Shown(NamedTuple):
+    """Frames of a person, and where the joints are (F, J, 3)."""
+
+    frames: list[DepthFrame]
+    joints: Array
+
+
+@cache
+def shown(posture: str, stature: float = 1.82) -> Shown:
+    """A person who raises the left arm, standing or sitting."""
+    model = human(stature)
+    first = STANDING if posture == "standing" else SITTING
+    poses = np.array(
+        [
+            name_pose(model, {**first, **{name: rate * n for name, rate in RAISING.items()}})
+            for n in range(FRAMES)
+        ]
+    )
+    with DepthRenderer(CAMERA) as renderer:
+        pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
+    frames = [frame_of(n, picture) for n, picture in enumerate(pictures)]
+    return Shown(frames, joint_positions(model, poses))
+
+
+def frame_of(number: int, depth_m: NDArray[np.floating]) -> DepthFrame:
+    """A frame in millimetres."""
+    return DepthFrame(number, number / 30.0, np.rint(depth_m * 1000.0).astype(np.uint16), 1000.0, CAMERA)
+
+
+def empty(number: int) -> DepthFrame:
+    """A frame that shows nothing."""
+    return frame_of(number, np.zeros((CAMERA.height, CAMERA.width)))
+
+
+@cache
+def people() -> Bodies:
+    """Bodies as the command line makes them, of the paper's degrees of freedom; built once."""
+    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+
+
+@cache
+def known() -> Bodies:
+    """The person who is shown, whose measures are known."""
+    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
+
+
+def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> Tracker:
+    """A tracker of the known person, told where to start."""
+    return Tracker(DirectRefiner(), settings, known(), start)
+
+
+def apart(estimate: Estimate, joints: Array) -> Array:
+    """Distance (J,) of every joint from the truth, metres."""
+    return np.asarray(np.linalg.norm(estimate.joint_positions - joints, axis=-1))
+
+
+@pytest.mark.parametrize(("posture", "stature"), [("standing", 1.82), ("standing", 1.6), ("sitting", 1.75)])
+def test_it_starts_by_itself_and_follows(posture: str, stature: float) -> None:
+    """Told nothing, it finds stature within 5 %, the pelvis within 5 cm, and all joints in every frame."""
+    frames, joints = shown(posture, stature)
+    fresh = Tracker(DirectRefiner(), SETTINGS, people())
+    for frame, truth in zip(frames, joints, strict=True):
+        estimate = fresh.track(frame)
+        assert estimate.status == "tracked"
+        assert apart(estimate, truth)[fresh.model.joint_names.index("pelvis")] < 0.05
+        assert np.median(apart(estimate, truth)) < 0.03
+        assert apart(estimate, truth).max() < 0.08
+    assert fresh.start.stature == pytest.approx(stature, rel=0.05)
+
+
+def test_it_starts_where_it_is_told() -> None:
+    """A given pose is taken as it is, on the body that is known."""
+    told = tracker()
+    estimate = told.track(shown("standing").frames[0])
+    assert (told.start.stature, told.start.girth) == (1.82, 1.0)
+    np.testing.assert_array_equal(told.start.pose, name_pose(told.model, STANDING))
+    assert apart(estimate, shown("standing").joints[0]).max() < 0.03
+
+
+def test_the_way_from_the_initial_guess_is_no_motion() -> None:
+    """However far the first frame moves a wrong start, velocity is learnt from the second on."""
+    frames, _ = shown("standing")
+    followed = tracker(start={**STANDING, "r_shoulder_flexion": 0.4})
+    first = followed.track(frames[0])
+    assert abs(first.pose - followed.start.pose).max() > 0.2
+    assert not followed.state.carried.belief["velocities"].any()
+    followed.track(frames[1])
+    assert followed.state.carried.belief["velocities"].any()
+
+
+def test_a_wall_behind_does_not_count_where_the_start_is_told() -> None:
+    """The first frame is cut out around the given pose: the estimate is that of the person alone."""
+    frame = shown("standing").frames[0]
+    walled = frame_of(0, np.where(frame.depth > 0, frame.metres(), 5.0))
+    alone, before = (tracker().track(seen) for seen in (frame, walled))
+    assert before.status == "tracked"
+    np.testing.assert_array_equal(before.pose, alone.pose)
+
+
+def test_an_estimate_is_whole() -> None:
+    """Weights sum to 1, likeliest first, the first hypothesis is the pose, and the joints are those of it."""
+    frames, _ = shown("standing")
+    followed = tracker()
+    for frame in frames[:2]:
+        estimate = followed.track(frame)
+    assert (estimate.frame, estimate.time_s) == (1, frames[1].time_s)
+    assert estimate.hypothesis_weight.sum() == pytest.approx(1.0)
+    assert np.all(np.diff(estimate.hypothesis_weight) <= 0.0)
+    np.testing.assert_array_equal(estimate.pose, estimate.hypothesis_pose[0])
+    np.testing.assert_array_equal(
+        estimate.joint_positions, joint_positions(followed.model, estimate.pose[None])[0]
+    )
+    assert 0.0 < estimate.residual < 0.03
+    assert {"isolate", "publish", "draw", "refine", "merge"} <= estimate.stage_seconds.keys()
+
+
+def test_the_same_seed_gives_the_same_estimates() -> None:
+    """Byte by byte, and another seed gives other ones."""
+    frames, _ = shown("standing")
+
+    def poses(settings: Settings) -> list[bytes]:
+        followed = tracker(settings)
+        return [followed.track(frame).hypothesis_pose.tobytes() for frame in frames]
+
+    once = poses(SETTINGS)
+    assert poses(SETTINGS) == once
+    assert poses(msgspec.structs.replace(SETTINGS, seed=1)) != once
+
+
+class Watched(DirectRefiner):
+    """Tells what is done while the workers are busy, and may fail at a frame."""
+
+    def __init__(self, fails_at: int | None = None) -> None:
+        super().__init__()
+        self.events: list[str] = []
+        self._fails_at, self._frame = fails_at, -1
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Another frame is begun."""
+        self._frame = subject.frame.number
+        self.events.append(f"begin {self._frame}")
+        super().publish(subject)
+
+    def refine(
+        self, model: BodyModel, poses: Array, settings: RefineSettings, meanwhile: Callable[[], None] = idle
+    ) -> Refined:
+        """As ever, between two marks."""
+        if self._frame == self._fails_at:
+            raise RuntimeError("the workers are gone")
+        self.events.append("busy")
+        refined = super().refine(model, poses, settings, meanwhile)
+        self.events.append("idle")
+        return refined
+
+
+def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
+    """The last is told at the end; each with the state that was known after it, and nothing else changes."""
+    frames, refiner = list(shown("standing").frames), Watched()
+    frames[2] = empty(2)  # nothing to be busy with: the frame before is told all the same
+    states: list[TrackerState] = []
+
+    def take(estimate: Estimate, state: TrackerState) -> None:
+        refiner.events.append(f"told {estimate.frame}")
+        states.append(state)
+
+    Tracker(refiner, SETTINGS, known(), STANDING).follow(frames, take)
+    assert refiner.events == [
+        *("begin 0", "busy", "idle", "begin 1", "busy", "told 0", "idle", "told 1"),
+        *("begin 3", "busy", "told 2", "idle", "told 3"),
+    ]
+    one_by_one = tracker()
+    for frame, state in zip(frames, states, strict=True):
+        one_by_one.track(frame)
+        assert state.carried.generator == one_by_one.state.carried.generator
+        for name, array in state.carried.belief.items():
+            np.testing.assert_array_equal(array, one_by_one.state.carried.belief[name])
+
+
+def test_what_was_tracked_is_told_before_a_failure() -> None:
+    """A frame that cannot be refined does not take the one before with it."""
+    told: list[int] = []
+    with pytest.raises(RuntimeError, match="gone"):
+        Tracker(Watched(fails_at=2), SETTINGS, known(), STANDING).follow(
+            shown("standing").frames, lambda estimate, _: told.append(estimate.frame)
+        )
+    assert told == [0, 1]
+
+
+def test_what_was_tracked_is_told_before_a_frame_that_cannot_be_read() -> None:
+    """The source's fault does not take the frame before with it, either."""
+
+    def torn() -> Iterator[DepthFrame]:
+        yield from shown("standing").frames[:2]
+        raise InputError("frame 2 is torn")
+
+    told: list[int] = []
+    with pytest.raises(InputError, match="torn"):
+        tracker().follow(torn(), lambda estimate, _: told.append(estimate.frame))
+    assert told == [0, 1]
+
+
+def test_an_empty_frame_is_lost_and_it_goes_on() -> None:
+    """Where nothing is seen the pose stays, without a residual; with the next picture tracking resumes."""
+    frames, joints = shown("standing")
+    followed = tracker()
+    before = followed.track(frames[0])
+    blind = followed.track(empty(1))
+    after = followed.track(frames[2])
+    assert [e.status for e in (before, blind, after)] == ["tracked", "lost", "tracked"]
+    np.testing.assert_array_equal(blind.pose, before.pose)
+    assert np.isnan(blind.residual)
+    assert blind.frame == 1
+    assert np.median(apart(after, joints[2])) < 0.01
+    assert apart(after, joints[2]).max() < 0.2  # the wrist went on rising meanwhile, by 0.3
+    assert apart(followed.track(frames[3]), joints[3]).max() < 0.08
+
+
+def test_somebody_elsewhere_is_not_followed() -> None:
+    """When all depth is far from the body, the subject is not seen: lost, and no leap across the room."""
+    frames, _ = shown("standing")
+    followed = tracker()
+    before = followed.track(frames[0])
+    away = frame_of(1, np.where(frames[1].depth > 0, frames[1].metres() + 2.5, 0.0))
+    estimate = followed.track(away)
+    assert estimate.status == "lost"
+    np.testing.assert_array_equal(estimate.pose, before.pose)
+
+
+def test_an_empty_first_frame_is_the_users_fault() -> None:
+    """There is nothing to start from: one line that says which frame and what to do."""
+    with pytest.raises(InputError, match=r"frame 7 shows no depth.*--frames") as caught:
+        tracker().track(empty(7))
+    assert "\n" not in str(caught.value)
+    away = frame_of(7, np.full((CAMERA.height, CAMERA.width), 6.0))
+    with pytest.raises(InputError, match="within 80 cm of the given start"):
+        tracker().track(away)
+
+
+def test_there_is_no_body_before_the_first_frame() -> None:
+    """Asking for it is a mistake in the program."""
+    with pytest.raises(RuntimeError, match="not begun"):
+        _ = tracker().model
+
+
+@pytest.mark.parametrize(
+    ("residual", "weights", "away", "word"),
+    [
+        (0.02, [1.0], [0.0], "tracked"),
+        (0.02, [0.6, 0.4], [0.0, 0.1], "tracked"),  # a rival that puts all joints nearly there
+        (0.02, [0.6, 0.4], [0.0, 0.3], "ambiguous"),
+        (0.02, [0.9, 0.1], [0.0, 0.3], "tracked"),  # elsewhere, but no rival
+        (0.02, [0.5, 0.1, 0.4], [0.0, 0.3, 0.3], "ambiguous"),
+        (0.2, [1.0], [0.0], "lost"),
+        (0.2, [0.6, 0.4], [0.0, 0.3], "lost"),
+        (np.inf, [1.0], [0.0], "lost"),
+        (np.nan, [1.0], [0.0], "lost"),
+    ],
+)
+def test_one_word_says_how_sure_it_is(
+    residual: float, weights: list[float], away: list[float], word: str
+) -> None:
+    """Lost: nothing explains what is seen. Ambiguous: a rival has some joint elsewhere. Tracked otherwise."""
+    joints = np.zeros((len(weights), 2, 3))
+    joints[:, 1, 0] = away
+    assert judge(residual, 0.0, np.array(weights), joints) == word
+
+
+def test_the_subject_is_cut_out_where_it_is() -> None:
+    """The crop holds every pixel with depth, at the same place in space, and knows what it was cut from."""
+    frame = shown("standing").frames[0]
+    subject = isolate(frame, None, 10**6)
+    assert subject is not None
+    whole = back_project(frame.metres(), frame.intrinsics)[frame.depth > 0]
+    cut = back_project(subject.frame.metres(), subject.frame.intrinsics)
+    np.testing.assert_allclose(cut[subject.frame.depth > 0], whole, atol=1e-6)
+    assert np.all(subject.frame.depth.ravel()[subject.picked] > 0)
+    assert len(subject.picked) == np.count_nonzero(frame.depth)
+    assert subject.frame.depth.size < 0.5 * frame.depth.size
+    left, top, right, bottom = subject.view
+    assert (right - left, bottom - top) == (CAMERA.width, CAMERA.height)
+    camera = subject.frame.intrinsics
+    assert (camera.cx - CAMERA.cx, camera.cy - CAMERA.cy) == (left, top)
+
+
+def test_points_are_picked_evenly() -> None:
+    """As many as asked for, in ascending order, each from its own equal share of the pixels."""
+    frame = shown("standing").frames[0]
+    every, some = isolate(frame, None, 10**6), isolate(frame, None, 500)
+    assert every is not None
+    assert some is not None
+    assert len(some.picked) == 500 < len(every.picked)
+    steps = np.diff(np.searchsorted(every.picked, some.picked))
+    assert steps.max() - steps.min() <= 1
+
+
+def test_what_is_farther_than_80_cm_is_not_the_subject() -> None:
+    """Depth beyond the clearance around the body is cut off, depth within it is kept."""
+    frame = shown("standing").frames[0]
+    surface = back_project(frame.metres(), frame.intrinsics)[frame.depth > 0]
+    back = surface[:, 2].max()
+    for gap, kept in ((CLEARANCE - 0.05, True), (CLEARANCE + 0.05, False)):
+        depth = frame.metres().copy()
+        column = int(np.median(np.flatnonzero(depth.any(axis=0))))
+        row = int(np.flatnonzero(depth[:, column])[0]) - 3
+        depth[row, column] = back + gap
+        subject = isolate(frame_of(0, depth), surface, 10**6)
+        assert subject is not None
+        assert (len(subject.picked) == len(surface) + 1) is kept
+
+
+def test_the_depths_own_noise_is_no_loss() -> None:
+    """A residual that the assumed noise explains does not make a frame lost; without that noise it does."""
+    joints = np.zeros((1, 2, 3))
+    assert judge(0.2, 0.15, np.ones(1), joints) == "tracked"
+    assert judge(0.2, 0.01, np.ones(1), joints) == "lost"

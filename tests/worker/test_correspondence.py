@@ -1,0 +1,202 @@
+"""Closest points, exactly: the search by blocks against scipy's tree, for clouds of every kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from worker.kernel.correspondence import (
+    bounding_boxes,
+    boxes_of,
+    closest_again,
+    closest_points,
+    lay_out_search,
+)
+from worker.kernel.neighbourhoods import neighbourhoods
+from worker.kernel.observation import BLOCK, TILE, pad_to_blocks
+from worker.kernel.surface import LEAF
+
+Array = NDArray[np.float64]
+Points = NDArray[np.float32]
+Cloud = Callable[[np.random.Generator, int], Array]
+
+
+def scattered(rng: np.random.Generator, count: int) -> Array:
+    """Anywhere in a room."""
+    return rng.uniform(-2.0, 2.0, size=(count, 3))
+
+
+def clustered(rng: np.random.Generator, count: int) -> Array:
+    """In a few dense spots far apart."""
+    return 2.0 * rng.normal(size=(4, 3))[rng.integers(4, size=count)] + 0.005 * rng.normal(size=(count, 3))
+
+
+def coplanar(rng: np.random.Generator, count: int) -> Array:
+    """On a wall, where boxes have no depth."""
+    return np.column_stack([rng.uniform(-1.0, 1.0, size=(count, 2)), np.full(count, 2.0)])
+
+
+def in_line(rng: np.random.Generator, count: int) -> Array:
+    """On a straight line."""
+    return np.asarray(rng.uniform(-1.0, 1.0, size=(count, 1)) * np.array([0.6, 0.0, 0.8]))
+
+
+def at_one_point(_: np.random.Generator, count: int) -> Array:
+    """All in the same place."""
+    return np.tile([0.1, -0.2, 1.5], (count, 1))
+
+
+def repeated(rng: np.random.Generator, count: int) -> Array:
+    """A few places, each many times."""
+    return scattered(rng, 5)[rng.integers(5, size=count)]
+
+
+def on_a_grid(rng: np.random.Generator, count: int) -> Array:
+    """Whole decimetres, so that many distances are equal."""
+    return np.asarray(rng.integers(-4, 5, size=(count, 3)) / 10.0)
+
+
+CLOUDS = st.sampled_from([scattered, clustered, coplanar, in_line, at_one_point, repeated, on_a_grid])
+
+
+def in_order(cloud: Array) -> Array:
+    """Neighbours together."""
+    return cloud[neighbourhoods(cloud, TILE, BLOCK)]
+
+
+def single(cloud: Array) -> Points:
+    """In the kernel's precision."""
+    return cloud.astype(np.float32)
+
+
+def search(observed: Points, model: Points) -> tuple[NDArray[np.uint32], Points]:
+    """Indices (P,) and squared distances (P,) as the kernel finds them."""
+    padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
+    leaves = -(-len(model) // LEAF)
+    room = lay_out_search(len(padded), len(model) + 1, leaves + 1)
+    for array in room:
+        array.fill(7)  # whatever an earlier search left
+    room.model[: len(model)] = model
+    room.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
+    across = np.ascontiguousarray(padded.T)
+    closest_points(across, boxes_of(across, BLOCK), boxes_of(across, TILE), leaves, room)
+    return room.closest[: len(observed)], room.squared[: len(observed)]
+
+
+def search_again(
+    observed: Points, model: Points, guess: NDArray[np.uint32]
+) -> tuple[NDArray[np.uint32], Points]:
+    """As `search`, from a guess (P,)."""
+    padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
+    leaves = -(-len(model) // LEAF)
+    room = lay_out_search(len(padded), len(model), leaves)
+    room.model[:] = model
+    room.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
+    room.closest[:] = np.resize(guess, len(padded))
+    across = np.ascontiguousarray(padded.T)
+    closest_again(across, boxes_of(across, TILE), leaves, room)
+    return room.closest[: len(observed)], room.squared[: len(observed)]
+
+
+@given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 300), st.booleans(), st.integers(0, 2**32 - 1))
+@example(scattered, scattered, 1, 1, True, 0)
+@example(clustered, clustered, BLOCK, LEAF, True, 0)
+@example(scattered, coplanar, BLOCK + 1, LEAF + 1, False, 0)
+def test_the_closest_point_is_the_closest(
+    observed_like: Cloud, model_like: Cloud, points: int, others: int, ordered: bool, seed: int
+) -> None:
+    """Whatever the clouds and their order: none is nearer than the one found, and its distance is true."""
+    rng = np.random.default_rng(seed)
+    arrange = in_order if ordered else np.asarray
+    observed, model = (
+        single(arrange(cloud)) for cloud in (observed_like(rng, points), model_like(rng, others))
+    )
+    index, squared = search(observed, model)
+    nearest, _ = cKDTree(model.astype(np.float64)).query(observed.astype(np.float64))
+    found = np.linalg.norm(observed.astype(np.float64) - model[index], axis=1)
+    np.testing.assert_allclose(found, nearest, atol=2e-6)
+    np.testing.assert_allclose(np.sqrt(squared), nearest, atol=2e-6)
+
+
+@given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 3000), st.integers(0, 2**32 - 1))
+@example(at_one_point, at_one_point, BLOCK, LEAF, 0)
+@example(scattered, scattered, 300, 3000, 0)
+def test_any_guess_leads_to_the_closest(
+    observed_like: Cloud, model_like: Cloud, points: int, others: int, seed: int
+) -> None:
+    """The closest points themselves, one for all, or any: what is found is as close as without a guess."""
+    rng = np.random.default_rng(seed)
+    observed, model = (
+        single(in_order(cloud)) for cloud in (observed_like(rng, points), model_like(rng, others))
+    )
+    index, squared = search(observed, model)
+    for guess in (index, np.zeros_like(index), rng.integers(others, size=points).astype(np.uint32)):
+        again, apart = search_again(observed, model, guess)
+        np.testing.assert_allclose(np.sqrt(apart), np.sqrt(squared), atol=2e-6)
+        found, first = (
+            np.linalg.norm(observed - model[i].astype(np.float64), axis=1) for i in (again, index)
+        )
+        np.testing.assert_allclose(found, first, atol=2e-6)
+
+
+def test_clouds_as_large_as_in_use() -> None:
+    """Ten thousand observed and two thousand model points of one surface: the tree's own answer."""
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(12_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    cloud = directions * (0.3, 0.9, 0.2) + (0.0, 0.0, 2.5)
+    observed = single(in_order(cloud[:10_000] + 0.01 * rng.normal(size=(10_000, 3))))
+    model = single(in_order(cloud[10_000:]))
+    index, squared = search(observed, model)
+    nearest, expected = cKDTree(model.astype(np.float64)).query(observed.astype(np.float64))
+    assert np.mean(index == expected) > 0.9999
+    np.testing.assert_allclose(np.sqrt(squared), nearest, atol=1e-6)
+
+
+def test_of_equals_the_choice_is_always_the_same() -> None:
+    """The same clouds give the same bytes each time, ties included."""
+    rng = np.random.default_rng(1)
+    observed, model = (on_a_grid(rng, 500).astype(np.float32) for _ in range(2))
+    first, again = search(observed, model), search(observed.copy(), model.copy())
+    assert [a.tobytes() for a in first] == [a.tobytes() for a in again]
+    assert len(np.unique(model, axis=0)) < len(model)
+
+
+@given(CLOUDS, st.integers(1, 200), st.integers(1, 70), st.integers(0, 2**32 - 1))
+def test_boxes_hold_their_points_tightly(like: Cloud, count: int, block: int, seed: int) -> None:
+    """Each block's box has its points' least and greatest coordinates, the last and shorter block's too."""
+    points = like(np.random.default_rng(seed), count).astype(np.float32)
+    starts = np.append(np.arange(0, count, block), count)
+    boxes = np.empty((6, len(starts) - 1), dtype=np.float32)
+    bounding_boxes(points, starts, boxes)
+    for k, box in enumerate(boxes.T.reshape(-1, 2, 3)):
+        members = points[k * block : (k + 1) * block]
+        np.testing.assert_array_equal(box, [members.min(axis=0), members.max(axis=0)])
+
+
+@pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK, BLOCK + 1])
+def test_padding_fills_whole_blocks_with_the_last_point(count: int) -> None:
+    """Padding is no more than needed, and lies within the last block's box."""
+    points = np.random.default_rng(2).normal(size=(count, 3)).astype(np.float32)
+    padded = pad_to_blocks(points)
+    assert len(padded) == -(-count // BLOCK) * BLOCK
+    np.testing.assert_array_equal(padded[:count], points)
+    assert np.all(padded[count:] == points[-1])
+
+
+def test_the_order_keeps_neighbours_together() -> None:
+    """The boxes of blocks and of tiles are little larger than an even share of the room that is filled."""
+    points = np.random.default_rng(3).uniform(size=(4096, 3))
+    order = neighbourhoods(points, TILE, BLOCK)
+    np.testing.assert_array_equal(np.sort(order), np.arange(len(points)))
+    for size in (TILE, BLOCK):
+        boxes = boxes_of(np.ascontiguousarray(points[order].T, np.float32), size)
+        volume = np.prod(boxes[3:] - boxes[:3], axis=0)
+        assert volume.mean() < size / len(points)
+        assert np.mean(boxes[3:] - boxes[:3]) < 1.1 * (size / len(points)) ** (1 / 3)

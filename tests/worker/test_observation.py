@@ -1,0 +1,76 @@
+"""From a depth frame to observed points: none lost, none moved, neighbours together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from common.camera import Intrinsics, back_project, project
+from common.frame import DepthFrame, SubjectFrame
+from worker.kernel.observation import BLOCK, Observation, observe
+from worker.kernel.silhouette import nearest_subject_pixels
+
+CAMERA = Intrinsics(40, 30, 35.0, 36.0, 18.2, 14.9)
+
+
+def frame_of(depth: NDArray[np.uint16], picked: NDArray[np.uint32]) -> SubjectFrame:
+    """A frame in millimetres, all of which the camera saw."""
+    return SubjectFrame(DepthFrame(0, 0.0, depth, 1000.0, CAMERA), picked, (0, 0, 40, 30))
+
+
+def some_depth(seed: int) -> NDArray[np.uint16]:
+    """A few pixels between 1 and 3 metres."""
+    rng = np.random.default_rng(seed)
+    measured = rng.random((30, 40)) < rng.uniform(0.02, 0.9)
+    measured[3, 5] = True
+    return np.where(measured, rng.integers(1000, 3000, size=(30, 40)), 0).astype(np.uint16)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_picked_pixel_becomes_one_point(seed: int) -> None:
+    """The points project back onto their pixels at their depth; padding aside, there are no others."""
+    depth = some_depth(seed)
+    picked = np.flatnonzero(depth)[::2].astype(np.uint32)
+    observation: Observation = observe(frame_of(depth, picked))
+    assert observation.count == len(picked)
+    assert len(observation.points) == -(-len(picked) // BLOCK) * BLOCK
+    points = observation.points[: observation.count]
+    columns, rows = np.rint(project(points, CAMERA)).astype(int).T
+    np.testing.assert_array_equal(np.sort(rows * 40 + columns), picked)
+    np.testing.assert_allclose(points[:, 2], depth[rows, columns] / 1000.0, rtol=1e-6)
+    np.testing.assert_allclose(
+        points, back_project(depth / 1000.0, CAMERA)[rows, columns], rtol=1e-5, atol=1e-6
+    )
+    assert np.all(observation.points[observation.count :] == points[-1])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_nearest_pixel_of_the_subject_is_nearest(seed: int) -> None:
+    """From any pixel the one named has depth, and none with depth is nearer."""
+    depth = some_depth(seed).astype(np.float32)
+    nearest = nearest_subject_pixels(depth)
+    assert np.all(depth[tuple(nearest)] > 0.0)
+    here = np.indices(depth.shape).reshape(2, -1).T
+    expected, _ = cKDTree(np.argwhere(depth > 0.0)).query(here)
+    np.testing.assert_allclose(np.linalg.norm(nearest.reshape(2, -1).T - here, axis=1), expected)
+
+
+def test_the_same_frame_gives_the_same_bytes() -> None:
+    """Observing has no memory and draws no numbers."""
+    depth = some_depth(0)
+    picked = np.flatnonzero(depth).astype(np.uint32)
+    one, other = (observe(frame_of(depth.copy(), picked.copy())) for _ in range(2))
+    for name in ("points", "depth", "nearest", "view"):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (30, 40)])
+def test_a_picture_of_nothing_points_nowhere(size: tuple[int, int]) -> None:
+    """Without any depth every pixel is its own nearest, so nothing is pulled anywhere."""
+    nearest = nearest_subject_pixels(np.zeros(size, dtype=np.float32))
+    np.testing.assert_array_equal(nearest, np.indices(size))
+    assert nearest.dtype == np.int32

@@ -1,0 +1,52 @@
+"""Which vertices the worker sees, against OpenGL's z-buffer, which knows nothing of the worker's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from common.camera import Intrinsics, project
+from common.kinematics import pose_vertices
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes import SCENES
+from coordinator.synthesis.scenes.scene import Scene
+from worker.kernel.visibility import TOLERANCE, lay_out_view, visible_vertices
+
+AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
+SEEN, HIDDEN = 0.003, TOLERANCE + 0.02  # metres behind the z-buffer
+
+Marks = NDArray[np.bool_]
+
+
+def judge(vertices: NDArray[np.float64], scene: Scene) -> tuple[Marks, Marks, Marks]:
+    """Vertices (V,) that the z-buffer shows, and those that are clearly to be seen or clearly hidden."""
+    whole = scene.camera
+    camera = Intrinsics(1024, 1024, whole.fx * 2.0, whole.fy * 2.0, 511.5, 511.5)
+    with DepthRenderer(camera) as renderer:
+        depth = renderer.depth(vertices, scene.model.triangles)
+    behind = np.where(depth > 0.0, depth, np.float32(np.inf))
+    columns, rows = np.clip(np.rint(project(vertices, camera)).astype(int), 0, 1023).T
+    z = vertices[:, 2]
+    nearest, farthest = (f(behind, size=AROUND)[rows, columns] for f in (minimum_filter, maximum_filter))
+    return z <= behind[rows, columns] + 0.01, z <= nearest + SEEN, z > farthest + HIDDEN
+
+
+@pytest.mark.parametrize(
+    ("name", "frame"), [("arm", 0), ("arm", 60), ("arm", 105), ("turn", 50), ("turn", 140)]
+)
+def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
+    """Nothing clearly hidden is seen, all that lies open is, and 19 of 20 vertices are judged alike."""
+    scene = SCENES[name]()
+    vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
+    seen = np.zeros(len(vertices), dtype=bool)
+    view = lay_out_view(len(vertices))
+    view.posed[:] = vertices
+    seen[visible_vertices(view, scene.model.triangles.astype(np.uint32))] = True
+    shown, free, hidden = judge(vertices, scene)
+    assert free.sum() > 250
+    assert hidden.sum() > 450
+    assert np.mean(seen == shown) > 0.95
+    assert np.mean(seen[free]) > 0.99
+    assert not np.any(seen & hidden)

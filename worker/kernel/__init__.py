@@ -1,0 +1,1 @@
+"""Articulated ICP in compiled code: all that is numbers."""

@@ -1,0 +1,93 @@
+"""Observation and settings laid out for the kernel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.settings import RefineSettings
+from worker.kernel.correspondence import boxes_of
+from worker.kernel.observation import BLOCK, TILE, Observation
+
+FAR_NOISIER = 2.0  # along than across, from which on the closest point misleads
+
+
+class Evidence(NamedTuple):
+    """An observation laid out for the kernel, depth stretched so that noise is alike in all directions."""
+
+    points: NDArray[np.float32]  # (3, blocks * BLOCK) metres, z times `stretch`
+    blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
+    tiles: NDArray[np.float32]  # (6, tiles) and of smaller parts
+    count: int  # type: ignore[assignment]  # tuples have a method of that name
+    depth: NDArray[np.float32]  # (H, W)
+    nearest: NDArray[np.int32]  # (2, H, W)
+    seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+class Rules(NamedTuple):
+    """Settings in the kernel's own units."""
+
+    icp_iterations: int
+    soft: bool
+    gauss_newton_iterations: int
+    overstep: float
+    look_every: int
+    damping: float
+    damping_share: float
+    rest_weight: float
+    keep_limits: bool
+    stretch: float  # lateral over depth noise
+    outlier_squared: float  # m^2
+    free_space_weight: float
+    likelihood_scale: float  # 1/m^2
+    independent_points: float
+    noise_depth: float  # metres
+    noise_lateral: float
+
+
+def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evidence:
+    """The observation in the metric of the noise."""
+    points = np.ascontiguousarray(observation.points.T)
+    points[2] *= np.float32(settings.noise_lateral / settings.noise_depth)
+    camera = observation.camera
+    return Evidence(
+        points,
+        boxes_of(points, BLOCK),
+        boxes_of(points, TILE),
+        observation.count,
+        observation.depth,
+        observation.nearest,
+        observation.view,
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+    )
+
+
+def lay_out_rules(settings: RefineSettings) -> Rules:
+    """Settings in the kernel's own units."""
+    return Rules(
+        settings.icp_iterations,
+        settings.soft_correspondences and settings.noise_depth > FAR_NOISIER * settings.noise_lateral,
+        settings.gauss_newton_iterations,
+        settings.overstep,
+        settings.look_every,
+        settings.damping,
+        settings.damping_share,
+        settings.rest_weight,
+        settings.keep_limits,
+        settings.noise_lateral / settings.noise_depth,
+        settings.outlier_distance**2,
+        settings.free_space_weight,
+        1.0 / (settings.likelihood_scale**2),
+        settings.independent_points,
+        settings.noise_depth,
+        settings.noise_lateral,
+    )

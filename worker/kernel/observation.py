@@ -1,0 +1,82 @@
+"""From a depth frame to the observed points of section 4.1, in an order that suits the closest-point search.
+
+Done once per frame and shared by all its particles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics
+from common.frame import SubjectFrame
+from worker.kernel.neighbourhoods import neighbourhoods
+from worker.kernel.silhouette import nearest_subject_pixels
+
+TILE = 16  # points that are searched for together
+BLOCK = 64  # points that share a list of candidates
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """Observed points in the camera frame, neighbours together, padded to whole blocks by repeating the last.
+
+    nearest: for each pixel of the cropped depth the nearest pixel (row, column) of the subject.
+    """
+
+    points: NDArray[np.float32]  # (blocks * BLOCK, 3)
+    count: int  # points that are not padding
+    depth: NDArray[np.float32]  # (H, W) metres
+    nearest: NDArray[np.int32]  # (2, H, W)
+    camera: Intrinsics
+    view: NDArray[np.int64]  # (4,)
+
+
+def observe(subject: SubjectFrame) -> Observation:
+    """Observed points of the picked pixels of a frame."""
+    depth = subject.frame.metres()
+    points = pick_points(depth, subject.picked, subject.frame.intrinsics)
+    ordered = points.astype(np.float32)[neighbourhoods(points, TILE, BLOCK)]
+    return Observation(
+        points=pad_to_blocks(ordered),
+        count=len(points),
+        depth=depth,
+        nearest=nearest_subject_pixels(depth),
+        camera=subject.frame.intrinsics,
+        view=np.array(subject.view, dtype=np.int64),
+    )
+
+
+def pick_points(
+    depth: NDArray[np.float32], picked: NDArray[np.uint32], camera: Intrinsics
+) -> NDArray[np.float64]:
+    """Camera-frame points (P, 3) of the picked pixels."""
+    points = np.empty((len(picked), 3))
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+    back_project_some(depth.ravel(), depth.shape[1], picked, lens, points)
+    return points
+
+
+@numba.njit(cache=True, nogil=True)
+def back_project_some(
+    depth: NDArray[np.float32],
+    width: int,
+    picked: NDArray[np.uint32],
+    lens: tuple[float, float, float, float],
+    points: NDArray[np.float64],
+) -> None:
+    """Fill points (P, 3) with the picked pixels' of a depth row by row; the lens is fx, fy, cx, cy."""
+    fx, fy, cx, cy = lens
+    for i in range(len(picked)):
+        v, u = picked[i] // width, picked[i] % width
+        z = np.float64(depth[picked[i]])
+        points[i, 0], points[i, 1], points[i, 2] = (u - cx) / fx * z, (v - cy) / fy * z, z
+
+
+def pad_to_blocks(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Points filled up to whole blocks with copies of the last."""
+    missing = -len(points) % BLOCK
+    return np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])

@@ -1,0 +1,107 @@
+"""A body model laid out for the kernel: neighbouring vertices together, fixed dtypes. Done once per model."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, BodyModel
+from worker.kernel.neighbourhoods import neighbourhoods
+
+LEAF = 8  # vertices that are ruled out together
+
+
+class Skeleton(NamedTuple):
+    """The part of a body model that moves."""
+
+    kinds: NDArray[np.int64]  # (D,)
+    parents: NDArray[np.int64]  # (D,)
+    axes: NDArray[np.float64]  # (D, 3)
+    points: NDArray[np.float64]  # (D, 3)
+    limits: NDArray[np.float64]  # (D, 2)
+    balls: NDArray[np.int64]  # (B,)
+    link_dofs: NDArray[np.int64]  # (L,)
+    root: NDArray[np.bool_]  # (D,) which of them place the body in the world
+
+
+class Surface(NamedTuple):
+    """The part that is seen, with vertices of a leaf, which are neighbours on one link, in a row."""
+
+    vertices: NDArray[np.float64]  # (V, 3)
+    normals: NDArray[np.float64]  # (V, 3) of length 1, or 0 where no triangle has an area
+    leaves: NDArray[np.int64]  # (V,) ascending
+    triangles: NDArray[np.uint32]  # (T, 3)
+    skin_links: NDArray[np.uint32]  # (V, K)
+    skin_weights: NDArray[np.float64]  # (V, K), 0 only after all others
+
+
+_laid_out: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
+
+
+def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
+    """Skeleton and surface of a model; kept for as long as the model, which never changes."""
+    if model not in _laid_out:
+        _laid_out[model] = lay_out_anew(model)
+    return _laid_out[model]
+
+
+def lay_out_anew(model: BodyModel) -> tuple[Skeleton, Surface]:
+    """Skeleton and surface of a model."""
+    order, leaves = order_vertices(model)
+    rank = np.argsort(order, kind="stable")
+    skin_links, skin_weights = weights_first(model.skin_links[order], model.skin_weights[order])
+    skeleton = Skeleton(
+        model.kinds,
+        model.parents,
+        model.axes,
+        model.points,
+        model.limits,
+        model.balls,
+        model.link_dofs,
+        np.array([name in ROOT_DOFS for name in model.dof_names]),
+    )
+    surface = Surface(
+        np.ascontiguousarray(model.vertices[order]),
+        vertex_normals(model.vertices, model.triangles)[order],
+        leaves,
+        rank[model.triangles][np.argsort(rank[model.triangles[:, 0]], kind="stable")].astype(np.uint32),
+        np.ascontiguousarray(skin_links, np.uint32),
+        np.ascontiguousarray(skin_weights),
+    )
+    return skeleton, surface
+
+
+def weights_first(
+    links: NDArray[np.int64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Links and weights (V, K) of vertices, those without weight last, and no more than there must be."""
+    order = np.argsort(weights <= 0.0, axis=1, kind="stable")
+    most = max(1, int(np.count_nonzero(weights > 0.0, axis=1).max(initial=1)))
+    order = order[:, :most]
+    return np.take_along_axis(links, order, axis=1), np.take_along_axis(weights, order, axis=1)
+
+
+def order_vertices(model: BodyModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """An order (V,) of the vertices in which those of a leaf stand together, and each place's leaf (V,)."""
+    order: list[NDArray[np.int64]] = []
+    leaves: list[NDArray[np.int64]] = []
+    dominant = model.skin_links[:, 0]
+    for link in np.unique(dominant):
+        members = np.flatnonzero(dominant == link)
+        order.append(members[neighbourhoods(model.vertices[members], LEAF, LEAF)])
+        leaves.append(np.arange(len(members)) // LEAF + (leaves[-1][-1] + 1 if leaves else 0))
+    return np.concatenate(order), np.concatenate(leaves)
+
+
+def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Normals (V, 3) at rest, the mean of the triangles' around a vertex by their area."""
+    a, b, c = vertices[triangles[:, 0]], vertices[triangles[:, 1]], vertices[triangles[:, 2]]
+    around = np.zeros_like(vertices)
+    for corner in triangles.T:
+        np.add.at(around, corner, np.cross(b - a, c - a))
+    length = np.linalg.norm(around, axis=1, keepdims=True)
+    normals: NDArray[np.float64] = np.divide(around, length, out=np.zeros_like(around), where=length > 0.0)
+    return normals

@@ -1,0 +1,269 @@
+"""A tile of observed points in vector registers, against model points and boxes; and its box against many.
+
+Written in the compiler's own vector type: of loops over arrays it makes code that loads and stores what was
+found so far again for every model point, and of loops that keep what passes a test, code that guesses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from worker.kernel.observation import TILE
+
+FLOAT, INT, SIZE = ir.FloatType(), ir.IntType(32), ir.IntType(64)
+BITS = ir.IntType(TILE)
+DOUBLE = ir.DoubleType()
+ROW = ir.VectorType(DOUBLE, 4)
+FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)
+FINITE = ("contract", "nsz", "nnan")  # a product and a sum may become one; everything is a number
+
+
+@intrinsic
+def search_lanes(  # type: ignore[no-untyped-def]
+    _, points, first, model, start, stop, nearest, index
+):
+    """Lower the squared distances of one tile by those of the model points start..stop.
+
+    points (3, P) float32, of which the tile begins at `first`; model (M, 3) float32; nearest (P,) float32
+    and index (P,) uint32 take what is found.
+    """
+    return types.void(points, first, model, start, stop, nearest, index), write_search
+
+
+@intrinsic
+def largest_of(_, nearest, first):  # type: ignore[no-untyped-def]
+    """The largest squared distance of the tile that begins at `first`; nearest (P,) as for `search_lanes`."""
+    return types.float32(nearest, first), write_largest
+
+
+@intrinsic
+def boxes_within(_, one, k, boxes, first, bound):  # type: ignore[no-untyped-def]
+    """Which TILE columns of boxes (6, K) from `first` on are less than sqrt(bound) from column k of `one`.
+
+    A bit for each, the lowest for the first.
+    """
+    return types.int64(one, k, boxes, first, bound), write_boxes_within
+
+
+@intrinsic
+def box_within(_, points, first, boxes, k, nearest):  # type: ignore[no-untyped-def]
+    """Whether column k of boxes (6, K) is nearer to a point of the tile than that point's squared distance.
+
+    points (3, P) and nearest (P,) as for `search_lanes`.
+    """
+    return types.boolean(points, first, boxes, k, nearest), write_box_within
+
+
+@intrinsic
+def add_products(  # type: ignore[no-untyped-def]
+    _, sums, s, share, x, y, z, pulls, m
+):
+    """Add share * X [w X; c] to the rows of sums[s], of X = [x, y, z, 1] and pulls[m] = [c; w].
+
+    sums (L, 4, 8) and pulls (V, 4) float64, all else float64, s and m integers.
+    """
+    return types.void(sums, s, share, x, y, z, pulls, m), write_add_products
+
+
+@intrinsic
+def pose_lanes(  # type: ignore[no-untyped-def]
+    _, columns, links, weights, vertices, v, posed
+):
+    """Fill posed[v] of (V, 3) with vertex v of (V, 3), blended over its links (V, K) by weights (V, K).
+
+    columns (L, 4, 4) are those of the links' transforms. What has no weight is passed over.
+    """
+    return types.void(columns, links, weights, vertices, v, posed), write_pose
+
+
+@intrinsic
+def lowest_bit(_, bits):  # type: ignore[no-untyped-def]
+    """The place of the lowest bit that is set in an integer other than 0."""
+    return types.int64(bits), write_lowest_bit
+
+
+def write_search(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `search_lanes`."""
+    first, start, stop = (context.cast(builder, values[k], signature.args[k], types.intp) for k in (1, 3, 4))
+    points, model, nearest, index = (
+        context.make_array(signature.args[k])(context, builder, values[k]) for k in (0, 2, 5, 6)
+    )
+    count = builder.extract_value(points.shape, 1)
+    rows = [first, builder.add(first, count), builder.add(first, builder.mul(count, SIZE(2)))]
+    tile = [builder.load(lanes_at(builder, points, row, FLOATS), align=4) for row in rows]
+    distance_at, index_at = lanes_at(builder, nearest, first, FLOATS), lanes_at(builder, index, first, INTS)
+    distances = cgutils.alloca_once_value(builder, builder.load(distance_at, align=4))  # type: ignore[no-untyped-call]
+    indices = cgutils.alloca_once_value(builder, builder.load(index_at, align=4))  # type: ignore[no-untyped-call]
+    with cgutils.for_range_slice(builder, start, stop, SIZE(1), SIZE) as (m, _):
+        found = squared_distances(builder, tile, model, m)
+        best = builder.load(distances)
+        closer = builder.fcmp_ordered("<", found, best, flags=FINITE)
+        builder.store(builder.select(closer, found, best), distances)
+        this = spread(builder, builder.trunc(m, INT), INTS)
+        builder.store(builder.select(closer, this, builder.load(indices)), indices)
+    builder.store(builder.load(distances), distance_at, align=4)
+    builder.store(builder.load(indices), index_at, align=4)
+    return context.get_dummy_value()
+
+
+def write_largest(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `largest_of`."""
+    nearest = context.make_array(signature.args[0])(context, builder, values[0])
+    first = context.cast(builder, values[1], signature.args[1], types.intp)
+    return largest(builder, builder.load(lanes_at(builder, nearest, first, FLOATS), align=4))
+
+
+def write_boxes_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `boxes_within`."""
+    k, first = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 3))
+    bound = context.cast(builder, values[4], signature.args[4], types.float32)
+    one, boxes = (context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 2))
+    row = [spread(builder, builder.load(value), FLOATS) for value in column(builder, one, k)]
+    many = [
+        builder.load(builder.bitcast(place, FLOATS.as_pointer()), align=4)
+        for place in column(builder, boxes, first)
+    ]
+    near = builder.fcmp_ordered(
+        "<", squared_gaps(builder, row, many), spread(builder, bound, FLOATS), flags=FINITE
+    )
+    return builder.zext(builder.bitcast(near, BITS), SIZE)
+
+
+def write_box_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `box_within`."""
+    first, k = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 3))
+    points, boxes, nearest = (
+        context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 2, 4)
+    )
+    count = builder.extract_value(points.shape, 1)
+    rows = [first, builder.add(first, count), builder.add(first, builder.mul(count, SIZE(2)))]
+    tile = [builder.load(lanes_at(builder, points, row, FLOATS), align=4) for row in rows]
+    box = [spread(builder, builder.load(value), FLOATS) for value in column(builder, boxes, k)]
+    bounds = builder.load(lanes_at(builder, nearest, first, FLOATS), align=4)
+    near = builder.fcmp_ordered("<", squared_gaps(builder, tile + tile, box), bounds, flags=FINITE)
+    return builder.icmp_unsigned("!=", builder.bitcast(near, BITS), BITS(0))
+
+
+def write_add_products(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `add_products`."""
+    s, m = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 7))
+    sums, pulls = (context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 6))
+    pull = builder.load(lanes_at(builder, pulls, builder.mul(m, SIZE(4)), ROW), align=8)
+    weight = builder.extract_element(pull, INT(3))
+    point = (*values[3:6], DOUBLE(1.0))
+    weighted = ir.Constant(ROW, ir.Undefined)
+    for a, value in enumerate(point):
+        weighted = builder.insert_element(weighted, builder.fmul(value, weight, flags=FINITE), INT(a))
+    for a, value in enumerate(point):
+        here = spread(builder, builder.fmul(value, values[2], flags=FINITE), ROW)
+        for place, added in ((8 * a, weighted), (8 * a + 4, pull)):
+            row = lanes_at(builder, sums, builder.add(builder.mul(s, SIZE(32)), SIZE(place)), ROW)
+            total = builder.fadd(
+                builder.load(row, align=8), builder.fmul(here, added, flags=FINITE), flags=FINITE
+            )
+            builder.store(total, row, align=8)
+    return context.get_dummy_value()
+
+
+def write_pose(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `pose_lanes`."""
+    v = context.cast(builder, values[4], signature.args[4], types.intp)
+    columns, links, weights, vertices, posed = (
+        context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 1, 2, 3, 5)
+    )
+    first, most = builder.mul(v, SIZE(3)), builder.extract_value(links.shape, 1)
+    point = [
+        spread(builder, builder.load(builder.gep(vertices.data, [builder.add(first, SIZE(axis))])), ROW)
+        for axis in range(3)
+    ]
+    total = cgutils.alloca_once_value(builder, ROW([0.0] * 4))  # type: ignore[no-untyped-call]
+    with cgutils.for_range(builder, most) as loop:
+        place = builder.add(builder.mul(v, most), loop.index)
+        weight = builder.load(builder.gep(weights.data, [place]))
+        with builder.if_then(builder.fcmp_ordered(">", weight, DOUBLE(0.0))):
+            link = builder.zext(builder.load(builder.gep(links.data, [place])), SIZE)
+            column = [
+                builder.load(
+                    lanes_at(builder, columns, builder.add(builder.mul(link, SIZE(16)), SIZE(4 * n)), ROW),
+                    align=8,
+                )
+                for n in range(4)
+            ]
+            moved = column[3]
+            for turned, along in zip(column[:3], point, strict=True):
+                moved = builder.fadd(moved, builder.fmul(turned, along, flags=FINITE), flags=FINITE)
+            share = builder.fmul(spread(builder, weight, ROW), moved, flags=FINITE)
+            builder.store(builder.fadd(builder.load(total), share, flags=FINITE), total)
+    for axis in range(3):
+        value = builder.extract_element(builder.load(total), INT(axis))
+        builder.store(value, builder.gep(posed.data, [builder.add(first, SIZE(axis))]))
+    return context.get_dummy_value()
+
+
+def write_lowest_bit(_: Any, builder: Any, __: Any, values: Sequence[Any]) -> Any:
+    """The code of `lowest_bit`."""
+    return builder.cttz(values[0], ir.IntType(1)(1))
+
+
+def column(builder: Any, boxes: Any, k: Any) -> list[Any]:
+    """Pointers to the six values of column k."""
+    count = builder.extract_value(boxes.shape, 1)
+    return [builder.gep(boxes.data, [builder.add(k, builder.mul(count, SIZE(a)))]) for a in range(6)]
+
+
+def squared_gaps(builder: Any, one: Sequence[Any], other: Sequence[Any]) -> Any:
+    """Squared distances of boxes, each three lowest and three highest coordinates; 0 where they meet."""
+    total = None
+    for low, high, other_low, other_high in zip(one[:3], one[3:], other[:3], other[3:], strict=True):
+        below = builder.fsub(low, other_high, flags=FINITE)
+        above = builder.fsub(other_low, high, flags=FINITE)
+        gap = larger(builder, larger(builder, below, above), FLOATS([0.0] * TILE))
+        squared = builder.fmul(gap, gap, flags=FINITE)
+        total = squared if total is None else builder.fadd(total, squared, flags=FINITE)
+    return total
+
+
+def larger(builder: Any, one: Any, other: Any) -> Any:
+    """The larger, lane by lane."""
+    return builder.select(builder.fcmp_ordered(">", one, other, flags=FINITE), one, other)
+
+
+def lanes_at(builder: Any, array: Any, place: Any, lanes: ir.VectorType) -> Any:
+    """Pointer to as many elements from a place on as there are lanes."""
+    return builder.bitcast(builder.gep(array.data, [place]), lanes.as_pointer())
+
+
+def squared_distances(builder: Any, tile: Sequence[Any], model: Any, m: Any) -> Any:
+    """Of a tile (three vectors) from model point m."""
+    total = None
+    for axis, lanes in enumerate(tile):
+        place = builder.add(builder.mul(m, SIZE(3)), SIZE(axis))
+        value = spread(builder, builder.load(builder.gep(model.data, [place])), FLOATS)
+        off = builder.fsub(lanes, value, flags=FINITE)
+        squared = builder.fmul(off, off, flags=FINITE)
+        total = squared if total is None else builder.fadd(total, squared, flags=FINITE)
+    return total
+
+
+def spread(builder: Any, value: Any, lanes: ir.VectorType) -> Any:
+    """One value in every lane."""
+    nothing = ir.Constant(lanes, ir.Undefined)
+    alone = builder.insert_element(nothing, value, INT(0))
+    return builder.shuffle_vector(alone, nothing, ir.VectorType(INT, lanes.count)([0] * lanes.count))
+
+
+def largest(builder: Any, lanes: Any) -> Any:
+    """The largest of all lanes, by folding them in half."""
+    width = TILE // 2
+    while width > 0:
+        turned = INTS([(lane + width) % TILE for lane in range(TILE)])
+        other = builder.shuffle_vector(lanes, ir.Constant(FLOATS, ir.Undefined), turned)
+        lanes = larger(builder, lanes, other)
+        width //= 2
+    return builder.extract_element(lanes, INT(0))
