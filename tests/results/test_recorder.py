@@ -17,11 +17,12 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from coordinator.exports import export_run
+from coordinator.exports.csv import write_csv
 from coordinator.files.atomic import write_atomically
 from coordinator.pool.statistics import Traffic
 from coordinator.results.log import frame_record, read_records
 from coordinator.results.recorded import Recorded, read_log
-from coordinator.results.recorder import Recorder, is_complete
+from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.track import Track, read_track
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.start import Start
@@ -74,9 +75,9 @@ def record(
             recorder.append(each, state(each.frame), Traffic(("a",), batches_sent=2), each.frame / 10)
         recorded = recorder.read()
         assert recorded is not None
-        recorder.finish(
-            recorded, {**TERMS, "frames": recorder.frames, "complete": complete}, complete=complete
-        )
+        summary = {**TERMS, "frames": recorder.frames, "complete": complete}
+        track = recorder.finish(recorded, summary, complete=complete)
+        write_atomically(folder / CSV_FILE, lambda file: write_csv(track, file))
     return recorder.past
 
 

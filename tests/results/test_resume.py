@@ -160,7 +160,7 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
     out = tmp_path / "out"
     assert track(sequence, tmp_path / "calm") == 0
     with monkeypatch.context() as patched:
-        patched.setattr("coordinator.results.recorder.write_csv", lambda *_: 1 / 0)
+        patched.setattr("coordinator.commands.track.write_csv", lambda *_: 1 / 0)
         assert track(sequence, out) == 1
     (out / "track.npz").unlink()
     monkeypatch.setattr(coordinator.commands.workers, "connect_workers", None)
