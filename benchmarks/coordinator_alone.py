@@ -18,7 +18,7 @@ from common.protocol.messages import encode_frame
 from common.refinement import Refined
 from common.settings import RefineSettings, preset
 from coordinator.bodies.choice import choose_bodies
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recorder import Recorder
 from coordinator.tracking.refiner import idle
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -71,7 +71,7 @@ def coordinator_stages(rounds: int) -> dict[str, Any]:
             began = time.perf_counter()
             estimate = tracker.track(frame)
             tracked = time.perf_counter()
-            recorder.append(estimate, tracker.state, Traffic(), 0.0)
+            recorder.append(estimate, tracker.state, PoolStatistics(), 0.0)
             recorded = time.perf_counter()
             laps.append(estimate.stage_seconds | {"record": recorded - tracked, "all": recorded - began})
     stages = [name for name in laps[-1] if name != "refine"]

@@ -137,7 +137,7 @@ class Service(Generic[O]):
         try:
             payload = self.answer(batch.asked)
         except BusError as error:
-            refuse(batch.request, str(error), lasting=False)
+            refuse(batch.request, str(error), retryable=True)
         except ProtocolError as error:
             refuse(batch.request, str(error))
         except Exception as error:  # noqa: BLE001 - no request may end the worker
@@ -195,7 +195,7 @@ class Service(Generic[O]):
         return payload
 
 
-def refuse(request: Request, reason: str, *, lasting: bool = True) -> None:
+def refuse(request: Request, reason: str, *, retryable: bool = False) -> None:
     """Tell why, to who asked and in the log."""
     log.warning("refused a request: %s", reason)
-    request.refuse(encode_refusal(reason, lasting=lasting))
+    request.refuse(encode_refusal(reason, retryable=retryable))

@@ -211,16 +211,16 @@ def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
     return Refined(**values)
 
 
-def encode_refusal(reason: str, *, lasting: bool = True) -> bytes:
+def encode_refusal(reason: str, *, retryable: bool = False) -> bytes:
     """Why a request cannot be served."""
-    return encode(RefusalMessage(reason=reason[:MAX_REASON], lasting=lasting))
+    return encode(RefusalMessage(reason=reason[:MAX_REASON], retryable=retryable))
 
 
 def decode_refusal(payload: bytes) -> RefusalMessage:
     """A refusal, its reason without what a terminal would act on, or ProtocolError."""
     refusal = decode(payload, RefusalMessage)
     plain = "".join(letter if letter.isprintable() else " " for letter in refusal.reason)
-    return RefusalMessage(reason=plain, lasting=refusal.lasting)
+    return RefusalMessage(reason=plain, retryable=refusal.retryable)
 
 
 def check_fields(what: str, given: set[str], expected: set[str]) -> None:

@@ -91,10 +91,10 @@ class ReplyMessage(Message, frozen=True, tag="reply"):
 
 
 class RefusalMessage(Message, frozen=True, tag="refusal"):
-    """Why a request cannot be served; not lasting if it can, once something is found that is missing."""
+    """Why a request was not served; retryable if only its frame or model was not found."""
 
     reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
-    lasting: bool = True
+    retryable: bool = False
 
 
 HEADER = msgspec.msgpack.Decoder(Header)

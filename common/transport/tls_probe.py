@@ -1,4 +1,4 @@
-"""Why an endpoint does not let us in. The bus itself keeps silent about that, so we knock with plain TLS."""
+"""Why an endpoint refuses a connection. Zenoh does not report that, so a plain TLS handshake finds out."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
     address = host_and_port(endpoint)
     try:
         if protocol_of(endpoint) == ENCRYPTED:
-            return knock(endpoint, address, credentials)
+            return probe_handshake(endpoint, address, credentials)
         if protocol_of(endpoint) == "tcp" and speaks_tls(address):
             return f"{endpoint} admits encrypted connections only; give tls/HOST:PORT with {TLS_OPTIONS}"
     except OSError:
@@ -30,26 +30,26 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
     return None
 
 
-def knock(endpoint: str, address: tuple[str, int], credentials: Credentials | None) -> str | None:
-    """Shake hands, and wait whether the other side takes it back."""
+def probe_handshake(endpoint: str, address: tuple[str, int], credentials: Credentials | None) -> str | None:
+    """Do a TLS handshake, and describe why either side ends it; None if neither does."""
     try:
         with (
             socket.create_connection(address, PATIENCE) as link,
             context_for(credentials).wrap_socket(link, server_hostname=address[0]) as encrypted,
         ):
-            hear_refusal(encrypted)
+            await_alert(encrypted)
     except ssl.SSLCertVerificationError as error:
-        return distrust(endpoint, error, credentials)
+        return describe_distrust(endpoint, error, credentials)
     except ssl.SSLError as error:
-        return refusal(endpoint, error.reason or "", credentials)
+        return describe_alert(endpoint, error.reason or "", credentials)
     except TimeoutError:
         if speaks_plainly(address):
             return f"{endpoint} is not encrypted on the other side; have that listen on tls/HOST:PORT"
     return None
 
 
-def hear_refusal(encrypted: ssl.SSLSocket) -> None:
-    """SSLError if the other side refuses our certificate: it tells so after the handshake only."""
+def await_alert(encrypted: ssl.SSLSocket) -> None:
+    """Wait for the alert that refuses our certificate, as an SSLError: it comes after the handshake."""
     encrypted.settimeout(ALERT_WAIT)
     with suppress(TimeoutError):
         encrypted.recv(1)
@@ -67,16 +67,18 @@ def context_for(credentials: Credentials | None) -> ssl.SSLContext:
     return context
 
 
-def distrust(endpoint: str, error: ssl.SSLCertVerificationError, credentials: Credentials | None) -> str:
-    """It is we who refuse the other side."""
+def describe_distrust(
+    endpoint: str, error: ssl.SSLCertVerificationError, credentials: Credentials | None
+) -> str:
+    """One line on why we refuse the other side."""
     if error.verify_code in (HOSTNAME_MISMATCH, ADDRESS_MISMATCH):
         return f"{endpoint} shows a certificate for another host; connect by a host name or address in it"
     ca = None if credentials is None else credentials.ca
     return f"{endpoint} shows a certificate that is not valid under {ca}: {error.verify_message}; give its CA"
 
 
-def refusal(endpoint: str, reason: str, credentials: Credentials | None) -> str:
-    """The other side refuses us, and its alert says why."""
+def describe_alert(endpoint: str, reason: str, credentials: Credentials | None) -> str:
+    """One line on why the other side refuses us, from the reason of its alert."""
     if credentials is None or "CERTIFICATE_REQUIRED" in reason:
         return f"{endpoint} refuses us without a certificate; add {TLS_OPTIONS}"
     cert = credentials.cert

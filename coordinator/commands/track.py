@@ -16,11 +16,11 @@ from coordinator.commands.progress import FrameMeter, Show
 from coordinator.exports.csv import write_csv
 from coordinator.files.atomic import write_atomically
 from coordinator.pool.options import Pool
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_model
 from coordinator.results.recorded import Recorded
 from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
-from coordinator.results.run_configuration import AUTOMATIC, terms_of
+from coordinator.results.run_configuration import AUTOMATIC, run_configuration
 from coordinator.results.summary import summarise
 from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
@@ -39,7 +39,7 @@ class PooledRefiner(Refiner, Protocol):
     """A refiner that can tell who did the work."""
 
     @property
-    def traffic(self) -> Traffic:
+    def statistics(self) -> PoolStatistics:
         """Workers and batches so far."""
         ...
 
@@ -73,13 +73,14 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
     require_start(start, bodies)
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
-    terms = terms_of(job.sequence, source.frame(numbers.start), numbers, job.asked(bodies, start))
-    if job.resume and is_complete(job.out, terms):
+    first = source.frame(numbers.start)
+    configuration = run_configuration(job.sequence, first, numbers, job.asked(bodies, start))
+    if job.resume and is_complete(job.out, configuration):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
         return
     with show.steps("reading frames") as advance:
         check_frames(source, numbers, advance)
-    with Recorder(job.out, terms, resume=job.resume) as recorder:
+    with Recorder(job.out, configuration, resume=job.resume) as recorder:
         run = Run(job, source, numbers, bodies, start, recorder, colours)
         meter = show.frames(len(numbers), recorder.frames)
         if job.resume:
@@ -118,7 +119,7 @@ def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:
 
         def record(estimate: Estimate, state: TrackerState) -> None:
             meter.advance(estimate)
-            recorder.append(estimate, state, refiner.traffic, meter.seconds)
+            recorder.append(estimate, state, refiner.statistics, meter.seconds)
 
         state = recorder.past.state if recorder.past else None
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, state)

@@ -17,7 +17,7 @@ from coordinator.commands.progress import FrameMeter, Show
 from coordinator.commands.track import PooledRefiner, tell_pool, write_results
 from coordinator.pool.options import Pool
 from coordinator.results.recorder import Recorder
-from coordinator.results.run_configuration import AUTOMATIC, terms_of_stream
+from coordinator.results.run_configuration import AUTOMATIC, live_run_configuration
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.tracking.start_file import read_start
@@ -57,7 +57,7 @@ def track_stream(job: Job, show: Show, connect: Connect) -> None:
     key = check_live(job)
     bodies = choose_bodies(job.active, job.settings.preset)
     start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), HUMAN_DOFS)
-    with Recorder(job.out, terms_of_stream(str(job.sequence), job.asked(bodies, start))) as recorder:
+    with Recorder(job.out, live_run_configuration(str(job.sequence), job.asked(bodies, start))) as recorder:
         run = LiveRun(job, key, LiveFrames(key, show.say), bodies, start, recorder)
         meter, complete = show.frames(None), False
         try:
@@ -106,7 +106,7 @@ def follow(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect) -> Non
         for frame in from_first_seen(iter(run.frames)):
             estimate = tracker.track(frame)
             meter.advance(estimate, f", {run.frames.counts.skipped} frames skipped")
-            run.recorder.append(estimate, tracker.state, refiner.traffic, meter.seconds)
+            run.recorder.append(estimate, tracker.state, refiner.statistics, meter.seconds)
 
 
 def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> None:

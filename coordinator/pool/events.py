@@ -43,8 +43,8 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class Hindered:
-    """A request was not served since the worker could not find something; it may find it the next time."""
+class Unavailable:
+    """A worker lacked the frame or the model that a request is about; it may have it the next time."""
 
     ticket: int
     reason: str
@@ -62,7 +62,7 @@ class Ticked:
     """Time has passed."""
 
 
-Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Hindered | Ended | Ticked
+Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Unavailable | Ended | Ticked
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,13 +25,13 @@ from coordinator.pool.events import (
     Ended,
     Event,
     Fail,
-    Hindered,
     Instruction,
     JobStarted,
     Refused,
     Replied,
     Send,
     Ticked,
+    Unavailable,
     WorkerJoined,
     WorkerLeft,
 )
@@ -123,7 +123,7 @@ class Dispatch:
                 outcome = self._accept(ticket, now if at is None else at)
             case Refused(ticket, reason):
                 outcome = self._refuse(ticket, reason, now)
-            case Ended(ticket) | Hindered(ticket):
+            case Ended(ticket) | Unavailable(ticket):
                 self._give_up(ticket, now)
                 outcome = []
             case Ticked():

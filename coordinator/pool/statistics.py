@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(slots=True)
-class Traffic:
+class PoolStatistics:
     """Who refined, how often batches were sent, and how long the coordinator spent on it."""
 
     workers_seen: tuple[str, ...] = ()
@@ -17,12 +17,12 @@ class Traffic:
     replies_malformed: int = 0
     stage_seconds: dict[str, float] = field(default_factory=lambda: {"publish": 0.0, "refine": 0.0})
 
-    def after(self, earlier: Traffic) -> Traffic:
-        """The traffic of both, where this one came later in the same run."""
+    def after(self, earlier: PoolStatistics) -> PoolStatistics:
+        """The sums of both, where this one came later in the same run."""
         stages = dict(earlier.stage_seconds)
         for stage, seconds in self.stage_seconds.items():
             stages[stage] = stages.get(stage, 0.0) + seconds
-        return Traffic(
+        return PoolStatistics(
             workers_seen=tuple(sorted({*earlier.workers_seen, *self.workers_seen})),
             local_workers_restarted=earlier.local_workers_restarted + self.local_workers_restarted,
             batches_sent=earlier.batches_sent + self.batches_sent,

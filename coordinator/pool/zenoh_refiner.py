@@ -36,13 +36,13 @@ from coordinator.pool.events import (
     Ended,
     Event,
     Fail,
-    Hindered,
     Instruction,
     JobStarted,
     Refused,
     Replied,
     Send,
     Ticked,
+    Unavailable,
     WorkerJoined,
     WorkerLeft,
 )
@@ -51,7 +51,7 @@ from coordinator.pool.membership import Members
 from coordinator.pool.options import Pool, absence
 from coordinator.pool.publication import Publication
 from coordinator.pool.scheduler import Dispatch
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.tracking.refiner import idle
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
@@ -81,7 +81,7 @@ class ZenohRefiner:
         self._stack = ExitStack()
         self._inbox: SimpleQueue[Event | Reply] = SimpleQueue()
         self._dispatch = Dispatch()
-        self._traffic = Traffic()
+        self._statistics = PoolStatistics()
         self._request: RefineRequest | None = None
         self._refined: dict[int, Refined] = {}  # by ticket
         self._parts: dict[int, Refined] = {}  # by first particle
@@ -115,15 +115,15 @@ class ZenohRefiner:
         self._stack.close()
 
     @property
-    def traffic(self) -> Traffic:
+    def statistics(self) -> PoolStatistics:
         """What has gone over the bus so far."""
         counts = self._dispatch.counts
-        self._traffic.workers_seen = self._members.seen
-        self._traffic.local_workers_restarted = self._members.local.restarted
-        self._traffic.batches_sent = counts.batches_sent
-        self._traffic.batches_sent_again = counts.batches_sent_again
-        self._traffic.batches_refused = counts.batches_refused
-        return self._traffic
+        self._statistics.workers_seen = self._members.seen
+        self._statistics.local_workers_restarted = self._members.local.restarted
+        self._statistics.batches_sent = counts.batches_sent
+        self._statistics.batches_sent_again = counts.batches_sent_again
+        self._statistics.batches_refused = counts.batches_refused
+        return self._statistics
 
     @property
     def local_pids(self) -> dict[str, int]:
@@ -221,7 +221,7 @@ class ZenohRefiner:
         match arrival:
             case Reply():
                 return self._read(arrival)
-            case Hindered(ticket, reason):
+            case Unavailable(ticket, reason):
                 self._tell_of_hindrance(ticket, reason)
             case WorkerJoined(worker):
                 self._members.welcome(worker)
@@ -238,7 +238,7 @@ class ZenohRefiner:
         try:
             self._refined[ticket] = decode_refined(reply.payload, asked)
         except ProtocolError as error:
-            self._traffic.replies_malformed += 1
+            self._statistics.replies_malformed += 1
             self._tell(f"worker {flight.worker.name} sent a reply that makes no sense: {error}")
             return Refused(ticket, f"a reply made no sense: {error}")
         return read
@@ -287,7 +287,7 @@ class ZenohRefiner:
         try:
             yield
         finally:
-            self._traffic.stage_seconds[stage] += time.perf_counter() - began
+            self._statistics.stage_seconds[stage] += time.perf_counter() - began
 
 
 def read_refusal(ticket: int, payload: bytes) -> Event:
@@ -296,7 +296,7 @@ def read_refusal(ticket: int, payload: bytes) -> Event:
         refusal = decode_refusal(payload)
     except ProtocolError:
         return Ended(ticket)
-    return (Refused if refusal.lasting else Hindered)(ticket, refusal.reason)
+    return (Unavailable if refusal.retryable else Refused)(ticket, refusal.reason)
 
 
 def private_folder() -> tempfile.TemporaryDirectory[str]:

@@ -17,19 +17,19 @@ import msgspec
 import numpy as np
 
 from common.errors import InputError
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.start import Start
-from coordinator.tracking.state import Carried
+from coordinator.tracking.state import Checkpoint
 
 HEAD = struct.Struct("<II")
-FORM = 3
+FORM = 4
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
     """What the run was asked for, as JSON would hold it."""
 
-    terms: dict[str, Any]
+    configuration: dict[str, Any]
     form: int = FORM
 
 
@@ -47,8 +47,8 @@ class Entry(msgspec.Struct, frozen=True, tag="frame"):
     """One frame, and the run until then."""
 
     estimate: Estimate
-    carried: Carried
-    traffic: Traffic
+    checkpoint: Checkpoint
+    statistics: PoolStatistics
     seconds: float
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.kinematics import joint_positions
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Opening, Resumed, read_records
-from coordinator.results.run_configuration import Terms
+from coordinator.results.run_configuration import RunConfiguration
 from coordinator.results.track import Track
 from coordinator.results.uncertainty import joint_deviation
 from coordinator.tracking.estimate import Estimate
@@ -25,10 +25,10 @@ from coordinator.tracking.state import TrackerState
 class Recorded:
     """One frame or more, and the run until the last of them."""
 
-    terms: Terms
+    configuration: RunConfiguration
     estimates: list[Estimate]
     state: TrackerState  # after the last frame
-    traffic: Traffic
+    statistics: PoolStatistics
     seconds: float
     resumes: int
     end: int  # bytes of the log; what follows is torn
@@ -36,7 +36,7 @@ class Recorded:
 
 def read_log(path: Path) -> Recorded | None:
     """What a log holds; None if that is no frame. InputError if it is of another form."""
-    terms: Terms = {}
+    configuration: RunConfiguration = {}
     start: Start | None = None
     estimates: list[Estimate] = []
     last: Entry | None = None
@@ -46,7 +46,7 @@ def read_log(path: Path) -> Recorded | None:
             end = place
             match record:
                 case Opening():
-                    terms = record.terms
+                    configuration = record.configuration
                 case Began():
                     start = record.start
                 case Resumed():
@@ -56,8 +56,8 @@ def read_log(path: Path) -> Recorded | None:
                     estimates.append(record.estimate)
     if start is None or last is None:
         return None
-    state = TrackerState(start, last.carried)
-    return Recorded(terms, estimates, state, last.traffic, last.seconds, resumes, end)
+    state = TrackerState(start, last.checkpoint)
+    return Recorded(configuration, estimates, state, last.statistics, last.seconds, resumes, end)
 
 
 def assemble(model: BodyModel, estimates: Sequence[Estimate], *, timed: bool = False) -> Track:

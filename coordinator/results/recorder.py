@@ -14,10 +14,10 @@ import msgspec
 
 from common.errors import InputError
 from coordinator.files.atomic import sync_folder, write_atomically
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Opening, Record, Resumed, append_records
 from coordinator.results.recorded import Recorded, assemble, read_log
-from coordinator.results.run_configuration import Terms, differences
+from coordinator.results.run_configuration import RunConfiguration, differences
 from coordinator.results.summary import SUMMARY_FILE
 from coordinator.results.track import TRACK_FILE, Track, write_track
 from coordinator.tracking.estimate import Estimate
@@ -37,16 +37,16 @@ class Recorder:
 
     Args:
         folder: Where the run is, or will be.
-        terms: What the run is asked for.
+        configuration: What the run is asked for.
         resume: Go on with what is there; if that is nothing, begin.
 
     Raises:
         InputError: The folder is in use, cannot be written, or holds a run that cannot be gone on with.
     """
 
-    def __init__(self, folder: Path, terms: Terms, *, resume: bool = False) -> None:
+    def __init__(self, folder: Path, configuration: RunConfiguration, *, resume: bool = False) -> None:
         self.folder = folder
-        self._terms = terms
+        self._configuration = configuration
         self._finished = False
         self._made: list[Path] = []
         try:
@@ -58,7 +58,7 @@ class Recorder:
             _remove_empty(self._made)
             raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
         try:
-            self.past = claim(folder, terms, resume=resume)
+            self.past = claim(folder, configuration, resume=resume)
         except BaseException:
             os.close(self._log)
             raise
@@ -84,19 +84,21 @@ class Recorder:
         if not self.frames:
             _remove_empty(self._made)
 
-    def append(self, estimate: Estimate, state: TrackerState, traffic: Traffic, seconds: float) -> None:
+    def append(
+        self, estimate: Estimate, state: TrackerState, statistics: PoolStatistics, seconds: float
+    ) -> None:
         """Write one frame's result, and what the tracker knew after it.
 
         It is there for readers, and survives this process, when this returns. It survives a loss of power
         some milliseconds later, and surely when the next frame is appended or the results are read; so the
-        disk works while the workers do. `traffic` and `seconds` are those since this recorder was opened.
+        disk works while the workers do. `statistics` and `seconds` are those since this recorder was opened.
         """
-        records: list[Record] = [] if self.frames else [Opening(self._terms)]
+        records: list[Record] = [] if self.frames else [Opening(self._configuration)]
         if state.start is not self._start:
             records.append(Began(state.start))
         if self.past:
-            traffic, seconds = traffic.after(self.past.traffic), seconds + self.past.seconds
-        self._write([*records, Entry(estimate, state.carried, traffic, seconds)])
+            statistics, seconds = statistics.after(self.past.statistics), seconds + self.past.seconds
+        self._write([*records, Entry(estimate, state.checkpoint, statistics, seconds)])
         self._start = state.start
         self.frames += 1
 
@@ -113,7 +115,7 @@ class Recorder:
 
     def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> Track:
         """Write `track.npz` and `summary.json` and return the track. An incomplete run keeps its log."""
-        timed = recorded.terms.get("deadline_ms") is not None
+        timed = recorded.configuration.get("deadline_ms") is not None
         track = assemble(recorded.state.start.model, recorded.estimates, timed=timed)
         write_atomically(self.folder / TRACK_FILE, lambda file: write_track(track, file))
         text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
@@ -122,19 +124,19 @@ class Recorder:
         return track
 
 
-def is_complete(folder: Path, terms: Terms) -> bool:
-    """Whether a folder holds a whole run and nothing else is to be done. InputError if under other terms."""
+def is_complete(folder: Path, configuration: RunConfiguration) -> bool:
+    """Whether a folder holds a whole run. InputError if it was made under another configuration."""
     if (folder / LOG_FILE).exists() or not all((folder / name).exists() for name in RESULTS):
         return False
     try:
         summary = msgspec.json.decode((folder / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
     except (OSError, msgspec.MsgspecError):
         return False
-    check_terms(folder, summary, terms)
+    check_configuration(folder, summary, configuration)
     return summary.get("complete") is True
 
 
-def check_terms(folder: Path, recorded: Mapping[str, Any], asked: Terms) -> None:
+def check_configuration(folder: Path, recorded: Mapping[str, Any], asked: RunConfiguration) -> None:
     """InputError that names what differs."""
     found = differences(recorded, asked)
     if found:
@@ -154,13 +156,13 @@ def open_log(path: Path) -> int:
     return descriptor
 
 
-def claim(folder: Path, terms: Terms, *, resume: bool) -> Recorded | None:
+def claim(folder: Path, configuration: RunConfiguration, *, resume: bool) -> Recorded | None:
     """What there is to go on with; InputError if anything is there that is not to be gone on with."""
     past = read_log(folder / LOG_FILE)
     if past is not None:
         if not resume:
             raise InputError(f"{folder} holds an interrupted run; go on with --resume, {ELSEWHERE}")
-        check_terms(folder, past.terms, terms)
+        check_configuration(folder, past.configuration, configuration)
         return past
     present = [name for name in RESULTS if (folder / name).exists()]
     if present:

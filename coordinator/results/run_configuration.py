@@ -1,4 +1,4 @@
-"""What a run was asked for, as far as it decides the results: a run goes on only under the same terms."""
+"""A run's configuration: what decides its results. A run is resumed under the same one only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.versions import versions
 
-Terms = dict[str, Any]
+RunConfiguration = dict[str, Any]
 """Nested names and values, as JSON holds them."""
 
 OPTIONS = {
@@ -37,13 +37,13 @@ OPTIONS = {
     "deadline_ms": "--deadline",
     "versions.gepf": "gepf's version",
 }
-"""Term -> what the user calls it. Terms that are not listed are settings without an option."""
+"""Dotted name -> what the user calls it. Names that are not listed are settings without an option."""
 
 PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
 
 AUTOMATIC = "auto"  # a start that is found
 
-NAMED = 3  # differences that a message tells of
+NAMED = 3  # differences that a message names
 LETTERS = 12  # of a hash
 
 
@@ -59,26 +59,26 @@ class Asked:
     deadline: float | None  # seconds
 
 
-def terms_of(sequence: Path, first: DepthFrame, numbers: range, asked: Asked) -> Terms:
-    """The terms of a run; who does the work and where the results go is not among them."""
+def run_configuration(sequence: Path, first: DepthFrame, numbers: range, asked: Asked) -> RunConfiguration:
+    """The configuration of a run; who does the work and where the results go is not among them."""
     recording = {
         "sequence": sequence.resolve().name,
         PATH: str(sequence.resolve()),
         "first_frame": digest_frame(first),
         "frame_range": f"{numbers.start}:{numbers.stop}",
     }
-    return recording | terms_asked(asked)
+    return recording | requested_configuration(asked)
 
 
-def terms_of_stream(key: str, asked: Asked) -> Terms:
-    """The terms of a run on live input, which nobody can go on with."""
-    return {"sequence": key} | terms_asked(asked)
+def live_run_configuration(key: str, asked: Asked) -> RunConfiguration:
+    """The configuration of a run on live input, which nobody can go on with."""
+    return {"sequence": key} | requested_configuration(asked)
 
 
-def terms_asked(asked: Asked) -> Terms:
-    """The terms that do not depend on the input."""
+def requested_configuration(asked: Asked) -> RunConfiguration:
+    """The part of a configuration that does not depend on the input."""
     content, start = asked.bodies.content, asked.start
-    terms = {
+    configuration = {
         "model": {"name": Path(asked.model).name, "content": None if content is None else content[:LETTERS]},
         "dof": None if asked.active is None else ",".join(asked.active),
         "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
@@ -86,7 +86,7 @@ def terms_asked(asked: Asked) -> Terms:
         "deadline_ms": None if asked.deadline is None else 1000 * asked.deadline,
         "versions": {"gepf": versions().get("gepf")},
     }
-    plain: Terms = msgspec.json.decode(msgspec.json.encode(terms))
+    plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
     return plain
 
 
@@ -101,13 +101,13 @@ def digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:LETTERS]
 
 
-def differences(recorded: Mapping[str, Any], asked: Terms) -> str:
+def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:
     """What is asked for and was not recorded so, in the user's words; `recorded` may hold more."""
     before, now = dict(flatten(recorded)), dict(flatten(asked))
     order = [*(key for key in OPTIONS if key in now), *(key for key in now if key not in {*OPTIONS, PATH})]
     found = [
         f"{OPTIONS.get(key, 'setting ' + key.removeprefix('settings.'))} "
-        f"(recorded {tell(before.get(key))}, now {tell(now[key])})"
+        f"(recorded {describe_value(before.get(key))}, now {describe_value(now[key])})"
         for key in order
         if key not in before or before[key] != now[key]
     ]
@@ -115,14 +115,14 @@ def differences(recorded: Mapping[str, Any], asked: Terms) -> str:
     return ", ".join(found[:NAMED]) + more
 
 
-def tell(value: object) -> str:
-    """A value for people."""
+def describe_value(value: object) -> str:
+    """A value as a message shows it."""
     return "not given" if value is None else str(value)
 
 
-def flatten(terms: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
     """Pairs of dotted name and value."""
-    for key, value in terms.items():
+    for key, value in configuration.items():
         if isinstance(value, Mapping):
             yield from flatten(value, f"{prefix}{key}.")
         else:

@@ -19,16 +19,16 @@ SUMMARY_FILE = "summary.json"
 
 
 def summarise(recorded: Recorded) -> dict[str, object]:
-    """Terms, versions, body, workers, frames and the time each stage took in all, in seconds."""
-    terms, start, traffic = recorded.terms, recorded.state.start, recorded.traffic
-    settings = terms["settings"]
+    """Configuration, versions, body, workers, frames and the time each stage took in all, in seconds."""
+    configuration, start, statistics = recorded.configuration, recorded.state.start, recorded.statistics
+    settings = configuration["settings"]
     return {
-        **terms,
+        **configuration,
         "method": settings["method"],
         "preset": settings["preset"],
         "seed": settings["seed"],
         "model": {
-            **terms["model"],
+            **configuration["model"],
             "hash": start.model.hash,
             "stature_m": start.stature,
             "girth": start.girth,
@@ -37,12 +37,12 @@ def summarise(recorded: Recorded) -> dict[str, object]:
         "noise_m": {"depth": start.noise.depth, "lateral": start.noise.lateral},
         "versions": versions(),
         "resumes": recorded.resumes,
-        "workers_seen": traffic.workers_seen,
-        "local_workers_restarted": traffic.local_workers_restarted,
-        "batches_sent": traffic.batches_sent,
-        "batches_sent_again": traffic.batches_sent_again,
-        "batches_refused": traffic.batches_refused,
-        "replies_malformed": traffic.replies_malformed,
+        "workers_seen": statistics.workers_seen,
+        "local_workers_restarted": statistics.local_workers_restarted,
+        "batches_sent": statistics.batches_sent,
+        "batches_sent_again": statistics.batches_sent_again,
+        "batches_refused": statistics.batches_refused,
+        "replies_malformed": statistics.replies_malformed,
         "frames": len(recorded.estimates),
         "status": count_status(recorded.estimates),
         "particles": settings["filter"]["particles"],

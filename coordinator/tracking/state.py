@@ -13,8 +13,8 @@ from coordinator.tracking.start import Start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Carried:
-    """What is another after every frame. A new field here is recorded as it is."""
+class Checkpoint:
+    """What changes with every frame, as it is recorded to resume from. A new field here is recorded, too."""
 
     belief: dict[str, NDArray[np.float64]]  # by field
     around: NDArray[np.float64]  # pose (D,) near which the next frame shows the subject
@@ -26,13 +26,13 @@ class TrackerState:
     """All that a tracker knows between two frames: from equal states trackers go on bit for bit."""
 
     start: Start  # is recorded when it changes, which is hardly ever
-    carried: Carried
+    checkpoint: Checkpoint
 
 
-def carry(belief: Belief, around: NDArray[np.float64], rng: np.random.Generator) -> Carried:
+def take_checkpoint(belief: Belief, around: NDArray[np.float64], rng: np.random.Generator) -> Checkpoint:
     """A belief, a pose (D,) and a generator as values that can be recorded."""
     arrays = {field.name: getattr(belief, field.name) for field in fields(belief)}
-    return Carried(arrays, around, json.dumps(rng.bit_generator.state))
+    return Checkpoint(arrays, around, json.dumps(rng.bit_generator.state))
 
 
 def load_generator(state: str) -> np.random.Generator:

@@ -23,7 +23,7 @@ from coordinator.tracking.look_ahead import Lookahead
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, measure_noise, told
 from coordinator.tracking.start import Start, find_start, given_start, require_start
-from coordinator.tracking.state import TrackerState, carry, load_generator
+from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
 from coordinator.tracking.status import judge
 from coordinator.tracking.subject import CLEARANCE, isolate
 
@@ -64,10 +64,10 @@ class Tracker:
         self._around: Array | None = None  # pose (D,) near which the next frame shows the subject
         self._ahead: tuple[DepthFrame, SubjectFrame | None] | None = None  # cut out before its turn
         if state is not None:
-            self._around = state.carried.around
-            self._rng = load_generator(state.carried.generator)
+            self._around = state.checkpoint.around
+            self._rng = load_generator(state.checkpoint.generator)
             self._start = state.start
-            self._belief = replace(self._begin_at(state.start), **state.carried.belief)
+            self._belief = replace(self._begin_at(state.start), **state.checkpoint.belief)
 
     @property
     def start(self) -> Start:
@@ -86,7 +86,7 @@ class Tracker:
         """All that the next frame goes on from; there after the first frame."""
         assert self._belief is not None
         assert self._around is not None
-        return TrackerState(self.start, carry(self._belief, self._around, self._rng))
+        return TrackerState(self.start, take_checkpoint(self._belief, self._around, self._rng))
 
     def follow(self, frames: Iterable[DepthFrame], take: Callable[[Estimate, TrackerState], None]) -> None:
         """Track frames in their order, the same as `track` does one by one.

@@ -12,7 +12,7 @@ import trimesh
 
 import coordinator.commands.workers
 from coordinator.cli import main
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.track import read_track
 from gepf.direct import DirectRefiner
 
@@ -33,9 +33,9 @@ GIMBAL = """
 
 
 class Direct(DirectRefiner):
-    """Refines in this process, and has no traffic to tell of."""
+    """Refines in this process, and has no statistics to tell of."""
 
-    traffic = Traffic()
+    statistics = PoolStatistics()
 
 
 @pytest.fixture

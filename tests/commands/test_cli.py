@@ -28,7 +28,7 @@ from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.track import Track, read_track
 from coordinator.tracking.refiner import idle
 
@@ -45,7 +45,7 @@ one_human = functools.cache(human)
 class StillWorkers:
     """Leaves particles where they are; before frame `fail_at` it raises `failure`."""
 
-    traffic = Traffic(workers_seen=("one", "two"), batches_sent_again=3)
+    statistics = PoolStatistics(workers_seen=("one", "two"), batches_sent_again=3)
 
     def __init__(self, fail_at: int | None = None, failure: BaseException | None = None) -> None:
         self.fail_at = fail_at

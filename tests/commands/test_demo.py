@@ -20,7 +20,7 @@ from common.settings import RefineSettings
 from coordinator.commands.demo import make_room, run_demo, tabulate
 from coordinator.commands.progress import Show, show_on
 from coordinator.pool.options import Pool
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.evaluation import Errors
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.tracking.refiner import idle
@@ -31,7 +31,7 @@ FRAMES = 4
 class StillRefiner:
     """Leaves every particle where it is; the first is the likeliest."""
 
-    traffic = Traffic()
+    statistics = PoolStatistics()
 
     def publish(self, subject: SubjectFrame) -> None:
         """Look at nothing."""

@@ -157,8 +157,8 @@ def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
 def test_refusal_survives_in_part() -> None:
     """A reason arrives, and whether it lasts; one that is too long arrives shortened."""
     assert decode_refusal(KINDS["refusal"].payload).reason == "no"
-    assert decode_refusal(KINDS["refusal"].payload).lasting
-    assert not decode_refusal(encode_refusal("no", lasting=False)).lasting
+    assert not decode_refusal(KINDS["refusal"].payload).retryable
+    assert decode_refusal(encode_refusal("no", retryable=True)).retryable
     assert decode_refusal(encode_refusal("x" * 5000)).reason == "x" * MAX_REASON
 
 

@@ -312,7 +312,7 @@ def fuzz_coordinator(count: int, seed: int) -> Report:
             with report.timed():
                 assert refined_bytes(refiner, number % 1000) == expected(number % 1000)
         report.outcomes = sum(heard, Counter({"frames with their own bytes": number}))
-        report.outcomes["counted as malformed"] = refiner.traffic.replies_malformed
+        report.outcomes["counted as malformed"] = refiner.statistics.replies_malformed
         report.weigh()
     return report
 

@@ -107,8 +107,8 @@ def test_same_bytes_for_any_number_of_workers(endpoint: str, workers: int) -> No
         refiner.wait_for(workers)
         for number in range(5):
             assert refined_bytes(refiner, number) == expected(number)
-        assert refiner.traffic.workers_seen == tuple(f"w{k}" for k in range(workers))
-        assert all(seconds > 0 for seconds in refiner.traffic.stage_seconds.values())
+        assert refiner.statistics.workers_seen == tuple(f"w{k}" for k in range(workers))
+        assert all(seconds > 0 for seconds in refiner.statistics.stage_seconds.values())
 
 
 def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
@@ -203,7 +203,7 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str, monkeypatch
     ):
         refiner.wait_for(2)
         assert refined_bytes(refiner, 1) == expected(1)
-        assert refiner.traffic.batches_sent_again >= 2 * REFUSALS_LEAST
+        assert refiner.statistics.batches_sent_again >= 2 * REFUSALS_LEAST
     assert sum("nobody has model" in line for line in told) == 1
 
 
@@ -331,7 +331,7 @@ def test_bad_worker_does_not_spoil_the_result(
         with serving(endpoint, "good"):
             for number in range(3):
                 assert refined_bytes(refiner, number) == expected(number)
-        assert (refiner.traffic.replies_malformed > 0) == malformed
+        assert (refiner.statistics.replies_malformed > 0) == malformed
 
 
 def test_of_many_answers_the_first_counts(endpoint: str) -> None:
@@ -432,7 +432,7 @@ def test_real_kernel_over_the_bus(endpoint: str) -> None:
         with serving(endpoint, "two", kernel):
             refiner.wait_for(2)
             results.add(as_bytes(refiner.refine(MODEL, POSES, SETTINGS)))
-        assert refiner.traffic.workers_seen == ("one", "two")
+        assert refiner.statistics.workers_seen == ("one", "two")
     assert len(results) == 1
 
 

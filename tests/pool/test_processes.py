@@ -60,7 +60,7 @@ def test_two_processes_give_the_bytes_of_the_kernel() -> None:
         for number in range(5):
             assert refined_bytes(refiner, number) == expected(number)
         pids = list(refiner.local_pids.values())
-        assert len(refiner.traffic.workers_seen) == 2
+        assert len(refiner.statistics.workers_seen) == 2
         began = time.monotonic()
     assert time.monotonic() - began < 2.0
     assert not any(is_alive(pid) for pid in pids)
@@ -93,8 +93,8 @@ def test_killed_worker_is_replaced(workers: int) -> None:
         if workers > 1:
             time.sleep(0.2)  # for the clock to be looked at
             refined_bytes(refiner, 5)
-        assert refiner.traffic.batches_sent_again > 0
-        assert refiner.traffic.local_workers_restarted == 1
+        assert refiner.statistics.batches_sent_again > 0
+        assert refiner.statistics.local_workers_restarted == 1
     assert f"worker {name} was ended by SIGKILL; starting it again" in told
 
 
@@ -111,7 +111,7 @@ def test_frozen_worker_is_worked_around() -> None:
             with later(0.03, lambda: os.kill(pid, signal.SIGSTOP)):
                 assert refined_bytes(refiner, 3) == expected(3)
             assert not any(line.endswith("left") for line in told)
-            assert refiner.traffic.batches_sent_again > 0
+            assert refiner.statistics.batches_sent_again > 0
             assert refined_bytes(refiner, 4) == expected(4)
         finally:
             os.kill(pid, signal.SIGCONT)
@@ -186,7 +186,7 @@ def test_outside_worker_serves_until_told_to_end(tmp_path: Path) -> None:
             refiner.publish(frame(1))
             refined = refiner.refine(MODEL, POSES, SETTINGS)
             assert refined.poses.shape == POSES.shape
-            assert refiner.traffic.workers_seen == ("outside",)
+            assert refiner.statistics.workers_seen == ("outside",)
             process.terminate()
             assert process.wait(5.0) == 0
         assert process.stderr is not None

@@ -19,14 +19,14 @@ from common.errors import InputError
 from coordinator.exports import export_run
 from coordinator.exports.csv import write_csv
 from coordinator.files.atomic import write_atomically
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import frame_record, read_records
 from coordinator.results.recorded import Recorded, read_log
 from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.track import Track, read_track
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.start import Start
-from coordinator.tracking.state import Carried, TrackerState
+from coordinator.tracking.state import Checkpoint, TrackerState
 from worker.warm_up import tiny_model
 
 MODEL = replace(
@@ -37,7 +37,7 @@ MODEL = replace(
 )
 DOFS, JOINTS = MODEL.dof_names, MODEL.joint_names
 START = Start(MODEL, np.arange(len(DOFS)) / 7.0, 1.7, 1.0)
-TERMS = {"sequence": "wall", "settings": {"seed": 3, "method": "gepf"}}
+CONFIGURATION = {"sequence": "wall", "settings": {"seed": 3, "method": "gepf"}}
 
 
 def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Estimate:
@@ -63,19 +63,19 @@ ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")
 def state(number: int) -> TrackerState:
     """What the tracker knew after a frame; its arrays hold what is hard to write down."""
     belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
-    return TrackerState(START, Carried(belief, np.array([0.5]), f'{{"state": {2**127 + number}}}'))
+    return TrackerState(START, Checkpoint(belief, np.array([0.5]), f'{{"state": {2**127 + number}}}'))
 
 
 def record(
     folder: Path, estimates: list[Estimate], *, complete: bool = True, resume: bool = False
 ) -> Recorded | None:
     """A whole run, or the rest of one; gives what had been recorded before."""
-    with Recorder(folder, TERMS, resume=resume) as recorder:
+    with Recorder(folder, CONFIGURATION, resume=resume) as recorder:
         for each in estimates:
-            recorder.append(each, state(each.frame), Traffic(("a",), batches_sent=2), each.frame / 10)
+            recorder.append(each, state(each.frame), PoolStatistics(("a",), batches_sent=2), each.frame / 10)
         recorded = recorder.read()
         assert recorded is not None
-        summary = {**TERMS, "frames": recorder.frames, "complete": complete}
+        summary = {**CONFIGURATION, "frames": recorder.frames, "complete": complete}
         track = recorder.finish(recorded, summary, complete=complete)
         write_atomically(folder / CSV_FILE, lambda file: write_csv(track, file))
     return recorder.past
@@ -96,7 +96,7 @@ def names(folder: Path) -> list[str]:
 def test_a_run_leaves_its_three_files_and_nothing_else(run: Path) -> None:
     """The log is gone, so are the drafts."""
     assert names(run) == ["poses.csv", "summary.json", "track.npz"]
-    assert json.loads((run / "summary.json").read_text()) == {**TERMS, "frames": 3, "complete": True}
+    assert json.loads((run / "summary.json").read_text()) == {**CONFIGURATION, "frames": 3, "complete": True}
 
 
 def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) -> None:
@@ -142,17 +142,20 @@ def test_equal_runs_give_equal_bytes(tmp_path: Path, run: Path) -> None:
 
 def test_a_frame_is_in_the_file_before_the_next_begins(tmp_path: Path) -> None:
     """A reader of the folder sees each frame as soon as append returns."""
-    with Recorder(tmp_path / "run", TERMS) as recorder:
+    with Recorder(tmp_path / "run", CONFIGURATION) as recorder:
         for count, each in enumerate(ESTIMATES, start=1):
-            recorder.append(each, state(each.frame), Traffic(batches_sent=count), float(count))
+            recorder.append(each, state(each.frame), PoolStatistics(batches_sent=count), float(count))
             recorded = read_log(tmp_path / "run" / "frames.log")
             assert recorded is not None
-            assert (recorded.terms, len(recorded.estimates)) == (TERMS, count)
-            assert (recorded.traffic, recorded.seconds) == (Traffic(batches_sent=count), float(count))
+            assert (recorded.configuration, len(recorded.estimates)) == (CONFIGURATION, count)
+            assert (recorded.statistics, recorded.seconds) == (
+                PoolStatistics(batches_sent=count),
+                float(count),
+            )
             assert recorded.state.start.model.hash == MODEL.hash
-            assert recorded.state.carried.generator == state(each.frame).carried.generator
-            for name, array in state(each.frame).carried.belief.items():
-                assert recorded.state.carried.belief[name].tobytes() == array.tobytes()
+            assert recorded.state.checkpoint.generator == state(each.frame).checkpoint.generator
+            for name, array in state(each.frame).checkpoint.belief.items():
+                assert recorded.state.checkpoint.belief[name].tobytes() == array.tobytes()
             last = recorded.estimates[-1]
             np.testing.assert_array_equal(last.hypothesis_pose, each.hypothesis_pose)
             assert last.stage_seconds == each.stage_seconds
@@ -207,7 +210,7 @@ def test_a_run_that_ends_early_keeps_its_log_beside_the_results(tmp_path: Path) 
 
 def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
     """A run that fails before its first frame leaves nothing, not even folders above."""
-    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a" / "b" / "run", TERMS):
+    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a" / "b" / "run", CONFIGURATION):
         raise ZeroDivisionError
     assert names(tmp_path) == []
 
@@ -215,7 +218,7 @@ def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
 def test_a_folder_that_was_there_stays_with_all_it_held(tmp_path: Path) -> None:
     """Other people's files are left alone, whether the run fails or not."""
     (tmp_path / "notes.txt").write_text("mine")
-    with Recorder(tmp_path, TERMS):
+    with Recorder(tmp_path, CONFIGURATION):
         pass
     assert names(tmp_path) == ["notes.txt"]
     record(tmp_path, ESTIMATES)
@@ -224,11 +227,11 @@ def test_a_folder_that_was_there_stays_with_all_it_held(tmp_path: Path) -> None:
 
 def test_a_folder_in_use_is_refused_and_the_run_in_it_goes_on(tmp_path: Path) -> None:
     """Two runs never write into one folder."""
-    with Recorder(tmp_path / "run", TERMS) as recorder:
+    with Recorder(tmp_path / "run", CONFIGURATION) as recorder:
         for resume in (False, True):
             with pytest.raises(InputError, match="in use by a run that is still going on"):
-                Recorder(tmp_path / "run", TERMS, resume=resume)
-        recorder.append(ESTIMATES[0], state(4), Traffic(), 0.0)
+                Recorder(tmp_path / "run", CONFIGURATION, resume=resume)
+        recorder.append(ESTIMATES[0], state(4), PoolStatistics(), 0.0)
         recorded = recorder.read()
     assert recorded is not None
     assert [each.frame for each in recorded.estimates] == [4]
@@ -238,7 +241,7 @@ def test_an_earlier_run_is_never_written_over(run: Path) -> None:
     """Its files stay byte for byte, and no log is left beside them."""
     before = {path: path.read_bytes() for path in run.iterdir()}
     with pytest.raises(InputError, match=r"holds an earlier run.*choose another --out"):
-        Recorder(run, TERMS)
+        Recorder(run, CONFIGURATION)
     assert {path: path.read_bytes() for path in run.iterdir()} == before
 
 
@@ -247,7 +250,7 @@ def test_an_interrupted_run_is_never_written_over(tmp_path: Path) -> None:
     record(tmp_path, ESTIMATES[:1], complete=False)
     before = (tmp_path / "frames.log").read_bytes()
     with pytest.raises(InputError, match=r"holds an interrupted run; go on with --resume, choose"):
-        Recorder(tmp_path, TERMS)
+        Recorder(tmp_path, CONFIGURATION)
     assert (tmp_path / "frames.log").read_bytes() == before
 
 
@@ -259,17 +262,17 @@ def test_a_log_without_a_frame_is_no_reason_to_refuse(tmp_path: Path) -> None:
 
 
 def test_a_resumed_run_ends_with_the_bytes_of_one_that_was_not_interrupted(tmp_path: Path, run: Path) -> None:
-    """Frames, traffic and time add up over both goes, the torn end is cut off, and the log is gone."""
+    """Frames, statistics and time add up over both goes, the torn end is cut off, and the log is gone."""
     folder = tmp_path / "resumed"
     record(folder, ESTIMATES[:1], complete=False)
     with (folder / "frames.log").open("ab") as file:
         file.write(b"\x10\x00\x00\x00torn")
     past = record(folder, ESTIMATES[1:2], complete=False, resume=True)
     assert past is not None
-    assert (past.state.carried.generator, past.resumes) == (state(4).carried.generator, 0)
+    assert (past.state.checkpoint.generator, past.resumes) == (state(4).checkpoint.generator, 0)
     past = record(folder, ESTIMATES[2:], resume=True)
     assert past is not None
-    assert (past.traffic.batches_sent, past.resumes) == (4, 1)
+    assert (past.statistics.batches_sent, past.resumes) == (4, 1)
     assert past.seconds == pytest.approx(0.9)
     assert (folder / "track.npz").read_bytes() == (run / "track.npz").read_bytes()
     assert names(folder) == names(run)
@@ -288,14 +291,14 @@ def test_a_run_is_gone_on_with_under_its_own_terms_only(tmp_path: Path) -> None:
 
 def test_a_complete_run_is_known_as_such(run: Path, tmp_path: Path) -> None:
     """Only where all is there and nothing is to be gone on with; other terms are refused here, too."""
-    assert is_complete(run, TERMS)
+    assert is_complete(run, CONFIGURATION)
     with pytest.raises(InputError, match="--seed"):
         is_complete(run, {"settings": {"seed": 4}})
     record(tmp_path / "other", ESTIMATES, complete=False)
-    assert not is_complete(tmp_path / "other", TERMS)
-    assert not is_complete(tmp_path / "nothing", TERMS)
+    assert not is_complete(tmp_path / "other", CONFIGURATION)
+    assert not is_complete(tmp_path / "nothing", CONFIGURATION)
     (run / "summary.json").write_text("{")
-    assert not is_complete(run, TERMS)
+    assert not is_complete(run, CONFIGURATION)
 
 
 def test_pictures_that_fail_leave_a_run_that_can_be_gone_on_with(tmp_path: Path) -> None:
@@ -303,14 +306,14 @@ def test_pictures_that_fail_leave_a_run_that_can_be_gone_on_with(tmp_path: Path)
 
     def fail_after(recorder: Recorder) -> None:
         with recorder:
-            recorder.append(ESTIMATES[0], state(4), Traffic(), 0.0)
+            recorder.append(ESTIMATES[0], state(4), PoolStatistics(), 0.0)
             recorded = recorder.read()
             assert recorded is not None
             recorder.finish(recorded, {}, complete=True)
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        fail_after(Recorder(tmp_path, TERMS))
+        fail_after(Recorder(tmp_path, CONFIGURATION))
     past = record(tmp_path, [], resume=True)
     assert past is not None
     assert names(tmp_path) == ["poses.csv", "summary.json", "track.npz"]
@@ -321,7 +324,7 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for folder in (tmp_path / "file", tmp_path / "file" / "run", Path("/proc/run")):
         with pytest.raises(InputError, match="cannot write to"):
-            Recorder(folder, TERMS)
+            Recorder(folder, CONFIGURATION)
     assert names(tmp_path) == ["file"]
 
 

@@ -18,11 +18,11 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.cli import main
 from coordinator.commands.options import choose_settings
 from coordinator.filters.methods import METHODS
-from coordinator.pool.statistics import Traffic
+from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_records
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.start import Start
-from coordinator.tracking.state import Carried, TrackerState
+from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.commands.test_cli import StillWorkers, _no_pictures, sequence, workers  # noqa: F401 fixtures
@@ -38,13 +38,13 @@ def bodies() -> Bodies:
 def through_a_file(state: TrackerState, estimate: Estimate, path: Path) -> TrackerState:
     """A state as it is read from a log."""
     with path.open("wb") as file:
-        records: list[Record] = [Began(state.start), Entry(estimate, state.carried, Traffic(), 0.0)]
+        records: list[Record] = [Began(state.start), Entry(estimate, state.checkpoint, PoolStatistics(), 0.0)]
         append_records(file.fileno(), records)
     with path.open("rb") as file:
         (began, _), (entry, _) = read_records(file)
     assert isinstance(began, Began)
     assert isinstance(entry, Entry)
-    return TrackerState(began.start, entry.carried)
+    return TrackerState(began.start, entry.checkpoint)
 
 
 def as_bytes(estimate: Estimate) -> list[bytes]:
@@ -81,9 +81,9 @@ def test_all_that_a_tracker_changes_is_in_its_state() -> None:
     following.track(shown("standing").frames[0])
     changed = {name for name, value in vars(following).items() if value is not before[name]}
     assert changed == {"_start", "_belief", "_around"}
-    assert generator != following.state.carried.generator
-    assert set(TrackerState.__slots__) == {"start", "carried"}
-    assert set(Carried.__slots__) == {"belief", "around", "generator"}
+    assert generator != following.state.checkpoint.generator
+    assert set(TrackerState.__slots__) == {"start", "checkpoint"}
+    assert set(Checkpoint.__slots__) == {"belief", "around", "generator"}
     assert isinstance(following.state.start, Start)
 
 

@@ -99,7 +99,7 @@ def test_run_over_tls_gives_the_same_bytes(place: str, ours: Folder) -> None:
         refiner.wait_for(2)
         for number in range(3):
             assert refined_bytes(refiner, number) == expected(number)
-        assert refiner.traffic.workers_seen == WORKERS
+        assert refiner.statistics.workers_seen == WORKERS
 
 
 def test_run_through_a_router_gives_the_same_bytes(place: str, ours: Folder) -> None:
@@ -111,7 +111,7 @@ def test_run_through_a_router_gives_the_same_bytes(place: str, ours: Folder) -> 
             with secure_worker(place, ours, "w1"):
                 refiner.wait_for(2)
                 assert refined_bytes(refiner, 1) == expected(1)
-        assert refiner.traffic.workers_seen == WORKERS
+        assert refiner.statistics.workers_seen == WORKERS
 
 
 def test_local_workers_work_beside_secure_ones(place: str, ours: Folder) -> None:
@@ -122,7 +122,7 @@ def test_local_workers_work_beside_secure_ones(place: str, ours: Folder) -> None
     with ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"):
         refiner.wait_for(2)
         assert refined_bytes(refiner, 1) == expected(1)
-        assert len(refiner.traffic.workers_seen) == 2
+        assert len(refiner.statistics.workers_seen) == 2
 
 
 REFUSED = {
@@ -203,7 +203,7 @@ def test_other_workers_name_is_never_seen(place: str, ours: Folder) -> None:
                 check_admission(bus, "w1", [place], Security(ours.of("w0")), patience=1.0)
             for number in range(3):
                 assert refined_bytes(refiner, number) == expected(number)
-        assert refiner.traffic.workers_seen == ("w0",)
+        assert refiner.statistics.workers_seen == ("w0",)
 
 
 def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
@@ -222,7 +222,7 @@ def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
             with pytest.raises(InputError, match=f"be worker '{STRANGER}'; have '{STRANGER}' listed"):
                 check_admission(bus, STRANGER, [place], Security(ours.of(STRANGER)), patience=SHORT)
         assert set(seen) <= {keys.worker_alive(STRANGER)}  # its own, which never leaves it
-        assert refiner.traffic.workers_seen == ("w0",)
+        assert refiner.statistics.workers_seen == ("w0",)
 
 
 def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
@@ -266,7 +266,7 @@ def test_worker_process_with_a_certificate(place: str, ours: Folder) -> None:
             with listening(place, ours) as refiner:
                 refiner.wait_for(1)
                 assert refined_bytes(refiner, number) == expected(number)
-                assert refiner.traffic.workers_seen == ("w1",)
+                assert refiner.statistics.workers_seen == ("w1",)
         process.terminate()
         assert process.wait(10.0) in (0, -15)
 

@@ -135,9 +135,9 @@ def test_the_way_from_the_initial_guess_is_no_motion() -> None:
     followed = tracker(start={**STANDING, "r_shoulder_flexion": 0.4})
     first = followed.track(frames[0])
     assert abs(first.pose - followed.start.pose).max() > 0.2
-    assert not followed.state.carried.belief["velocities"].any()
+    assert not followed.state.checkpoint.belief["velocities"].any()
     followed.track(frames[1])
-    assert followed.state.carried.belief["velocities"].any()
+    assert followed.state.checkpoint.belief["velocities"].any()
 
 
 def test_a_wall_behind_does_not_count_where_the_start_is_told() -> None:
@@ -223,9 +223,9 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
     one_by_one = tracker()
     for frame, state in zip(frames, states, strict=True):
         one_by_one.track(frame)
-        assert state.carried.generator == one_by_one.state.carried.generator
-        for name, array in state.carried.belief.items():
-            np.testing.assert_array_equal(array, one_by_one.state.carried.belief[name])
+        assert state.checkpoint.generator == one_by_one.state.checkpoint.generator
+        for name, array in state.checkpoint.belief.items():
+            np.testing.assert_array_equal(array, one_by_one.state.checkpoint.belief[name])
 
 
 def test_what_was_tracked_is_told_before_a_failure() -> None:
