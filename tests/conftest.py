@@ -7,10 +7,21 @@ end processes by it: so it is given back.
 from __future__ import annotations
 
 import signal
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("gepf", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("gepf")
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A place for sessions of this process to meet; its path is short enough for a socket."""
+    with tempfile.TemporaryDirectory(prefix="gepf-test-") as folder:
+        yield f"unixsock-stream/{Path(folder) / 'bus'}"

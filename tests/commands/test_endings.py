@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.disturbance.resume_kills import Place, count
-from tests.pool.test_processes import is_alive, wait_until
+from tests.support.processes import is_alive, wait_until
 from tests.support.warm_processes import Workers, coordinate, start
 
 FRAMES = 60

@@ -44,11 +44,11 @@ from common.settings import RefineSettings, preset
 from common.transport.bus import Bus, FramePublisher, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.common.test_messages import KINDS
-from tests.pool.test_pool import MODEL, POSES, expected, refined_bytes, serving
 from tests.support.extremes import Extremes
 from tests.support.instant_worker import KERNEL
+from tests.support.kinds import KINDS
 from tests.support.mutator import Mutator
+from tests.support.serving import MODEL, POSES, expected, refined_bytes, serving
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 from worker.service import Batch, Kernel, Service

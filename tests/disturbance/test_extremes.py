@@ -18,8 +18,8 @@ from common.refinement import Refined
 from common.settings import RefineSettings, preset
 from coordinator.filters.gradient_enhanced import advance, begin
 from tests.disturbance.fuzz import fuzz_kernel
-from tests.pool.test_pool import MODEL, POSES
 from tests.support.extremes import Extremes
+from tests.support.serving import MODEL, POSES
 from worker.kernel.icp import give_up_flown, refine
 from worker.kernel.observation import observe
 from worker.kernel.surface import lay_out

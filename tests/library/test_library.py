@@ -15,9 +15,8 @@ import gepf
 from common.settings import preset
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
-from tests.results.test_resume import as_bytes
+from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, shown
 from tests.support.small_sequence import write_small_sequence
-from tests.tracking.test_tracker import CAMERA, SETTINGS, STANDING, shown
 
 ROOT = Path(__file__).parents[2]
 PERSON = Measures.of(1.82)

@@ -23,18 +23,8 @@ from common.settings import RefineSettings
 from common.transport.bus import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.pool.test_pool import (  # noqa: F401 a fixture
-    MODEL,
-    POSES,
-    REQUEST,
-    SETTINGS,
-    as_bytes,
-    endpoint,
-    expected,
-    frame,
-    refined_bytes,
-)
 from tests.support.instant_worker import KERNEL, observe, refine
+from tests.support.serving import MODEL, POSES, REQUEST, SETTINGS, as_bytes, expected, frame, refined_bytes
 from worker.fair_queue import MOST, Turns
 from worker.service import Kernel, Service
 from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory

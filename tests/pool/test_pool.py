@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
-from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from common.errors import BusError, InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
-from common.protocol.messages import RefineRequest, decode_refusal, encode_request
+from common.protocol.messages import decode_refusal, encode_request
 from common.refinement import Refined
-from common.settings import RefineSettings
 from common.transport.bus import (
     WAITING_REQUESTS,
     Arrivals,
@@ -36,66 +32,23 @@ from common.transport.bus import (
 from coordinator.pool.options import Pool
 from coordinator.pool.scheduler import REFUSALS_LEAST
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.instant_worker import KERNEL, observe, refine
+from tests.support.instant_worker import observe, refine
+from tests.support.serving import (
+    MODEL,
+    POSES,
+    REQUEST,
+    SETTINGS,
+    as_bytes,
+    expected,
+    frame,
+    pool,
+    refined_bytes,
+    serving,
+)
 from worker.kernel.icp import refine as real_refine
 from worker.kernel.observation import observe as real_observe
-from worker.service import Kernel, Service
+from worker.service import Kernel
 from worker.store import Memory, Recent
-from worker.warm_up import tiny_frame, tiny_model
-
-MODEL = tiny_model()
-SETTINGS = RefineSettings(damping=0.7)
-POSES = np.random.default_rng(0).normal(size=(20, 6)) * 0.01 + [0, 0, 2, 0, 0, 0]
-
-
-def frame(number: int) -> SubjectFrame:
-    """A frame that differs from others by its depth."""
-    subject = tiny_frame()
-    depth = np.where(subject.frame.depth > 0, 2000 + number, 0).astype(np.uint16)
-    return replace(subject, frame=replace(subject.frame, number=number, depth=depth))
-
-
-def expected(number: int, poses: NDArray[np.float64] = POSES) -> bytes:
-    """What refining poses on a frame must give."""
-    return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
-
-
-def as_bytes(refined: Refined) -> bytes:
-    """All that was refined."""
-    return refined.poses.tobytes() + refined.log_likelihood.tobytes() + refined.residual.tobytes()
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    """A place for sessions of this process to meet; its path is short enough for a socket."""
-    with tempfile.TemporaryDirectory(prefix="gepf-test-") as folder:
-        yield f"unixsock-stream/{Path(folder) / 'bus'}"
-
-
-@contextmanager
-def serving(endpoint: str, name: str, kernel: Kernel[Any] = KERNEL) -> Iterator[None]:
-    """A worker in a thread."""
-    with open_worker([endpoint]) as bus:
-        service = Service(bus, name, kernel)
-        thread = threading.Thread(target=service.run)
-        thread.start()
-        try:
-            yield
-        finally:
-            service.stop()
-            thread.join(5.0)
-            assert not thread.is_alive()
-
-
-def pool(endpoint: str, **options: Any) -> ZenohRefiner:
-    """A coordinator without workers of its own."""
-    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0, **options))
-
-
-def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> bytes:
-    """Publish a frame and have poses refined on it."""
-    refiner.publish(frame(number))
-    return as_bytes(refiner.refine(MODEL, poses, SETTINGS))
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
@@ -379,9 +332,6 @@ def client(endpoint: str) -> Iterator[Client]:
         bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.put(there))
         assert alive.get(timeout=5.0)
         yield Client(bus, "w")
-
-
-REQUEST = RefineRequest("ghost", 1, MODEL.hash, SETTINGS, POSES)
 
 
 @pytest.mark.parametrize(

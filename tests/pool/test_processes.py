@@ -18,33 +18,14 @@ import pytest
 from common.errors import BusError
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.pool.test_pool import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
-
-INSTANT = (sys.executable, "-m", "tests.support.instant_worker")
-WORKER = (sys.executable, "-m", "worker.cli")
+from tests.support.processes import INSTANT, is_alive, started, wait_until
+from tests.support.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
 
 
 def local(workers: int, tell: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
     """A coordinator with worker processes of its own."""
     options = {"worker_command": INSTANT, **options}
     return ZenohRefiner(Pool(workers=workers, **options), tell)
-
-
-def is_alive(pid: int) -> bool:
-    """Whether a process runs; a zombie does not."""
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except FileNotFoundError:
-        return False
-    return state != "Z"
-
-
-def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
-    """Poll until the condition holds; fail if it does not within the time."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -140,7 +121,7 @@ COORDINATOR = """
 import time
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.pool.test_processes import INSTANT
+from tests.support.processes import INSTANT
 with ZenohRefiner(Pool(workers=2, worker_command=INSTANT)) as refiner:
     refiner.wait_for(2)
     print(*refiner.local_pids.values(), flush=True)
@@ -163,18 +144,6 @@ def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Pa
         process.send_signal(number)
         assert process.wait(5.0) != 0
     wait_until(lambda: not any(is_alive(pid) for pid in pids))
-
-
-@contextmanager
-def started(*arguments: str, command: tuple[str, ...] = WORKER) -> Iterator[subprocess.Popen[str]]:
-    """A process with its standard error in a pipe; killed if it is left running."""
-    with subprocess.Popen(
-        [*command, *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
 
 
 def test_outside_worker_serves_until_told_to_end(tmp_path: Path) -> None:

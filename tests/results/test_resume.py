@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 
 import msgspec
-import numpy as np
 import pytest
 
 import coordinator.commands.workers
@@ -25,8 +24,10 @@ from coordinator.tracking.start import Start
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
-from tests.commands.test_cli import StillWorkers, _no_pictures, sequence, workers  # noqa: F401 fixtures
-from tests.tracking.test_tracker import STANDING, empty, shown
+from tests.support.people import STANDING, as_bytes, empty, shown
+from tests.support.still_workers import StillWorkers, no_pictures, sequence, workers  # noqa: F401 fixtures
+
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 @cache
@@ -45,12 +46,6 @@ def through_a_file(state: TrackerState, estimate: Estimate, path: Path) -> Track
     assert isinstance(began, Began)
     assert isinstance(entry, Entry)
     return TrackerState(began.start, entry.checkpoint)
-
-
-def as_bytes(estimate: Estimate) -> list[bytes]:
-    """All that is said about a frame, time taken aside."""
-    names = [name for name in Estimate.__slots__ if name != "stage_seconds"]
-    return [np.asarray(getattr(estimate, name)).tobytes() for name in names]
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -34,10 +34,10 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.certificates import make_certificates
 from coordinator.security.roster import choose_names, read_roster
 from coordinator.security.tls import TlsFiles, choose_security
-from tests.pool.test_pool import REQUEST, expected, refined_bytes, serving
-from tests.pool.test_processes import INSTANT, started, wait_until
 from tests.support.certificates import STRANGER, WORKERS, Folder, free_port, make_folder
 from tests.support.instant_worker import KERNEL
+from tests.support.processes import INSTANT, started, wait_until
+from tests.support.serving import REQUEST, expected, refined_bytes, serving
 from worker.admission import check_admission
 from worker.service import Service
 

@@ -29,14 +29,12 @@ from common.transport.bus import open_worker
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
-from tests.commands.test_cli import one_human
-from tests.pool.test_pool import MODEL, endpoint, pool, serving
-from tests.pool.test_processes import INSTANT, wait_until
 from tests.support.instant_worker import KERNEL
+from tests.support.processes import INSTANT, wait_until
+from tests.support.serving import MODEL, pool, serving
+from tests.support.still_workers import one_human
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
-
-__all__ = ["endpoint"]
 
 KEY = "camera/depth"
 CAMERA = tiny_frame().frame.intrinsics

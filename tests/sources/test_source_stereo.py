@@ -20,7 +20,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.sources import find_format, open_source
 from coordinator.sources.source import check_frames
 from coordinator.synthesis.rendering import DepthRenderer
-from tests.sources.test_source_formats import RAISING, START, bodies, full_body, poses_of
+from tests.support.recorded import RAISING, START, bodies, full_body, poses_of
 from tests.support.recordings import matrix_of
 
 Array = NDArray[np.float64]

@@ -6,9 +6,7 @@ import subprocess
 import sys
 
 from common.transport.bus import open_coordinator
-from tests.pool.test_pool import endpoint, serving
-
-__all__ = ["endpoint"]
+from tests.support.serving import serving
 
 
 def check(endpoint: str, name: str) -> subprocess.CompletedProcess[str]:

@@ -1,0 +1,63 @@
+"""Every kind of message with an example."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.protocol import messages
+from common.protocol.messages import (
+    RefineRequest,
+    decode_frame,
+    decode_live,
+    decode_model,
+    decode_refined,
+    decode_refusal,
+    decode_request,
+    encode_frame,
+    encode_live,
+    encode_live_end,
+    encode_model,
+    encode_refined,
+    encode_refusal,
+    encode_request,
+)
+from common.refinement import Refined
+from common.settings import RefineSettings
+from worker.warm_up import tiny_frame, tiny_model
+
+COUNT, DOFS = 3, 6
+POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)
+
+
+def tiny_request() -> RefineRequest:
+    """A request as a coordinator sends it."""
+    return RefineRequest("run-1", 7, tiny_model().hash, RefineSettings(damping=0.25), POSES)
+
+
+def tiny_refined() -> Refined:
+    """A reply of the right shape, whatever fields it has."""
+    letters = {"N": COUNT, "D": DOFS}
+    shapes = {name: tuple(letters[str(d)] for d in dims) for name, (_, dims) in messages.REPLY_ARRAYS.items()}
+    return Refined(**{name: np.random.default_rng(0).random(shape) for name, shape in shapes.items()})
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of message with an example."""
+
+    payload: bytes
+    decode: Callable[[bytes], object]
+
+
+KINDS = {
+    "frame": Kind(encode_frame(tiny_frame()), decode_frame),
+    "live-frame": Kind(encode_live(tiny_frame().frame), decode_live),
+    "live-end": Kind(encode_live_end(), decode_live),
+    "model": Kind(encode_model(tiny_model()), decode_model),
+    "request": Kind(encode_request(tiny_request()), decode_request),
+    "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
+    "refusal": Kind(encode_refusal("no"), decode_refusal),
+}

@@ -1,0 +1,93 @@
+"""Short rendered sequences of a person who raises the left arm, and a tracker that knows the person."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import cache
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics
+from common.frame import DepthFrame
+from common.kinematics import joint_positions, pose_vertices
+from common.settings import Settings, preset
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+
+Array = NDArray[np.float64]
+
+CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
+FRAMES = 4
+STANDING = {
+    "root_tx": 0.1,
+    "root_ty": 0.1,
+    "root_tz": 2.7,
+    "r_shoulder_abduct": 0.2,
+    "l_shoulder_abduct": 0.2,
+}
+SITTING = {
+    "root_tx": -0.1, "root_tz": 2.4, "r_shoulder_abduct": 0.25, "l_shoulder_abduct": 0.25,
+    **{f"{side}_{joint}_flexion": 1.5 for side in "rl" for joint in ("hip", "knee")},
+}  # fmt: skip
+RAISING = {"l_elbow_flexion": 0.25, "l_shoulder_flexion": 0.15}  # by frame
+SETTINGS = msgspec.structs.replace(
+    preset("default"), points=2000, filter=msgspec.structs.replace(preset("default").filter, particles=6)
+)
+
+
+class Shown(NamedTuple):
+    """Frames of a person, and where the joints are (F, J, 3)."""
+
+    frames: list[DepthFrame]
+    joints: Array
+
+
+@cache
+def shown(posture: str, stature: float = 1.82) -> Shown:
+    """A person who raises the left arm, standing or sitting."""
+    model = human(stature)
+    first = STANDING if posture == "standing" else SITTING
+    poses = np.array(
+        [
+            name_pose(model, {**first, **{name: rate * n for name, rate in RAISING.items()}})
+            for n in range(FRAMES)
+        ]
+    )
+    with DepthRenderer(CAMERA) as renderer:
+        pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
+    frames = [frame_of(n, picture) for n, picture in enumerate(pictures)]
+    return Shown(frames, joint_positions(model, poses))
+
+
+def frame_of(number: int, depth_m: NDArray[np.floating]) -> DepthFrame:
+    """A frame in millimetres."""
+    return DepthFrame(number, number / 30.0, np.rint(depth_m * 1000.0).astype(np.uint16), 1000.0, CAMERA)
+
+
+def empty(number: int) -> DepthFrame:
+    """A frame that shows nothing."""
+    return frame_of(number, np.zeros((CAMERA.height, CAMERA.width)))
+
+
+@cache
+def known() -> Bodies:
+    """The person who is shown, whose measures are known."""
+    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
+
+
+def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> Tracker:
+    """A tracker of the known person, told where to start."""
+    return Tracker(DirectRefiner(), settings, known(), start)
+
+
+def as_bytes(estimate: Estimate) -> list[bytes]:
+    """All that is said about a frame, time taken aside."""
+    names = [field.name for field in fields(Estimate) if field.name != "stage_seconds"]
+    return [np.asarray(getattr(estimate, name)).tobytes() for name in names]

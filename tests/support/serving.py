@@ -1,0 +1,73 @@
+"""Coordinator and workers joined in one process over the real bus, and what they are asked."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.frame import SubjectFrame
+from common.protocol.messages import RefineRequest
+from common.refinement import Refined
+from common.settings import RefineSettings
+from common.transport.bus import open_worker
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.instant_worker import KERNEL, observe, refine
+from worker.service import Kernel, Service
+from worker.warm_up import tiny_frame, tiny_model
+
+MODEL = tiny_model()
+SETTINGS = RefineSettings(damping=0.7)
+POSES = np.random.default_rng(0).normal(size=(20, 6)) * 0.01 + [0, 0, 2, 0, 0, 0]
+
+
+def frame(number: int) -> SubjectFrame:
+    """A frame that differs from others by its depth."""
+    subject = tiny_frame()
+    depth = np.where(subject.frame.depth > 0, 2000 + number, 0).astype(np.uint16)
+    return replace(subject, frame=replace(subject.frame, number=number, depth=depth))
+
+
+def expected(number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+    """What refining poses on a frame must give."""
+    return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
+
+
+def as_bytes(refined: Refined) -> bytes:
+    """All that was refined."""
+    return refined.poses.tobytes() + refined.log_likelihood.tobytes() + refined.residual.tobytes()
+
+
+@contextmanager
+def serving(endpoint: str, name: str, kernel: Kernel[Any] = KERNEL) -> Iterator[None]:
+    """A worker in a thread."""
+    with open_worker([endpoint]) as bus:
+        service = Service(bus, name, kernel)
+        thread = threading.Thread(target=service.run)
+        thread.start()
+        try:
+            yield
+        finally:
+            service.stop()
+            thread.join(5.0)
+            assert not thread.is_alive()
+
+
+def pool(endpoint: str, **options: Any) -> ZenohRefiner:
+    """A coordinator without workers of its own."""
+    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0, **options))
+
+
+def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+    """Publish a frame and have poses refined on it."""
+    refiner.publish(frame(number))
+    return as_bytes(refiner.refine(MODEL, poses, SETTINGS))
+
+
+REQUEST = RefineRequest("ghost", 1, MODEL.hash, SETTINGS, POSES)

@@ -1,0 +1,103 @@
+"""Particles that stay where they are, in place of workers."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+import coordinator.bodies.choice
+import coordinator.commands.workers
+import coordinator.pictures.run
+from common.body import BodyModel
+from common.frame import SubjectFrame
+from common.refinement import Refined
+from common.settings import RefineSettings
+from coordinator.bodies.human.template import human
+from coordinator.commands.progress import Show
+from coordinator.pool.options import Pool
+from coordinator.pool.statistics import PoolStatistics
+from coordinator.tracking.refiner import idle
+
+CAMERA = {
+    "width": 64,
+    "height": 48,
+    "intrinsic_matrix": [50.0, 0, 0, 0, 50.0, 0, 32.0, 24.0, 1],
+    "depth_scale": 1000,
+}
+one_human = functools.cache(human)
+
+
+class StillWorkers:
+    """Leaves particles where they are; before frame `fail_at` it raises `failure`."""
+
+    statistics = PoolStatistics(workers_seen=("one", "two"), batches_sent_again=3)
+
+    def __init__(self, fail_at: int | None = None, failure: BaseException | None = None) -> None:
+        self.fail_at = fail_at
+        self.failure = failure
+        self.asked = Pool()
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Fail if it is time to."""
+        if subject.frame.number == self.fail_at and self.failure is not None:
+            raise self.failure
+
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """Have no use for it."""
+
+    def refine(
+        self,
+        model: BodyModel,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        meanwhile: Callable[[], None] = idle,
+    ) -> Refined:
+        """The same poses, all equally likely."""
+        meanwhile()
+        assert poses.shape[1] == len(model.dof_names)
+        assert settings.gauss_newton_iterations > 0
+        return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01))
+
+    @contextmanager
+    def connect(self, pool: Pool, show: Show) -> Iterator[StillWorkers]:
+        """Stand in for a pool of workers."""
+        self.asked = pool
+        show.say("workers are there")
+        yield self
+
+
+@pytest.fixture
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs draw nothing, and their body is made once."""
+    monkeypatch.setattr(coordinator.pictures.run, "draw_run", lambda *_: [])
+    monkeypatch.setattr(coordinator.bodies.choice, "human", one_human)
+    monkeypatch.delenv("GEPF_DEBUG", raising=False)
+
+
+@pytest.fixture
+def workers(monkeypatch: pytest.MonkeyPatch) -> StillWorkers:
+    """Workers for whoever calls `gepf track`."""
+    still = StillWorkers()
+    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", still.connect)
+    return still
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """Five frames of a wall at two metres, with a start; nothing is seen in frame 3."""
+    folder = tmp_path / "wall"
+    (folder / "depth").mkdir(parents=True)
+    for number in range(5):
+        depth = np.full((48, 64), 0 if number == 3 else 2000, dtype=np.uint16)
+        Image.fromarray(depth).save(folder / "depth" / f"{number:06d}.png")
+    (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA))
+    (folder / "init.json").write_text(json.dumps({"root_tz": 2.0, "r_elbow_flexion": 0.5}))
+    return folder
