@@ -19,8 +19,9 @@ $(STAMP): pyproject.toml constraints.txt .ci/setup
 demo: setup ## track the paper's arm sequence with two local workers; table and pictures in demo/
 	$(BIN)/gepf demo --out demo
 
-test: setup ## the tests
-	$(BIN)/python -m pytest -q
+test: setup ## the tests, on two cores; kernels are compiled before
+	$(BIN)/python -m tests.support.warm_kernel
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow

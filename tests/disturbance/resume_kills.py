@@ -86,10 +86,11 @@ def count(log: Path) -> int:
     return len(past.estimates) if past else 0
 
 
-def try_all(kills: int, frames: int, seed: int) -> list[Killed]:
+def try_all(kills: int, frames: int, seed: int, longest: float = LONGEST) -> list[Killed]:
     """Kill as many runs, each at a moment of its own that is anywhere between a run's start and its end.
 
-    A run that had ended before its moment came is told too, but counts for nothing.
+    The kill follows at most `longest` seconds after the frame that was waited for. A run that
+    had ended before its moment came is told too, but counts for nothing.
     """
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="gepf-kills-") as name:
@@ -102,7 +103,7 @@ def try_all(kills: int, frames: int, seed: int) -> list[Killed]:
             calm = (place.folder / "calm" / "track.npz").read_bytes()
             killed: list[Killed] = []
             while hits(killed) < kills:
-                aimed_at, delay = rng.randrange(frames + 1), rng.uniform(0.0, LONGEST)
+                aimed_at, delay = rng.randrange(frames + 1), rng.uniform(0.0, longest)
                 out = place.folder / str(len(killed))
                 killed.append(kill_and_resume(place, out, calm, aimed_at, delay))
             return killed

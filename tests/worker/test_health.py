@@ -1,26 +1,34 @@
-"""The health check of a worker: by its liveliness token, from a process of its own."""
+"""The health check of a worker: by its liveliness token, and as a process of its own."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 
+import pytest
+
+from common.errors import BusError
 from common.transport.bus import open_coordinator
 from tests.support.serving import serving
+from worker.health import check_alive
 
-
-def check(endpoint: str, name: str) -> subprocess.CompletedProcess[str]:
-    """`gepf-worker --check`."""
-    command = [sys.executable, "-m", "worker.cli", "--connect", endpoint, "--name", name, "--check"]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+PATIENCE = 0.5  # seconds
 
 
 def test_a_worker_is_healthy_as_long_as_it_is_announced(endpoint: str) -> None:
-    """Exit code 0 for a worker at work, 1 with one line for another name and after it has ended."""
+    """It is seen while it is at work, under its own name only, and no more once it has ended."""
     with open_coordinator([endpoint]):
         with serving(endpoint, "w"):
-            assert check(endpoint, "w").returncode == 0
-            other = check(endpoint, "v")
-            assert other.returncode == 1
-            assert other.stderr == f"gepf-worker: worker 'v' is not seen at {endpoint}\n"
-        assert check(endpoint, "w").returncode == 1
+            check_alive("w", [endpoint], None)
+            with pytest.raises(BusError, match="worker 'v' is not seen at unixsock"):
+                check_alive("v", [endpoint], None, PATIENCE)
+        with pytest.raises(BusError, match="'w' is not seen"):
+            check_alive("w", [endpoint], None, PATIENCE)
+
+
+def test_the_command_says_so_by_its_exit_code(endpoint: str) -> None:
+    """`gepf-worker --check` for a worker that is not there: 1 and one line."""
+    command = [sys.executable, "-m", "worker.cli", "--connect", endpoint, "--name", "v", "--check"]
+    with open_coordinator([endpoint]):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    assert (done.returncode, done.stderr) == (1, f"gepf-worker: worker 'v' is not seen at {endpoint}\n")

@@ -321,7 +321,7 @@ def test_minimising_matches(name: str) -> None:
     """Step 4d on the same factors: damping, rest and limits included, the same pose to 1e-7."""
     model, settings = puppet(), SETTINGS[name]
     skeleton, _ = lay_out(model)
-    for start in starts(4):
+    for start in starts(2):
         start = plain_path.clamp(model, start) if settings.keep_limits else start  # noqa: PLW2901
         factors = plain_path.collect(model, start, *plain_path.see(model, start), subject(), settings)
         pose = start.copy()
@@ -358,7 +358,7 @@ def test_refinement_matches(name: str) -> None:
     moves a pose by a thousandth at the most.
     """
     model, settings = puppet(), SETTINGS[name]
-    poses = starts(5)
+    poses = starts(3)
     found = icp.refine(model, observe(subject()), poses, settings)
     expected = [plain_path.refine(model, subject(), pose, settings) for pose in poses]
     off = np.abs(found.poses - np.array([pose for pose, _, _ in expected])).max(axis=1)
