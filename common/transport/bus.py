@@ -31,6 +31,10 @@ UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach an
 Payload = Callable[[bytes], None]
 
 
+def ignore(_: float) -> None:
+    """Do nothing about silence."""
+
+
 class Bus:
     """One session. Everything that is declared on it ends with it."""
 
@@ -153,6 +157,15 @@ class Bus:
 
         with mapped(f"watching {key}"):
             self._declared.append(self._session.liveliness().declare_subscriber(key, change, history=True))
+
+    def watch_links(self, on_change: Callable[[str, bool], None]) -> None:
+        """Have `on_change(endpoint, linked)` called for all links to others, and when one comes or goes."""
+
+        def change(event: zenoh.LinkEvent) -> None:
+            on_change(str(event.link.dst), event.kind == zenoh.SampleKind.PUT)
+
+        with mapped("watching links"):
+            self._declared.append(self._session.info.declare_link_events_listener(change, history=True))
 
     def is_linked(self, within: float) -> bool:
         """Whether anybody is connected, or comes to be within a time (seconds)."""
@@ -347,15 +360,20 @@ def open_peer(
     return bus
 
 
-def open_worker(connect: Sequence[str], security: Security | None = None) -> Bus:
-    """A session of a worker. Tries for ever, unless it is refused; that is an InputError.
+def open_worker(
+    connect: Sequence[str], security: Security | None = None, on_silence: Callable[[float], None] = ignore
+) -> Bus:
+    """A session of a worker, which tries to connect for ever, unless it is refused; that is an InputError.
 
-    While it tries, Python handles no signals. With several endpoints it is on all of them as they come.
+    `on_silence` is called after each attempt that nobody answered, with the seconds since the first began; what
+    it raises ends the attempts. While one lasts, 2 s, Python handles no signals. With several endpoints the
+    session is on all of them as they come.
     """
     if len(connect) > 1:  # a client would be on one of them only
         return open_peer((), connect, security, shared_pool_bytes=2**20)
     settings = session_settings("client", (), connect, security)
     settings["connect"] |= {"timeout_ms": ATTEMPT_MS, "exit_on_failure": True}
+    began = time.monotonic()
     while True:
         try:
             return open_session(settings, shared_pool_bytes=2**20)
@@ -363,6 +381,7 @@ def open_worker(connect: Sequence[str], security: Security | None = None) -> Bus
             if UNREACHABLE not in str(error):
                 raise
         check_refusals(connect, security)
+        on_silence(time.monotonic() - began)
 
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:

@@ -34,7 +34,7 @@ def test_the_line_counts_lanes_runs_and_particles() -> None:
 
 
 def test_a_terminal_sees_it_and_a_log_does_not() -> None:
-    """On a terminal the line renews itself and is taken away at the end; elsewhere, and quiet, it is not there."""
+    """On a terminal the line renews itself and is taken away at the end; elsewhere it is not there."""
     terminal, log, quiet = Terminal(), io.StringIO(), Terminal()
     with (
         StatusLine(lambda: "working", terminal),
