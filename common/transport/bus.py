@@ -366,8 +366,8 @@ def open_worker(
     """A session of a worker, which tries to connect for ever, unless it is refused; that is an InputError.
 
     `on_silence` is called after each attempt that nobody answered, with the seconds since the first began;
-    what it raises ends the attempts. While one lasts, 2 s, Python handles no signals. With several endpoints the
-    session is on all of them as they come.
+    what it raises ends the attempts. While one lasts, 2 s, Python handles no signals. With several endpoints
+    the session is on all of them as they come.
     """
     if len(connect) > 1:  # a client would be on one of them only
         return open_peer((), connect, security, shared_pool_bytes=2**20)
