@@ -73,7 +73,7 @@ def test_a_shared_counter_gives_each_number_once() -> None:
 @numba.njit(nogil=True)
 def take_all(counter: NDArray[np.int64], taken: NDArray[np.int8]) -> None:
     """Count each number that is taken, in compiled code, which holds no lock."""
-    n = take_next(counter)  # type: ignore[call-arg]
+    n: int = take_next(counter)  # type: ignore[call-arg]
     while n < len(taken):
         taken[n] += 1
-        n = take_next(counter)  # type: ignore[call-arg]
+        n = take_next(counter)
