@@ -8,13 +8,17 @@ from collections import Counter
 import numpy as np
 
 from benchmarks.standing import Case
-from common.kinematics import chain
+from common.kinematics.chain import forward_kinematics
 from common.settings import RefineSettings
-from worker.kernel.evidence import lay_out_evidence, lay_out_rules
-from worker.kernel.gauss_newton import Descent, clamp, extend, minimise
-from worker.kernel.icp import assess, collect, correspond, follow, lay_out_room
-from worker.kernel.surface import lay_out
-from worker.kernel.visibility import pose_surface, visible_vertices
+from worker.kernel.likelihood import evaluate
+from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
+from worker.kernel.solver.priors import clamp_to_limits
+from worker.kernel.surface import pack_model
+from worker.kernel.visibility import pose_surface, repose_visible, visible_vertices
+from worker.kernel.warm_start import find_correspondences
+from worker.kernel.weighting import accumulate_correspondences
+from worker.kernel.workspace import make_workspace
 
 STAGES = ("pose", "visibility", "closest points", "moments", "solve", "likelihood")
 
@@ -40,39 +44,43 @@ def stage_times(case: Case, settings: RefineSettings, rounds: int) -> dict[str, 
 
 def descend(case: Case, settings: RefineSettings) -> Counter[str]:
     """One descent, stage by stage."""
-    skeleton, surface = lay_out(case.model)
-    evidence, rules = lay_out_evidence(case.observation, settings), lay_out_rules(settings)
-    room = lay_out_room(skeleton, surface, evidence)
+    skeleton, surface = pack_model(case.model)
+    packed, parameters = pack_observation(case.observation, settings), pack_parameters(settings)
+    workspace = make_workspace(skeleton, surface, packed)
     pose, clock = case.start[0].copy(), Clock()
-    metric = np.array([1.0, 1.0, rules.stretch**2])
-    damping = rules.damping + rules.damping_share * evidence.count
-    if rules.keep_limits:
-        clamp(skeleton, pose)
-    known, visible, before = 0, room.sight.visible, pose.copy()
-    for k in range(rules.icp_iterations):
+    metric = np.array([1.0, 1.0, parameters.stretch**2])
+    damping = parameters.damping + parameters.damping_share * packed.count
+    if parameters.keep_limits:
+        clamp_to_limits(skeleton, pose)
+    last_count, visible, before = 0, workspace.visibility.visible, pose.copy()
+    for k in range(parameters.icp_iterations):
         clock.lap("")
-        if k % rules.look_every == 0:
-            chain(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, room.transforms)
-            pose_surface(surface, room.transforms, skeleton.link_dofs, room.sight.posed)
+        if k % parameters.visibility_interval == 0:
+            forward_kinematics(
+                skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, workspace.transforms
+            )
+            pose_surface(surface, workspace.transforms, skeleton.link_dofs, workspace.visibility.posed)
             clock.lap("pose")
-            visible = visible_vertices(room.sight, surface.triangles)
+            visible = visible_vertices(workspace.visibility, surface.triangles)
             clock.lap("visibility")
         else:
-            follow(pose, visible, skeleton, surface, room)
+            repose_visible(pose, visible, skeleton, surface, workspace.transforms, workspace.visibility)
             clock.lap("pose")
         before[:] = pose
-        known = correspond(visible, known, surface, evidence, rules, room)
+        last_count = find_correspondences(visible, last_count, surface, packed, parameters, workspace)
         clock.lap("closest points")
-        unexplained = collect(visible, skeleton, surface, evidence, rules, room)
+        unexplained = accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         clock.lap("moments")
-        stiffness = rules.rest_weight * unexplained
-        descent = Descent(metric, damping, stiffness, rules.gauss_newton_iterations, rules.keep_limits)
-        minimise(skeleton, pose, descent, room.equations)
-        if rules.overstep > 0.0 and k < rules.icp_iterations - 1:
-            extend(skeleton, before, rules.overstep, pose)
-            if rules.keep_limits:
-                clamp(skeleton, pose)
+        stiffness = parameters.rest_weight * unexplained
+        solver = SolverParameters(
+            metric, damping, stiffness, parameters.gauss_newton_iterations, parameters.keep_limits
+        )
+        minimise(skeleton, pose, solver, workspace.equations)
+        if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
+            over_relax(skeleton, before, parameters.over_relaxation, pose)
+            if parameters.keep_limits:
+                clamp_to_limits(skeleton, pose)
         clock.lap("solve")
-    assess(pose, known, skeleton, surface, evidence, rules, room)
+    evaluate(pose, last_count, skeleton, surface, packed, parameters, workspace)
     clock.lap("likelihood")
     return clock.spent

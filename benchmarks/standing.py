@@ -18,10 +18,11 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.tracking.sensor_noise import SensorNoise
 from coordinator.tracking.subject import isolate
-from worker.kernel.evidence import lay_out_evidence
-from worker.kernel.icp import lay_out_room, look
 from worker.kernel.observation import Observation, observe
-from worker.kernel.surface import lay_out
+from worker.kernel.packing import pack_observation
+from worker.kernel.surface import pack_model
+from worker.kernel.visibility import update_visibility
+from worker.kernel.workspace import make_workspace
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 UNITS_PER_METRE = 1000.0
@@ -55,9 +56,10 @@ class Case:
 
     def visible(self) -> NDArray[np.float64]:
         """Model points (Q, 3) that the camera sees in the start's pose."""
-        skeleton, surface = lay_out(self.model)
-        room = lay_out_room(skeleton, surface, lay_out_evidence(self.observation, RefineSettings()))
-        return room.sight.posed[look(self.start[0], skeleton, surface, room)]
+        skeleton, surface = pack_model(self.model)
+        workspace = make_workspace(skeleton, surface, pack_observation(self.observation, RefineSettings()))
+        transforms, view = workspace.transforms, workspace.visibility
+        return view.posed[update_visibility(self.start[0], skeleton, surface, transforms, view)]
 
     def joint_error(self, poses: NDArray[np.float64]) -> float:
         """Mean distance of the joints in poses (1, D) from the truth, metres."""

@@ -18,7 +18,7 @@ MOST_PIXELS = 2**26  # that may be drawn to see what is in front
 MOST_WORK = 1e13  # of a request: points compared, pixels drawn and products summed; some 20 minutes
 POSITIVE_SETTINGS = {"noise_depth", "noise_lateral", "likelihood_scale"}
 SMALLEST_POSITIVE = 1e-6
-LARGEST_OVERSTEP = 10.0  # beyond it the descent cannot but fly apart
+LARGEST_OVER_RELAXATION = 10.0  # beyond it the descent cannot but fly apart
 
 
 def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> None:

@@ -8,7 +8,7 @@ from common.errors import InputError
 
 
 class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a worker needs to know to refine a particle. Lengths in metres, angles in radians."""
+    """Settings of a particle's refinement. Lengths in metres, angles in radians."""
 
     icp_iterations: int = 3  # 0 only assesses the likelihood
     gauss_newton_iterations: int = 5
@@ -23,8 +23,8 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     soft_correspondences: bool = False  # for as many iterations more, where depth is by far the noisiest
     independent_points: float = 200.0  # so many are the observed points worth then
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
-    overstep: float = 0.0  # share of each iteration's motion that is added to it, but for the last
-    look_every: int = 1  # iterations that share a look at what is visible; above 1 the likelihood does, too
+    over_relaxation: float = 0.0  # share of each ICP iteration's motion that is added to it, but the last's
+    visibility_interval: int = 1  # iterations from one visibility update to the next; above 1 step 5 has none
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -63,8 +63,8 @@ PRESETS = {
         refine=RefineSettings(
             icp_iterations=3,
             gauss_newton_iterations=2,
-            overstep=1.0,
-            look_every=3,
+            over_relaxation=1.0,
+            visibility_interval=3,
             soft_correspondences=True,
             damping_share=0.0003,
             rest_weight=0.0005,

@@ -1,4 +1,4 @@
-"""Whether the other side lets a worker be who it says; what access control drops, it drops silently."""
+"""Whether the other side accepts a worker's name; access control drops messages silently."""
 
 from __future__ import annotations
 

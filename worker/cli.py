@@ -37,7 +37,8 @@ Name = Annotated[
     typer.Option(metavar="NAME", help="What the worker is called; unique (default: as its certificate)."),
 ]
 TlsCa = Annotated[
-    Path | None, typer.Option("--tls-ca", metavar="FILE", help="Certificate of who signs all certificates.")
+    Path | None,
+    typer.Option("--tls-ca", metavar="FILE", help="Certificate of the authority."),
 ]
 TlsCert = Annotated[
     Path | None, typer.Option("--tls-cert", metavar="FILE", help="This worker's certificate.")
@@ -45,7 +46,7 @@ TlsCert = Annotated[
 TlsKey = Annotated[Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's key.")]
 Check = Annotated[
     bool,
-    typer.Option("--check", help="Only look whether this worker is at work; exit code 0 if so, 1 if not."),
+    typer.Option("--check", help="Only check whether this worker is connected; exit code 0 if so, 1 if not."),
 ]
 Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
 
@@ -56,8 +57,8 @@ def main() -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where a worker works, and as whom."""
+class Identity:
+    """Where a worker connects, under which name, and with which certificate."""
 
     connect: tuple[str, ...]
     name: str
@@ -77,28 +78,28 @@ def work(
     """Refine particles for any coordinator that is connected, until stopped."""
 
     def job() -> None:
-        place = choose_place(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
+        identity = choose_identity(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
         if check:
-            check_alive(place.name, place.connect, place.security)
+            check_alive(identity.name, identity.connect, identity.security)
         else:
-            serve(place, load_kernel, tied=tied)
+            serve(identity, load_kernel, tied=tied)
 
     exit_with(job)
 
 
-def choose_place(connect: list[str], name: str | None, credentials: Credentials | None) -> Place:
-    """A worker's place from its options, checked; a certificate also tells its name."""
+def choose_identity(connect: list[str], name: str | None, credentials: Credentials | None) -> Identity:
+    """A worker's identity from its options, checked; a certificate also gives its name."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
     if credentials is None:
-        return Place(tuple(connect), check_name("worker name", name or invent_name()))
+        return Identity(tuple(connect), check_name("worker name", name or invent_name()))
     name = check_name("worker name", name or holder_of(credentials))
     check_holder(credentials, name)
-    return Place(tuple(connect), name, Security(credentials))
+    return Identity(tuple(connect), name, Security(credentials))
 
 
 def exit_with(job: Callable[[], None]) -> NoReturn:
-    """Do a job and exit: 0 when it ends or is told to, 2 for faults of the user, 1 for others."""
+    """Do a job and exit: 0 when it ends or is stopped, 2 for faults of the user, 1 for others."""
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(name)s: %(message)s")
     try:
         job()
@@ -110,20 +111,20 @@ def exit_with(job: Callable[[], None]) -> NoReturn:
     raise SystemExit(0)
 
 
-def serve(place: Place, load: Callable[[], Kernel[Any]], *, tied: bool) -> None:
+def serve(identity: Identity, load: Callable[[], Kernel[Any]], *, tied: bool) -> None:
     """Get ready, then serve until SIGTERM or SIGINT, or, if tied, until standard input ends."""
     if tied:
         threading.Thread(target=end_with_parent, daemon=True).start()
     kernel = load()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, signal.SIG_DFL)  # while connecting, nothing else would be heard
-    with open_worker(place.connect, place.security) as bus:
-        if place.security is not None:
-            check_admission(bus, place.name, place.connect, place.security)
-        service = Service(bus, place.name, kernel)
+        signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal
+    with open_worker(identity.connect, identity.security) as bus:
+        if identity.security is not None:
+            check_admission(bus, identity.name, identity.connect, identity.security)
+        service = Service(bus, identity.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, end)
-        log.info("%s serves %s", place.name, ", ".join(place.connect))
+        log.info("%s serves %s", identity.name, ", ".join(identity.connect))
         service.run()
 
 
@@ -139,7 +140,7 @@ def load_kernel() -> Kernel[Any]:
 
 
 def end(*_: object) -> NoReturn:
-    """Handle a signal: leave, once; requests that are not answered are sent elsewhere."""
+    """Handle a signal: exit, once; the coordinator sends requests without an answer elsewhere."""
     for other in (signal.SIGTERM, signal.SIGINT):
         signal.signal(other, signal.SIG_IGN)
     raise SystemExit(0)
@@ -153,7 +154,7 @@ def end_with_parent() -> None:
 
 
 def invent_name() -> str:
-    """A name that nobody else has."""
+    """A unique name: the host's, and a few random digits."""
     host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname())[:32].strip("-") or "worker"
     return f"{host}-{uuid.uuid4().hex[:8]}"
 

@@ -1,4 +1,4 @@
-"""Requests that wait at a worker: runs take turns, so that none waits for all of another's."""
+"""A fair queue of requests: runs take turns, so that none waits for all requests of another."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ T = TypeVar("T")
 MOST = 64  # requests that may wait
 
 
-class Turns(Generic[T]):
-    """First come, first served within a run; between runs, one of each in turn."""
+class FairQueue(Generic[T]):
+    """Requests in the order they came within a run, and round-robin between runs."""
 
     def __init__(self) -> None:
         self._waiting: OrderedDict[str, deque[T]] = OrderedDict()  # whose turn it is first
@@ -20,9 +20,9 @@ class Turns(Generic[T]):
         return bool(self._waiting)
 
     def put(self, run: str, request: T) -> T | None:
-        """A request has come; a run that had none waiting comes last. Gives the one that makes room for it.
+        """Add a request; a run that had none waiting comes last. Returns the request dropped for it, if any.
 
-        That is, when too many wait, the oldest of the run that has most of them.
+        When too many wait, that is the oldest of the run that has most of them.
         """
         self._waiting.setdefault(run, deque()).append(request)
         if sum(map(len, self._waiting.values())) <= MOST:
@@ -34,7 +34,7 @@ class Turns(Generic[T]):
         return oldest
 
     def take(self) -> T:
-        """The next request; IndexError if none waits."""
+        """Remove the next request and return it; IndexError if none waits."""
         if not self._waiting:
             raise IndexError("no request waits")
         run, requests = self._waiting.popitem(last=False)
@@ -44,5 +44,5 @@ class Turns(Generic[T]):
         return request
 
     def forget(self, run: str) -> list[T]:
-        """Take out all requests of a run."""
+        """Remove all requests of a run and return them."""
         return list(self._waiting.pop(run, ()))

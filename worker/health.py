@@ -1,4 +1,4 @@
-"""Whether a worker is seen where its work comes from: what a container's health check asks."""
+"""Health check of a container: whether the worker is seen at its coordinator or router."""
 
 from __future__ import annotations
 

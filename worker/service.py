@@ -1,4 +1,4 @@
-"""Bytes in, refine, bytes out.
+"""The worker's loop: a request's bytes in, refine, the reply's bytes out.
 
 What a worker remembers, frames and models, only saves it from asking again: a result depends on its
 request alone.
@@ -31,7 +31,7 @@ from common.protocol.messages import (
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus, Request, Requests
-from worker.fair_queue import Turns
+from worker.fair_queue import FairQueue
 from worker.store import Memory, RunMemory
 
 PATIENCE = 0.2  # seconds that a published frame may be behind the first request for it
@@ -45,7 +45,7 @@ Refine = Callable[[BodyModel, O, NDArray[np.float64], RefineSettings], Refined]
 
 @dataclass(frozen=True, slots=True)
 class Kernel(Generic[O]):
-    """What the work is done with."""
+    """The two functions that a worker computes with."""
 
     observe: Callable[[SubjectFrame], O]
     refine: Refine[O]
@@ -53,10 +53,10 @@ class Kernel(Generic[O]):
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """A request and what it asks for."""
+    """A request of the bus, and its decoded content."""
 
     request: Request
-    asked: RefineRequest
+    content: RefineRequest
 
 
 class Service(Generic[O]):
@@ -67,8 +67,8 @@ class Service(Generic[O]):
         self._name = name
         self._kernel = kernel
         self._memory: Memory[O] = Memory()
-        self._turns: Turns[Batch] = Turns()
-        self._over: SimpleQueue[str] = SimpleQueue()  # runs
+        self._queue: FairQueue[Batch] = FairQueue()
+        self._ended_runs: SimpleQueue[str] = SimpleQueue()
         self._requests: Requests | None = None
         self._stopped = False
 
@@ -91,51 +91,51 @@ class Service(Generic[O]):
             self._requests.close()
 
     def _next(self, requests: Requests) -> Batch | None:
-        """The batch whose turn it is; None when there will be no more."""
+        """The next batch of the queue; None when there will be no more."""
         wait = False
         while (arrived := requests.receive(wait=wait)) is not None:
             for request in arrived:
                 self._admit(request)
-            self._drop_what_is_over()
-            if self._turns:
-                return self._turns.take()
-            wait = not self._look_ahead()
+            self._drop_ended_runs()
+            if self._queue:
+                return self._queue.take()
+            wait = not self._observe_ahead()
         return None
 
-    def _look_ahead(self) -> bool:
-        """Make ready for a frame that came before its requests; False if there is none."""
+    def _observe_ahead(self) -> bool:
+        """Observe a frame that came before its requests; False if there is none."""
         unread = self._memory.take_unread()
         if unread is None:
             return False
         memory, number, payload = unread
-        with suppress(Exception):  # what is wrong with it is told to who asks for it
+        with suppress(Exception):  # its requests will report what is wrong with it
             memory.observations.put(number, self._kernel.observe(decode_frame(payload)))
         return True
 
     def _admit(self, request: Request) -> None:
-        """Have a request wait for its turn, or refuse it if it makes no sense."""
+        """Queue a request, or refuse it if it cannot be decoded."""
         try:
-            asked = decode_request(request.payload)
+            content = decode_request(request.payload)
         except ProtocolError as error:
             with request:
                 refuse(request, str(error))
         else:
-            crowded_out = self._turns.put(asked.run, Batch(request, asked))
-            if crowded_out is not None:
-                with crowded_out.request:
+            dropped = self._queue.put(content.run, Batch(request, content))
+            if dropped is not None:
+                with dropped.request:
                     log.warning("dropped a request: too many wait")
 
-    def _drop_what_is_over(self) -> None:
-        """Nobody waits for the requests of a run that is gone."""
-        while not self._over.empty():
-            for batch in self._turns.forget(self._over.get()):
+    def _drop_ended_runs(self) -> None:
+        """Drop the requests of runs that are gone: nobody waits for them."""
+        while not self._ended_runs.empty():
+            for batch in self._queue.forget(self._ended_runs.get()):
                 with batch.request:
                     log.info("dropped a request: its run is gone")
 
     def serve(self, batch: Batch) -> None:
-        """Answer one batch, if need be with the reason why it cannot be done."""
+        """Reply to one batch, or refuse it with the reason."""
         try:
-            payload = self.answer(batch.asked)
+            payload = self.answer(batch.content)
         except BusError as error:
             refuse(batch.request, str(error), retryable=True)
         except ProtocolError as error:
@@ -148,7 +148,7 @@ class Service(Generic[O]):
     def answer(self, request: RefineRequest) -> bytes:
         """Refine a batch.
 
-        Raises ProtocolError for a request that cannot be served, BusError if what it is about is not found.
+        Raises ProtocolError for a request that cannot be served, BusError if its frame or model is not found.
         """
         memory: RunMemory[O] = self._memory.of(request.run)
         model = memory.models.find(request.model_hash, lambda: self._fetch_model(request))
@@ -160,16 +160,16 @@ class Service(Generic[O]):
         return encode_refined(self._kernel.refine(model, observation, request.poses, request.settings))
 
     def _keep_frame(self, key: str, number: int, payload: bytes) -> None:
-        """A frame has come; from a thread of the bus."""
+        """Store a published frame; called from a thread of the bus."""
         self._memory.put_frame(keys.run_of(key), number, payload)
         if self._requests is not None:
             self._requests.wake()
 
     def _notice_run(self, key: str, alive: bool) -> None:
-        """Forget a run when its coordinator is gone; from a thread of the bus."""
+        """Forget a run when its coordinator is gone; called from a thread of the bus."""
         if not alive:
             self._memory.forget(keys.run_of(key))
-            self._over.put(keys.run_of(key))
+            self._ended_runs.put(keys.run_of(key))
 
     def _observe(self, request: RefineRequest) -> O:
         return self._kernel.observe(decode_frame(self._find_frame(request)))
@@ -196,6 +196,6 @@ class Service(Generic[O]):
 
 
 def refuse(request: Request, reason: str, *, retryable: bool = False) -> None:
-    """Tell why, to who asked and in the log."""
+    """Refuse a request with a reason, which is also logged."""
     log.warning("refused a request: %s", reason)
     request.refuse(encode_refusal(reason, retryable=retryable))

@@ -1,4 +1,4 @@
-"""What a worker keeps between requests so as not to ask for it again: bounded, by run, oldest out first."""
+"""A worker's cache of frames, observations and models: bounded, by run, least recently used out first."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ MODELS_OF_RUN = 4
 
 
 class Recent(Generic[K, V]):
-    """The values that were used last, at most `size` of them."""
+    """A cache of at most `size` values; the least recently used goes first."""
 
     def __init__(self, size: int) -> None:
         self._size = size
         self._values: OrderedDict[K, V] = OrderedDict()
 
     def find(self, key: K, make: Callable[[], V]) -> V:
-        """The value of a key; made, if it is not there."""
+        """Return the value of a key; make it if it is not there."""
         value = self._values[key] if key in self._values else make()
         self.put(key, value)
         return value
 
     def put(self, key: K, value: V) -> None:
-        """Keep a value, as the one that was used last."""
+        """Store a value as the most recently used."""
         self._values[key] = value
         self._values.move_to_end(key)
         while len(self._values) > self._size:
             self._values.popitem(last=False)
 
     def values(self) -> list[V]:
-        """All that is kept."""
+        """All values, the least recently used first."""
         return list(self._values.values())
 
     def get(self, key: K) -> V | None:
@@ -50,7 +50,7 @@ class Recent(Generic[K, V]):
         return key in self._values
 
     def forget(self, key: K) -> None:
-        """Keep the value of a key no longer."""
+        """Remove the value of a key, if it is there."""
         self._values.pop(key, None)
 
     def __len__(self) -> int:
@@ -58,34 +58,34 @@ class Recent(Generic[K, V]):
 
 
 class RunMemory(Generic[O]):
-    """What is kept of one run."""
+    """The cache of one run."""
 
     def __init__(self) -> None:
-        self.frames: Recent[int, bytes] = Recent(FRAMES_OF_RUN)  # as they came
+        self.frames: Recent[int, bytes] = Recent(FRAMES_OF_RUN)  # encoded
         self.observations: Recent[int, O] = Recent(FRAMES_OF_RUN)
         self.models: Recent[str, BodyModel] = Recent(MODELS_OF_RUN)
-        self.unread: int | None = None  # the frame that came last, if nobody has looked at it
+        self.unread: int | None = None  # the newest frame, if it was not observed yet
 
 
 class Memory(Generic[O]):
-    """What is kept of the runs that were busy last. Frames come from another thread than they are read in."""
+    """The caches of the runs that were busy last. Frames are stored and read by different threads."""
 
     def __init__(self) -> None:
         self._runs: Recent[str, RunMemory[O]] = Recent(RUNS)
         self._changed = threading.Condition()
 
     def of(self, run: str) -> RunMemory[O]:
-        """What is kept of a run."""
+        """The cache of a run."""
         with self._changed:
             return self._runs.find(run, RunMemory)
 
     def forget(self, run: str) -> None:
-        """Keep nothing of a run; it is over."""
+        """Remove the cache of a run, which has ended."""
         with self._changed:
             self._runs.forget(run)
 
     def put_frame(self, run: str, number: int, payload: bytes) -> None:
-        """A frame has come."""
+        """Store an encoded frame, and wake who waits for it."""
         with self._changed:
             memory = self._runs.find(run, RunMemory)
             memory.frames.put(number, payload)
@@ -93,7 +93,7 @@ class Memory(Generic[O]):
             self._changed.notify_all()
 
     def take_unread(self) -> tuple[RunMemory[O], int, bytes] | None:
-        """A frame, once, of which nothing was made yet, of a run that has asked for something before."""
+        """Return, once, a frame that was not observed yet, of a run that has sent a request before."""
         with self._changed:
             for memory in self._runs.values():
                 if memory.unread is not None and memory.models:
@@ -104,7 +104,7 @@ class Memory(Generic[O]):
             return None
 
     def wait_for_frame(self, run: str, number: int, timeout: float) -> bytes | None:
-        """A frame, if it is there or comes within the timeout (seconds)."""
+        """Return a frame if it is there or comes within the timeout (seconds)."""
         with self._changed:
             self._changed.wait_for(lambda: self._get_frame(run, number) is not None, timeout)
             return self._get_frame(run, number)

@@ -1,4 +1,4 @@
-"""Refine something tiny, so that every kernel is compiled or loaded before the first request comes."""
+"""Compile or load every kernel before the first request, by refining something tiny."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from common.errors import InputError
 from common.settings import Settings
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.tracking.sensor_noise import SensorNoise, told
-from worker.kernel.evidence import lay_out_rules
+from worker.kernel.packing import pack_parameters
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 SEEDS = 10
@@ -49,7 +49,7 @@ class Row:
             return particles
         if self.method == "annealed":
             return particles * settings.filter.layers
-        rounds = 2 if lay_out_rules(told(settings.refine, self.noise)).soft else 1
+        rounds = 2 if pack_parameters(told(settings.refine, self.noise)).soft else 1
         return particles * (rounds * settings.refine.icp_iterations + 1)
 
 

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
-from common.kinematics import ball_turn, copied, handedness
+from common.kinematics.arrays import contiguous
+from common.kinematics.manifold import ball_vector
+from common.kinematics.rotations import handedness
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,7 +36,7 @@ def merge(model: BodyModel, poses: Array, log_likelihood: Array, angle: float) -
     order = np.argsort(-log_likelihood, kind="stable")
     chosen, group = np.empty_like(order), np.empty_like(order)
     count = join_in_order(
-        order, copied(poses), angle, find_hinges(model), model.axes, model.balls, chosen, group
+        order, contiguous(poses), angle, find_hinges(model), model.axes, model.balls, chosen, group
     )
     return chosen[:count], group
 
@@ -83,7 +85,7 @@ def is_near(pose: Array, other: Array, angle: float, hinges: Indices, axes: Arra
             return False
     turn = np.empty(3)
     for start in balls:
-        ball_turn(
+        ball_vector(
             handedness(axes[start : start + 3]), pose[start : start + 3], other[start : start + 3], turn
         )
         if not np.max(np.abs(turn)) < angle:

@@ -269,7 +269,7 @@ class Liar(Service[float]):
         """Answer one batch."""
         turn = sum(self._heard.values()) if self._heard["honest answers"] else 0
         try:
-            honest = self.answer(batch.asked)
+            honest = self.answer(batch.content)
         except ProtocolError as error:  # the frame is over, and others refined it
             batch.request.refuse(encode_refusal(str(error)))
             return
@@ -281,7 +281,7 @@ class Liar(Service[float]):
             batch.request.refuse(self._mutator.mutate(encode_refusal("no")))
         else:
             self._heard["lies"] += 1
-            batch.request.reply(self._nonsense(honest, batch.asked.poses.shape))
+            batch.request.reply(self._nonsense(honest, batch.content.poses.shape))
 
     def _nonsense(self, honest: bytes, asked: tuple[int, ...]) -> bytes:
         """The honest answer, mutated until it is none."""

@@ -20,10 +20,10 @@ from coordinator.filters.gradient_enhanced import advance, begin
 from tests.disturbance.fuzz import fuzz_kernel
 from tests.support.extremes import Extremes
 from tests.support.serving import MODEL, POSES
-from worker.kernel.icp import give_up_flown, refine
+from worker.kernel.icp import refine, reject_diverged
 from worker.kernel.observation import observe
-from worker.kernel.surface import lay_out
-from worker.kernel.visibility import LARGEST_SIDE, draw_front, lay_out_view
+from worker.kernel.surface import pack_model
+from worker.kernel.visibility import LARGEST_SIDE, make_visibility_buffers, rasterise_front
 from worker.warm_up import tiny_frame, tiny_model
 
 
@@ -60,12 +60,12 @@ def test_what_flew_away_is_back_where_it_began_and_explains_nothing() -> None:
     log_likelihood = np.array([-1.0, -1.0, np.nan, np.inf, -1.0, -np.inf])
     residual = np.array([0.1, 0.1, 0.1, 0.1, np.nan, np.inf])
     good = flown[5].copy()
-    give_up_flown(poses, flown, log_likelihood, residual)
+    reject_diverged(poses, flown, log_likelihood, residual)
     np.testing.assert_array_equal(flown, [*poses[:5], good])
     np.testing.assert_array_equal(log_likelihood, np.full(6, -np.inf))
     np.testing.assert_array_equal(residual, np.full(6, np.inf))
     moved, explained = poses + 1.0, np.full(6, -1.0)
-    give_up_flown(poses, moved, explained, np.full(6, 0.1))
+    reject_diverged(poses, moved, explained, np.full(6, 0.1))
     np.testing.assert_array_equal(moved, poses + 1.0)
     assert explained.tolist() == [-1.0] * 6
 
@@ -86,12 +86,12 @@ def test_drawing_ends() -> None:
     side = LARGEST_SIDE
     corners = np.array([[0.0, 0.0], [0.0, 2.0 * side], [2.0 * side, 0.0]])  # the last of them is nearest
     full = MOST_PIXELS // side**2
-    view = lay_out_view(3 * (full + 1))
+    view = make_visibility_buffers(3 * (full + 1))
     view.image[:] = np.tile(corners, (full + 1, 1))
     view.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
     buffer = np.empty((side, side), dtype=np.float32)
     triangles = np.arange(3 * (full + 1), dtype=np.uint32).reshape(-1, 3)
-    draw_front(view, triangles, 0, 0, buffer)
+    rasterise_front(view, triangles, 0, 0, buffer)
     assert np.all(view.front)
     np.testing.assert_allclose(buffer.min(), view.posed[3 * full - 1, 2])
 
@@ -99,8 +99,8 @@ def test_drawing_ends() -> None:
 def test_what_is_laid_out_goes_with_its_model() -> None:
     """A worker keeps nothing of a model that it has forgotten."""
     model = replace(MODEL, name="short-lived")
-    assert lay_out(model) is lay_out(model)
-    surface = weakref.ref(lay_out(model)[1].vertices)
+    assert pack_model(model) is pack_model(model)
+    surface = weakref.ref(pack_model(model)[1].vertices)
     assert surface() is not None
     del model
     gc.collect()

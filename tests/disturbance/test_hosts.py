@@ -40,7 +40,7 @@ def route(address: str) -> None:
 def work_slowly(endpoint: str, name: str) -> None:
     """`gepf-worker`, with a long task in each batch; says when it has done one."""
     from tests.support.warm_kernel import KERNEL
-    from worker.cli import Place, exit_with, serve
+    from worker.cli import Identity, exit_with, serve
     from worker.service import Kernel
 
     def refine(*asked: Any) -> Any:
@@ -49,7 +49,7 @@ def work_slowly(endpoint: str, name: str) -> None:
         sys.stderr.write(f"{DONE}\n")
         return refined
 
-    exit_with(lambda: serve(Place((endpoint,), name), lambda: Kernel(KERNEL.observe, refine), tied=False))
+    exit_with(lambda: serve(Identity((endpoint,), name), lambda: Kernel(KERNEL.observe, refine), tied=False))
 
 
 class Site:

@@ -25,7 +25,7 @@ from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.instant_worker import KERNEL, observe, refine
 from tests.support.serving import MODEL, POSES, REQUEST, SETTINGS, as_bytes, expected, frame, refined_bytes
-from worker.fair_queue import MOST, Turns
+from worker.fair_queue import MOST, FairQueue
 from worker.service import Kernel, Service
 from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
 
@@ -33,16 +33,16 @@ from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
 @given(st.lists(st.sampled_from("abc"), max_size=30))
 def test_turns_keep_the_order_within_a_run_and_alternate_between_runs(runs: list[str]) -> None:
     """Nothing is lost; while two runs wait neither is served twice in a row."""
-    turns: Turns[tuple[str, int]] = Turns()
+    queue: FairQueue[tuple[str, int]] = FairQueue()
     for number, run in enumerate(runs):
-        turns.put(run, (run, number))
+        queue.put(run, (run, number))
     left = dict.fromkeys("abc", 0)
     served: list[tuple[str, int]] = []
     for run in runs:
         left[run] += 1
-    while turns:
+    while queue:
         others = {run for run in "abc" if left[run]}
-        run, number = turns.take()
+        run, number = queue.take()
         assert not served or served[-1][0] != run or others == {run}
         served.append((run, number))
         left[run] -= 1
@@ -52,27 +52,27 @@ def test_turns_keep_the_order_within_a_run_and_alternate_between_runs(runs: list
 
 def test_a_run_that_comes_waits_for_one_request_of_each_other() -> None:
     """However many requests another run has waiting."""
-    turns: Turns[str] = Turns()
+    queue: FairQueue[str] = FairQueue()
     for number in range(5):
-        turns.put("long", f"long {number}")
-    assert turns.take() == "long 0"
-    turns.put("short", "short 0")
-    assert [turns.take() for _ in range(3)] == ["long 1", "short 0", "long 2"]
-    assert turns.forget("long") == ["long 3", "long 4"]
-    assert not turns
+        queue.put("long", f"long {number}")
+    assert queue.take() == "long 0"
+    queue.put("short", "short 0")
+    assert [queue.take() for _ in range(3)] == ["long 1", "short 0", "long 2"]
+    assert queue.forget("long") == ["long 3", "long 4"]
+    assert not queue
     with pytest.raises(IndexError):
-        turns.take()
+        queue.take()
 
 
 def test_who_asks_for_most_makes_room() -> None:
     """However many requests come, so many wait at most, and those of another run are served all the same."""
-    turns: Turns[str] = Turns()
-    assert turns.put("calm", "calm 0") is None
-    gone = [turns.put("flood", f"flood {number}") for number in range(MOST + 9)]
+    queue: FairQueue[str] = FairQueue()
+    assert queue.put("calm", "calm 0") is None
+    gone = [queue.put("flood", f"flood {number}") for number in range(MOST + 9)]
     assert [each for each in gone if each is not None] == [f"flood {number}" for number in range(10)]
-    assert len(turns.forget("flood")) == MOST - 1
-    assert turns.take() == "calm 0"
-    assert [turns.put(str(number), str(number)) for number in range(MOST + 1)][-1] == "0"
+    assert len(queue.forget("flood")) == MOST - 1
+    assert queue.take() == "calm 0"
+    assert [queue.put(str(number), str(number)) for number in range(MOST + 1)][-1] == "0"
 
 
 def test_memory_is_bounded_by_run_and_freed() -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, BodyModel
 from common.bounds import (
     LARGEST_LENGTH,
-    LARGEST_OVERSTEP,
+    LARGEST_OVER_RELAXATION,
     LARGEST_POSE,
     LARGEST_SETTING,
     SMALLEST_POSITIVE,
@@ -181,7 +181,7 @@ class Extremes:
             free_space_weight=self._one_of(ANY_SETTING),
             likelihood_scale=self._one_of(POSITIVE),
             independent_points=self._one_of(ANY_SETTING),
-            overstep=self._one_of((0.0, 1.0, LARGEST_OVERSTEP)),
-            look_every=self._one_of((1, 2, 3, 100)),
+            over_relaxation=self._one_of((0.0, 1.0, LARGEST_OVER_RELAXATION)),
+            visibility_interval=self._one_of((1, 2, 3, 100)),
             soft_correspondences=self._one_of((False, True)),
         )

@@ -14,7 +14,7 @@ from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.credentials import read_credentials
-from worker.cli import Connect, Name, Tied, TlsCa, TlsCert, TlsKey, choose_place, exit_with, serve
+from worker.cli import Connect, Name, Tied, TlsCa, TlsCert, TlsKey, choose_identity, exit_with, serve
 from worker.service import Kernel
 
 
@@ -47,8 +47,8 @@ def work(
     """As `gepf-worker` does."""
 
     def job() -> None:
-        place = choose_place(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
-        serve(place, lambda: KERNEL, tied=tied)
+        identity = choose_identity(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
+        serve(identity, lambda: KERNEL, tied=tied)
 
     exit_with(job)
 

@@ -19,7 +19,8 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import difference, dof_transforms, pose_vertices, retract, step_axes
 from common.settings import RefineSettings
 from tests.support.bodies import moves
-from worker.kernel.gauss_newton import CONVERGED, LIMIT_SHARE
+from worker.kernel.solver.gauss_newton import CONVERGED
+from worker.kernel.solver.priors import LIMIT_SHARE
 from worker.kernel.visibility import LARGEST_SIDE, NEAR, PIXEL, TOLERANCE
 
 Array = NDArray[np.float64]
@@ -293,7 +294,7 @@ def assess(
 ) -> tuple[float, float]:
     """Step 5: log likelihood and mean residual, by what is visible or, if that counts, was so before."""
     posed, visible = see(model, pose)
-    if len(before) > 0 and settings.look_every > 1:
+    if len(before) > 0 and settings.visibility_interval > 1:
         visible = before
     points = observed_points(subject)
     if len(visible) == 0:
@@ -314,7 +315,7 @@ def refine(
     visible = np.empty(0, dtype=np.int64)
     for k in range(settings.icp_iterations):
         posed, seen = see(model, pose)
-        visible = seen if k % settings.look_every == 0 else visible
+        visible = seen if k % settings.visibility_interval == 0 else visible
         if len(visible) == 0:
             break
         factors = collect(model, pose, posed, visible, subject, settings)
@@ -325,6 +326,6 @@ def refine(
 
 def extend(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
     """The pose (D,) moved on by a share of the motion that led there from another."""
-    step = settings.overstep * difference(model, before[None], pose[None])
+    step = settings.over_relaxation * difference(model, before[None], pose[None])
     further = retract(model, pose[None], step)[0]
     return clamp(model, further) if settings.keep_limits else further

@@ -40,9 +40,9 @@ def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
 def work(endpoints: tuple[str, ...], name: str) -> None:
     """`gepf-worker`."""
     from tests.support.warm_kernel import KERNEL
-    from worker.cli import Place, exit_with, serve
+    from worker.cli import Identity, exit_with, serve
 
-    exit_with(lambda: serve(Place(endpoints, name), lambda: KERNEL, tied=False))
+    exit_with(lambda: serve(Identity(endpoints, name), lambda: KERNEL, tied=False))
 
 
 class Workers:

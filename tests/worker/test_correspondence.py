@@ -14,9 +14,9 @@ from scipy.spatial import cKDTree
 from worker.kernel.correspondence import (
     bounding_boxes,
     boxes_of,
-    closest_again,
     closest_points,
-    lay_out_search,
+    closest_points_from_guess,
+    make_search_buffers,
 )
 from worker.kernel.neighbourhoods import neighbourhoods
 from worker.kernel.observation import BLOCK, TILE, pad_to_blocks
@@ -79,7 +79,7 @@ def search(observed: Points, model: Points) -> tuple[NDArray[np.uint32], Points]
     """Indices (P,) and squared distances (P,) as the kernel finds them."""
     padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
     leaves = -(-len(model) // LEAF)
-    room = lay_out_search(len(padded), len(model) + 1, leaves + 1)
+    room = make_search_buffers(len(padded), len(model) + 1, leaves + 1)
     for array in room:
         array.fill(7)  # whatever an earlier search left
     room.model[: len(model)] = model
@@ -95,12 +95,12 @@ def search_again(
     """As `search`, from a guess (P,)."""
     padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
     leaves = -(-len(model) // LEAF)
-    room = lay_out_search(len(padded), len(model), leaves)
+    room = make_search_buffers(len(padded), len(model), leaves)
     room.model[:] = model
     room.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
     room.closest[:] = np.resize(guess, len(padded))
     across = np.ascontiguousarray(padded.T)
-    closest_again(across, boxes_of(across, TILE), leaves, room)
+    closest_points_from_guess(across, boxes_of(across, TILE), leaves, room)
     return room.closest[: len(observed)], room.squared[: len(observed)]
 
 

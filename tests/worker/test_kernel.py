@@ -23,19 +23,21 @@ from coordinator.tracking.subject import isolate
 from tests.support import plain_path
 from tests.support.bodies import person, puppet
 from worker.kernel import icp
-from worker.kernel.evidence import lay_out_evidence, lay_out_rules
-from worker.kernel.gauss_newton import (
-    Descent,
-    Equations,
+from worker.kernel.observation import BLOCK, Observation, observe
+from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.solver.gauss_newton import SolverParameters, minimise, solve_ltl
+from worker.kernel.solver.normal_equations import (
+    NormalEquations,
     add_correspondences,
-    lay_out_equations,
-    minimise,
+    make_equations,
     normal_equations,
-    solve_along_chains,
     subtree_moments,
 )
-from worker.kernel.observation import BLOCK, Observation, observe
-from worker.kernel.surface import lay_out, order_vertices, weights_first
+from worker.kernel.surface import order_vertices, pack_model, weights_first
+from worker.kernel.visibility import update_visibility
+from worker.kernel.warm_start import find_correspondences
+from worker.kernel.weighting import accumulate_correspondences
+from worker.kernel.workspace import Workspace, make_workspace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -85,19 +87,26 @@ def layout(model: BodyModel) -> Indices:
     return order_vertices(model)[0]
 
 
-def used(room: icp.Room) -> icp.Room:
-    """A room in which others were before."""
-    for array in (room.pulls, room.targets, room.away, *room.sight, *room.search, *room.equations):
+def used(workspace: Workspace) -> Workspace:
+    """A workspace in which others were before."""
+    for array in (
+        workspace.weighted_targets,
+        workspace.silhouette_points,
+        workspace.silhouette_squared,
+        *workspace.visibility,
+        *workspace.search,
+        *workspace.equations,
+    ):
         array.fill(7)
-    return room
+    return workspace
 
 
-def looked(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[icp.Room, Array, Numbers]:
-    """A room after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
-    skeleton, surface = lay_out(model)
-    room = used(icp.lay_out_room(skeleton, surface, lay_out_evidence(observe(subject()), settings)))
-    visible = icp.look(pose.copy(), skeleton, surface, room)
-    return room, room.sight.posed, visible
+def looked(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[Workspace, Array, Numbers]:
+    """A workspace after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
+    skeleton, surface = pack_model(model)
+    workspace = used(make_workspace(skeleton, surface, pack_observation(observe(subject()), settings)))
+    visible = update_visibility(pose.copy(), skeleton, surface, workspace.transforms, workspace.visibility)
+    return workspace, workspace.visibility.posed, visible
 
 
 def correspondences(
@@ -124,21 +133,23 @@ def kernel_equations(
     model: BodyModel, factors: plain_path.Factors, pose: Array, metric: Array
 ) -> tuple[Array, Array]:
     """J^T J (D, D) and J^T r (D,) from the moments of factors, at a pose that the body has moved on to."""
-    skeleton, _ = lay_out(model)
-    room = summed_up(model, factors)
-    room.reference[:], room.moved[:] = (dof_transforms(model, p[None])[0] for p in (factors.pose, pose))
-    subtree_moments(skeleton, room)
-    normal_equations(skeleton, metric, room)
-    return room.gram, room.gradient
+    skeleton, _ = pack_model(model)
+    equations = summed_up(model, factors)
+    equations.reference[:], equations.moved[:] = (
+        dof_transforms(model, p[None])[0] for p in (factors.pose, pose)
+    )
+    subtree_moments(skeleton, equations)
+    normal_equations(skeleton, metric, equations)
+    return equations.gram, equations.gradient
 
 
-def summed_up(model: BodyModel, factors: plain_path.Factors) -> Equations:
-    """Room for equations with the sums of factors, used before."""
-    room = lay_out_equations(len(model.dof_names), len(model.link_names))
-    for array in room:
+def summed_up(model: BodyModel, factors: plain_path.Factors) -> NormalEquations:
+    """Buffers of equations with the sums of factors, used before."""
+    equations = make_equations(len(model.dof_names), len(model.link_names))
+    for array in equations:
         array.fill(7)
-    room.moments[:], room.crosses[:] = summed(model, factors)
-    return room
+    equations.moments[:], equations.crosses[:] = summed(model, factors)
+    return equations
 
 
 def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:
@@ -151,7 +162,7 @@ def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> 
 def test_a_body_is_laid_out_whole() -> None:
     """The kernel's order keeps every vertex with its skin and every triangle with its corners."""
     model = person()
-    skeleton, surface = lay_out(model)
+    skeleton, surface = pack_model(model)
     order = layout(model)
     drawn, expected = (body.vertices[body.triangles].reshape(-1, 9) for body in (surface, model))
     np.testing.assert_array_equal(np.unique(drawn, axis=0), np.unique(expected, axis=0))
@@ -193,11 +204,11 @@ def test_correspondences_match(name: str) -> None:
     """Step 4c in the noise's metric: the same model points as scipy's tree finds, distances to 1e-6 m."""
     model, settings = puppet(), SETTINGS[name]
     pose = near()
-    evidence, rules = lay_out_evidence(observe(subject()), settings), lay_out_rules(settings)
-    room, posed, visible = looked(model, pose, settings)
-    icp.correspond(visible, 0, lay_out(model)[1], evidence, rules, room)
-    index, squared = room.search.closest, room.search.squared
-    points = evidence.points[:, :POINTS].T / np.array([1.0, 1.0, rules.stretch])
+    packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
+    workspace, posed, visible = looked(model, pose, settings)
+    find_correspondences(visible, 0, pack_model(model)[1], packed, parameters, workspace)
+    index, squared = workspace.search.closest, workspace.search.squared
+    points = packed.points[:, :POINTS].T / np.array([1.0, 1.0, parameters.stretch])
     expected, apart = plain_path.correspond(points, posed[visible], settings)
     np.testing.assert_allclose(np.sqrt(squared[:POINTS]), np.sqrt(apart), atol=1e-6)
     assert np.mean(index[:POINTS] == expected) > 0.999
@@ -208,12 +219,12 @@ def test_moments_match(name: str) -> None:
     """What the kernel collects, free space and robust weights included, is the sum over the plain factors."""
     model, settings = puppet(), SETTINGS[name]
     pose = near()
-    skeleton, surface = lay_out(model)
-    evidence, rules = lay_out_evidence(observe(subject()), settings), lay_out_rules(settings)
-    room, _, visible = looked(model, pose, settings)
-    icp.correspond(visible, 0, surface, evidence, rules, room)
-    unexplained = icp.collect(visible, skeleton, surface, evidence, rules, room)
-    found = room.equations.moments, room.equations.crosses
+    skeleton, surface = pack_model(model)
+    packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
+    workspace, _, visible = looked(model, pose, settings)
+    find_correspondences(visible, 0, surface, packed, parameters, workspace)
+    unexplained = accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
+    found = workspace.equations.moments, workspace.equations.crosses
     factors = plain_path.collect(model, pose, *plain_path.see(model, pose), subject(), settings)
     assert len(factors.weights) > POINTS
     assert unexplained == factors.unexplained
@@ -225,15 +236,15 @@ def test_single_factors_sum_to_the_total() -> None:
     """Adding correspondences one by one gives what is collected at once."""
     model = puppet()
     posed, vertices, targets, weights = correspondences(model, near(), DEFAULT)
-    _, surface = lay_out(model)
+    _, surface = pack_model(model)
     place = np.argsort(layout(model)).astype(np.uint32)
     links = len(model.link_names)
     moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
-    room = lay_out_equations(len(model.dof_names), links)
+    equations = make_equations(len(model.dof_names), links)
     for v, target, weight in zip(vertices, targets, weights, strict=True):
         pulls = np.append(weight * target, weight)[None]
-        add_correspondences(surface, place[v : v + 1], posed[layout(model)], pulls, room)
-        one, cross = room.moments, room.crosses
+        add_correspondences(surface, place[v : v + 1], posed[layout(model)], pulls, equations)
+        one, cross = equations.moments, equations.crosses
         assert one[:, 3, 3].sum() == pytest.approx(weight)
         moments += one
         crosses += cross
@@ -320,20 +331,20 @@ def test_the_gram_matrix_is_exact_where_a_vertex_has_one_link() -> None:
 def test_minimising_matches(name: str) -> None:
     """Step 4d on the same factors: damping, rest and limits included, the same pose to 1e-7."""
     model, settings = puppet(), SETTINGS[name]
-    skeleton, _ = lay_out(model)
+    skeleton, _ = pack_model(model)
     for start in starts(2):
         start = plain_path.clamp(model, start) if settings.keep_limits else start  # noqa: PLW2901
         factors = plain_path.collect(model, start, *plain_path.see(model, start), subject(), settings)
         pose = start.copy()
         along = settings.noise_lateral / settings.noise_depth
-        descent = Descent(
+        solver = SolverParameters(
             np.array([1.0, 1.0, along**2]),
             settings.damping + settings.damping_share * POINTS,
             settings.rest_weight * factors.unexplained,
             settings.gauss_newton_iterations,
             settings.keep_limits,
         )
-        minimise(skeleton, pose, descent, summed_up(model, factors))
+        minimise(skeleton, pose, solver, summed_up(model, factors))
         assert np.abs(pose - start).max() > 0.05
         assert settings.rest_weight == 0.0 or factors.unexplained > 10
         np.testing.assert_allclose(pose, plain_path.minimise(model, factors, POINTS, settings), atol=1e-7)
@@ -344,7 +355,7 @@ def test_what_nothing_determines_stays() -> None:
     jacobian = np.random.default_rng(0).normal(size=(3, 5)) * [1.0, 1.0, 0.0, 1.0, 1.0]
     gram, target = jacobian.T @ jacobian, jacobian.T @ np.array([0.3, -0.2, 0.1])
     step = target.copy()
-    solve_along_chains(np.arange(-1, 4), gram.copy(), step)
+    solve_ltl(np.arange(-1, 4), gram.copy(), step)
     assert step[2] == 0.0
     assert np.abs(step).max() < 100.0
     np.testing.assert_allclose(gram @ step, target, atol=1e-9)
@@ -411,7 +422,7 @@ def test_without_iterations_poses_are_only_assessed() -> None:
     That is, after one that looks anew what is visible wherever it comes.
     """
     model, observation = puppet(), observe(subject())
-    looking = msgspec.structs.replace(DEFAULT, look_every=1)
+    looking = msgspec.structs.replace(DEFAULT, visibility_interval=1)
     refined = icp.refine(model, observation, starts(3), looking)
     assess = msgspec.structs.replace(looking, icp_iterations=0)
     assessed = icp.refine(model, observation, refined.poses, assess)
@@ -480,4 +491,4 @@ def test_nothing_compiles_in_mid_run() -> None:
         icp.refine(person(), observe_few(), pose, settings)
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
-    assert len(icp.refine_some.signatures) == 1
+    assert len(icp.refine_batch.signatures) == 1

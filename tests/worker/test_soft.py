@@ -22,12 +22,15 @@ from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.tracking.sensor_noise import SensorNoise
 from coordinator.tracking.subject import isolate
-from worker.kernel.evidence import Evidence, Rules, lay_out_evidence, lay_out_rules
-from worker.kernel.icp import Room, lay_out_room, look_at_samples, refine
+from worker.kernel.icp import refine, sample_pose
+from worker.kernel.likelihood import mean_log_density
 from worker.kernel.observation import Observation, observe
-from worker.kernel.samples import Grid
-from worker.kernel.soft import OUTLIER, decay, gather_scores, mean_log_density
-from worker.kernel.surface import Skeleton, lay_out
+from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters
+from worker.kernel.soft.fisher_scoring import accumulate_scores
+from worker.kernel.soft.responsibilities import OUTLIER_DENSITY, decay
+from worker.kernel.soft.samples import SampleGrid
+from worker.kernel.surface import Skeleton, pack_model
+from worker.kernel.workspace import Workspace, make_workspace
 
 Array = NDArray[np.float64]
 
@@ -65,13 +68,21 @@ def seen(seed: int, points: int = 4000) -> Observation:
 
 
 @cache
-def laid_out(settings: RefineSettings) -> tuple[Skeleton, Evidence, Rules, Room, Grid]:
+def packed_up(
+    settings: RefineSettings,
+) -> tuple[Skeleton, PackedObservation, KernelParameters, Workspace, SampleGrid]:
     """All that the kernel works with, at the true pose."""
     model, truth = body()
-    skeleton, surface = lay_out(model)
-    evidence, rules = lay_out_evidence(seen(0, FEW), settings), lay_out_rules(settings)
-    room = lay_out_room(skeleton, surface, evidence)
-    return skeleton, evidence, rules, room, look_at_samples(truth, skeleton, surface, rules, room)
+    skeleton, surface = pack_model(model)
+    packed, parameters = pack_observation(seen(0, FEW), settings), pack_parameters(settings)
+    workspace = make_workspace(skeleton, surface, packed)
+    return (
+        skeleton,
+        packed,
+        parameters,
+        workspace,
+        sample_pose(truth, skeleton, surface, parameters, workspace),
+    )
 
 
 def log_density(pose: Array) -> Array:
@@ -79,7 +90,7 @@ def log_density(pose: Array) -> Array:
 
     What a sample's depth adds to where a ray meets it is left out, as the kernel does.
     """
-    _, evidence, rules, _, grid = laid_out(NOISY)
+    _, packed, parameters, _, grid = packed_up(NOISY)
     model, truth = body()
     rows, columns = np.nonzero(np.isfinite(grid.depth))
     z = grid.depth[rows, columns].astype(np.float64)
@@ -88,13 +99,13 @@ def log_density(pose: Array) -> Array:
     before, after = (link_transforms(model, p[None])[0][grid.links[rows, columns]] for p in (truth, pose))
     rest = np.einsum("nba,nb->na", before[..., :3], samples - before[..., 3])
     samples = np.einsum("nab,nb->na", after[..., :3], rest) + after[..., 3]
-    points = evidence.points[:, : evidence.count].T.astype(np.float64) / (1.0, 1.0, rules.stretch)
+    points = packed.points[:, : packed.count].T.astype(np.float64) / (1.0, 1.0, parameters.stretch)
     found = np.empty(len(points))
     for i, p in enumerate(points):
         across = p[:2] / p[2] * z[:, None] - samples[:, :2]
         squared = (across**2).sum(axis=1) / 0.01**2 + (p[2] - samples[:, 2]) ** 2 / 0.15**2
         found[i] = np.sum(np.exp(-0.5 * squared) * pixel**2 / (2.0 * np.pi * 0.01**2))
-    return np.log(found + OUTLIER)
+    return np.log(found + OUTLIER_DENSITY)
 
 
 @cache
@@ -110,24 +121,24 @@ def slopes() -> Array:
 
 def test_density_is_that_of_all_samples() -> None:
     """Samples within reach hold nearly all of the density: the mean log is that of a plain sum over all."""
-    _, evidence, rules, room, grid = laid_out(NOISY)
+    _, packed, parameters, workspace, grid = packed_up(NOISY)
     plain = log_density(body()[1]).mean()
-    assert mean_log_density(grid, evidence, rules, room.soft) == pytest.approx(plain, abs=0.06)
+    assert mean_log_density(grid, packed, parameters, workspace.soft) == pytest.approx(plain, abs=0.06)
 
 
 def test_gradient_is_that_of_the_density() -> None:
     """By finite differences, to a fraction of what chance makes of it: samples out of reach are left out."""
-    skeleton, evidence, rules, room, grid = laid_out(NOISY)
-    gather_scores(grid, skeleton, evidence, rules, room.soft, room.equations)
-    mine, chance = -room.equations.gradient / 0.01**2, np.sqrt(np.sum(slopes() ** 2, axis=0))
+    skeleton, packed, parameters, workspace, grid = packed_up(NOISY)
+    accumulate_scores(grid, skeleton, packed, parameters, workspace.soft, workspace.equations)
+    mine, chance = -workspace.equations.gradient / 0.01**2, np.sqrt(np.sum(slopes() ** 2, axis=0))
     np.testing.assert_allclose(mine / chance, slopes().sum(axis=0) / chance, atol=0.25)
 
 
 def test_information_is_that_of_the_slopes() -> None:
     """Standard deviations that the information promises are what the points' slopes tell, within a third."""
-    skeleton, evidence, rules, room, grid = laid_out(NOISY)
-    gather_scores(grid, skeleton, evidence, rules, room.soft, room.equations)
-    lower = np.tril(room.equations.gram / 0.01**2)
+    skeleton, packed, parameters, workspace, grid = packed_up(NOISY)
+    accumulate_scores(grid, skeleton, packed, parameters, workspace.soft, workspace.equations)
+    lower = np.tril(workspace.equations.gram / 0.01**2)
     mine, plain = (
         np.sqrt(np.diag(np.linalg.inv(told)))
         for told in (lower + np.tril(lower, -1).T, slopes().T @ slopes())

@@ -12,7 +12,7 @@ from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.scene import Scene
-from worker.kernel.visibility import TOLERANCE, lay_out_view, visible_vertices
+from worker.kernel.visibility import TOLERANCE, make_visibility_buffers, visible_vertices
 
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
 SEEN, HIDDEN = 0.003, TOLERANCE + 0.02  # metres behind the z-buffer
@@ -41,7 +41,7 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     scene = SCENES[name]()
     vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
     seen = np.zeros(len(vertices), dtype=bool)
-    view = lay_out_view(len(vertices))
+    view = make_visibility_buffers(len(vertices))
     view.posed[:] = vertices
     seen[visible_vertices(view, scene.model.triangles.astype(np.uint32))] = True
     shown, free, hidden = judge(vertices, scene)

@@ -24,26 +24,26 @@ Numbers = NDArray[np.uint32]
 LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that a guess itself is found again
 
 
-class Search(NamedTuple):
-    """Room for a search; whatever it held before is written over."""
+class SearchBuffers(NamedTuple):
+    """Buffers for a search; whatever they held before is written over, a guess aside."""
 
     model: Points  # (M, 3) visible points
-    known: Numbers  # (M,) the vertices they are
-    carried: Numbers  # (M,) where those of the last search are now
+    last_visible: Numbers  # (M,) the vertices of the last search
+    remapped: Numbers  # (M,) their places among the visible ones now
     starts: Indices  # (K + 1,) where their leaves begin, and the last ends
     leaves: Points  # (6, K) bounding boxes, padded to whole tiles with what is infinitely far
     groups: Points  # (6, K / TILE) those of TILE leaves in a row, padded alike
-    between: Points  # (K,) squared distances of the leaves' centres
+    centre_distances: Points  # (K,) squared distances of the leaves' centres
     closest: Numbers  # (P,) which of them
     squared: Points  # (P,)
     largest: Points  # (P / TILE,) of a tile's
     weights: NDArray[np.float64]  # (P,)
 
 
-def lay_out_search(points: int, vertices: int, leaves: int) -> Search:
-    """Room for as many observed points, padded, model points and leaves."""
+def make_search_buffers(points: int, vertices: int, leaves: int) -> SearchBuffers:
+    """Allocate buffers for so many observed points, padded, model points and leaves."""
     groups = -(-leaves // TILE)
-    return Search(
+    return SearchBuffers(
         np.empty((vertices, 3), dtype=np.float32),
         np.empty(vertices, dtype=np.uint32),
         np.empty(vertices, dtype=np.uint32),
@@ -81,7 +81,7 @@ def enclose_rows(points: Points, size: int, boxes: Points) -> None:
 def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
     """Fill boxes (6, K): lowest and highest x, y, z of the points from each start (K + 1,) to the next."""
     for k in range(len(starts) - 1):
-        first = np.uint64(starts[k])  # what has no sign needs no look whether it counts from the end
+        first = np.uint64(starts[k])  # an unsigned index needs no test for one that counts from the end
         left, top, front = points[first, 0], points[first, 1], points[first, 2]
         right, bottom, back = left, top, front
         for n in range(1, starts[k + 1] - starts[k]):
@@ -95,21 +95,23 @@ def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int, search: Search) -> None:
-    """For observed points (3, blocks * BLOCK) the closest of search.model: its index and squared distance.
+def closest_points(
+    observed: Points, blocks: Points, tiles: Points, leaves: int, search: SearchBuffers
+) -> None:
+    """Find the closest of search.model to each observed point (3, blocks * BLOCK): index, squared distance.
 
     `blocks` and `tiles` are the observed points' bounding boxes, `leaves` the number of the model's. Of
     equally close model points the one met first wins; the order in which they are met depends on the
     arguments alone.
     """
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
-    between, bounds = search.between, search.largest  # taken out once: each time references are counted
+    centre_distances, bounds = search.centre_distances, search.largest  # once: each use counts references
     groups = bound_leaves(leaves, search)
     closest[:] = 0
     squared[:] = np.inf
     for b in range(blocks.shape[1]):
-        compare_centres(blocks, b, search.leaves, leaves, between)
-        first = smallest(between, leaves)
+        compare_centres(blocks, b, search.leaves, leaves, centre_distances)
+        first = smallest(centre_distances, leaves)
         for tile in range(b * BLOCK, (b + 1) * BLOCK, TILE):
             search_lanes(  # type: ignore[call-arg]
                 observed, tile, model, starts[first], starts[first + 1], squared, closest
@@ -119,16 +121,16 @@ def closest_points(observed: Points, blocks: Points, tiles: Points, leaves: int,
 
 
 @numba.njit(cache=True, nogil=True)
-def closest_again(observed: Points, tiles: Points, leaves: int, search: Search) -> None:
-    """As `closest_points`, where search.closest holds a guess: any places in search.model."""
+def closest_points_from_guess(observed: Points, tiles: Points, leaves: int, search: SearchBuffers) -> None:
+    """Find closest points as `closest_points`, from a guess in search.closest: any places in the model."""
     groups = bound_leaves(leaves, search)
     bound_tiles(observed, search)
     search_tiles(observed, tiles, groups, search)
 
 
 @numba.njit(cache=True, nogil=True)
-def bound_leaves(leaves: int, search: Search) -> int:
-    """Fill the boxes of all leaves and groups; gives the number of groups."""
+def bound_leaves(leaves: int, search: SearchBuffers) -> int:
+    """Fill the boxes of all leaves and groups; returns the number of groups."""
     boxes, groups = search.leaves, search.groups
     bounding_boxes(search.model, search.starts[: leaves + 1], boxes)
     count = (leaves + TILE - 1) // TILE
@@ -145,14 +147,14 @@ def bound_leaves(leaves: int, search: Search) -> int:
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
-def compare_centres(one: Points, k: int, boxes: Points, count: int, between: Points) -> None:
+def compare_centres(one: Points, k: int, boxes: Points, count: int, centre_distances: Points) -> None:
     """Squared distances of the centre of box k of `one` from those of the first of `boxes`, doubled."""
     x, y, z = one[0, k] + one[3, k], one[1, k] + one[4, k], one[2, k] + one[5, k]
     for j in range(count):
         dx = x - boxes[0, j] - boxes[3, j]
         dy = y - boxes[1, j] - boxes[4, j]
         dz = z - boxes[2, j] - boxes[5, j]
-        between[j] = dx * dx + dy * dy + dz * dz
+        centre_distances[j] = dx * dx + dy * dy + dz * dz
 
 
 @numba.njit(cache=True, nogil=True)
@@ -166,7 +168,7 @@ def smallest(values: Points, count: int) -> int:
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
-def bound_tiles(observed: Points, search: Search) -> None:
+def bound_tiles(observed: Points, search: SearchBuffers) -> None:
     """Bound squared distances by those of the guesses, and a little more, and find each tile's largest."""
     model, squared, closest, bounds = search.model, search.squared, search.closest, search.largest
     for t in range(len(bounds)):
@@ -184,7 +186,7 @@ def bound_tiles(observed: Points, search: Search) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def search_tiles(observed: Points, tiles: Points, groups: int, search: Search) -> None:
+def search_tiles(observed: Points, tiles: Points, groups: int, search: SearchBuffers) -> None:
     """Lower all squared distances, of which each tile's largest is given, to those of the closest points."""
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
     boxes, around, bounds = search.leaves, search.groups, search.largest

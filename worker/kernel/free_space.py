@@ -1,6 +1,6 @@
-"""Evidence that the nearest neighbours of observed points cannot give: where the camera saw nothing.
+"""Free space: model points that lie where the camera saw nothing, which closest points cannot report.
 
-Surfaces that it looks along say nothing: depth cameras do not measure them, though they are there.
+Surfaces that the camera looks along are left out: depth cameras do not measure them.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.kernel.evidence import Evidence
+from worker.kernel.packing import PackedObservation
 from worker.kernel.surface import Surface
 
 Array = NDArray[np.float64]
@@ -21,35 +21,35 @@ GRAZING = np.cos(np.radians(78.0))  # between normal and line of sight: beyond i
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def pull_into_silhouette(
+def project_onto_silhouette(
     visible: Numbers,
     surface: Surface,
     link_dofs: Indices,
     transforms: Array,
     posed: Array,
-    evidence: Evidence,
-    targets: Array,
-    away: Array,
+    observed: PackedObservation,
+    points: Array,
+    squared: Array,
 ) -> None:
-    """How far the visible ones of posed (V, 3) lie from the subject's silhouette, at their own depth.
+    """Find the nearest points of the silhouette to the visible ones of posed (V, 3), at their own depth.
 
-    Fills targets (V, 3) with the nearest points on the silhouette's cone and away (V,) with their distances
-    squared (m^2), in the order of `visible`; 0 where a point projects onto the subject or outside what the
+    Fills points (V, 3) with the nearest points on the silhouette's cone and squared (V,) with their squared
+    distances (m^2), in the order of `visible`; 0 where a vertex projects onto the subject or outside what the
     camera saw, or where the surface is seen from the side.
     """
     nearest, depth, fx, fy, cx, cy = (
-        evidence.nearest,
-        evidence.depth,
-        evidence.fx,
-        evidence.fy,
-        evidence.cx,
-        evidence.cy,
+        observed.nearest,
+        observed.depth,
+        observed.fx,
+        observed.fy,
+        observed.cx,
+        observed.cy,
     )
-    left, top, right, bottom = evidence.seen[0], evidence.seen[1], evidence.seen[2], evidence.seen[3]
+    left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
     height, width = depth.shape
     for m in range(len(visible)):
         x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
-        away[m] = 0.0
+        squared[m] = 0.0
         nearer = 1.0 / max(z, CLOSEST)
         u, v = cx + fx * x * nearer, cy + fy * y * nearer
         across, along = u + (0.5 - left), v + (0.5 - top)
@@ -61,14 +61,14 @@ def pull_into_silhouette(
             i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
             du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
             off = abs(du) > 1.0 or abs(dv) > 1.0
-            if off and faces(visible[m], surface, link_dofs, transforms, x, y, z):
+            if off and is_measurable(visible[m], surface, link_dofs, transforms, x, y, z):
                 right_by, down_by = du * z / fx, dv * z / fy
-                targets[m, 0], targets[m, 1], targets[m, 2] = x + right_by, y + down_by, z
-                away[m] = right_by * right_by + down_by * down_by
+                points[m, 0], points[m, 1], points[m, 2] = x + right_by, y + down_by, z
+                squared[m] = right_by * right_by + down_by * down_by
 
 
 @numba.njit(cache=True, nogil=True)
-def faces(
+def is_measurable(
     v: int, surface: Surface, link_dofs: Indices, transforms: Array, x: float, y: float, z: float
 ) -> bool:
     """Whether vertex v, which is at (x, y, z), is on a surface that the camera does not look along."""

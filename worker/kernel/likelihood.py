@@ -13,20 +13,116 @@ err together: a sum over ten thousand of them would let no second hypothesis liv
 from __future__ import annotations
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from worker.kernel.correspondence import SearchBuffers
+from worker.kernel.observation import BLOCK
+from worker.kernel.packing import KernelParameters, PackedObservation
+from worker.kernel.robust import robust_cost
+from worker.kernel.soft.responsibilities import (
+    OUTLIER_DENSITY,
+    SoftBuffers,
+    compute_responsibilities,
+    sample_distance,
+    sample_radius,
+)
+from worker.kernel.soft.samples import SampleGrid, sample
+from worker.kernel.surface import Skeleton, Surface
+from worker.kernel.visibility import repose_visible, update_visibility
+from worker.kernel.warm_start import find_correspondences
+from worker.kernel.weighting import find_silhouette_points
+from worker.kernel.workspace import Workspace
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.uint32]  # of vertices
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def robust_weight(squared: float, scale_squared: float) -> float:
-    """Weight of a residual under Geman and McClure's kernel; 1 without a scale."""
-    if scale_squared <= 0.0:
-        return 1.0
-    ratio = scale_squared / (scale_squared + squared)
-    return ratio * ratio
+@numba.njit(cache=True, nogil=True)
+def evaluate(
+    pose: Array,
+    last_count: int,
+    skeleton: Skeleton,
+    surface: Surface,
+    observed: PackedObservation,
+    parameters: KernelParameters,
+    workspace: Workspace,
+) -> tuple[float, float]:
+    """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres.
+
+    `last_count` is as in `find_correspondences`. Where iterations share a visibility update, the likelihood
+    shares the last one.
+    """
+    visible = workspace.search.last_visible[:last_count]
+    if last_count > 0 and parameters.visibility_interval > 1 and not parameters.soft:
+        repose_visible(pose, visible, skeleton, surface, workspace.transforms, workspace.visibility)
+    else:
+        visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
+    if len(visible) == 0 or observed.count == 0:
+        return -np.inf, np.inf
+    find_correspondences(visible, last_count, surface, observed, parameters, workspace)
+    residual, free_space = mean_distance(observed, parameters, workspace.search), 0.0
+    if parameters.free_space_weight > 0.0:
+        free_space = parameters.free_space_weight * mean_free_space_cost(
+            visible, skeleton, surface, observed, parameters, workspace
+        )
+    if not parameters.soft:
+        cost = mean_cost(observed, parameters, workspace.search) + free_space
+        return -0.5 * cost * parameters.likelihood_scale, residual
+    grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+    log_density = mean_log_density(grid, observed, parameters, workspace.soft)
+    free_space = 0.5 * free_space / parameters.noise_lateral**2
+    return parameters.independent_points * (log_density - free_space), residual
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def robust_cost(squared: float, scale_squared: float) -> float:
-    """Cost of a residual under Geman and McClure's kernel; the square without a scale."""
-    if scale_squared <= 0.0:
-        return squared
-    return scale_squared * squared / (scale_squared + squared)
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def mean_cost(observed: PackedObservation, parameters: KernelParameters, search: SearchBuffers) -> float:
+    """Mean robust cost (m^2) of the observed points, in the metric of the noise."""
+    cost, squared = 0.0, search.squared
+    for i in range(observed.count):
+        cost += robust_cost(np.float64(squared[i]), parameters.outlier_squared)
+    return cost / observed.count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def mean_distance(observed: PackedObservation, parameters: KernelParameters, search: SearchBuffers) -> float:
+    """Mean distance (m) of the observed points from their model points, depth unstretched.
+
+    Where depth is stretched a lot the difference of large numbers may come out below zero.
+    """
+    total, excess = 0.0, 1.0 / parameters.stretch**2 - 1.0
+    for i in range(observed.count):
+        along = np.float64(observed.points[2, i]) - search.model[search.closest[i], 2]
+        total += np.sqrt(max(0.0, search.squared[i] + excess * along * along))
+    return total / observed.count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def mean_free_space_cost(
+    visible: Numbers,
+    skeleton: Skeleton,
+    surface: Surface,
+    observed: PackedObservation,
+    parameters: KernelParameters,
+    workspace: Workspace,
+) -> float:
+    """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
+    squared = workspace.silhouette_squared
+    find_silhouette_points(visible, skeleton, surface, observed, workspace)
+    cost = 0.0
+    for m in range(len(visible)):
+        cost += robust_cost(squared[m], parameters.outlier_squared)
+    return cost / len(visible)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def mean_log_density(
+    grid: SampleGrid, observed: PackedObservation, parameters: KernelParameters, buffers: SoftBuffers
+) -> float:
+    """Mean log p(p_i) of the observed points under soft correspondences."""
+    total, radius = 0.0, sample_radius(parameters)
+    for first in range(0, observed.count, BLOCK):
+        compute_responsibilities(first, grid, observed, parameters, radius, buffers)
+        for i in range(min(BLOCK, observed.count - first)):
+            total += np.log(np.float64(buffers.totals[i]) + OUTLIER_DENSITY)
+    return total / observed.count

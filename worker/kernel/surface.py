@@ -1,4 +1,4 @@
-"""A body model laid out for the kernel: neighbouring vertices together, fixed dtypes. Done once per model."""
+"""A body model packed for the kernel: neighbouring vertices together, fixed dtypes. Done once per model."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ class Surface(NamedTuple):
     skin_weights: NDArray[np.float64]  # (V, K), 0 only after all others
 
 
-_laid_out: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
+_packed: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
 
 
-def lay_out(model: BodyModel) -> tuple[Skeleton, Surface]:
+def pack_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     """Skeleton and surface of a model; kept for as long as the model, which never changes."""
-    if model not in _laid_out:
-        _laid_out[model] = lay_out_anew(model)
-    return _laid_out[model]
+    if model not in _packed:
+        _packed[model] = make_packed_model(model)
+    return _packed[model]
 
 
-def lay_out_anew(model: BodyModel) -> tuple[Skeleton, Surface]:
+def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     """Skeleton and surface of a model."""
     order, leaves = order_vertices(model)
     rank = np.argsort(order, kind="stable")

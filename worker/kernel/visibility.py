@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.bounds import MOST_PIXELS
-from worker.kernel.surface import Surface
+from common.kinematics.chain import forward_kinematics
+from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.tiles import pose_lanes
 
 Array = NDArray[np.float64]
@@ -26,8 +27,8 @@ NEAR = 0.1  # metres; what is closer to the camera's plane is not drawn
 LARGEST_SIDE = 512  # pixels
 
 
-class View(NamedTuple):
-    """Room for a surface in a pose; whatever it held before is written over."""
+class VisibilityBuffers(NamedTuple):
+    """Buffers for a surface in a pose; whatever they held before is written over."""
 
     posed: Array  # (V, 3) metres, camera frame
     image: Array  # (V, 2) pixels of the depth buffer
@@ -36,9 +37,9 @@ class View(NamedTuple):
     visible: Numbers  # (V,)
 
 
-def lay_out_view(vertices: int) -> View:
-    """Room for a surface of so many vertices."""
-    return View(
+def make_visibility_buffers(vertices: int) -> VisibilityBuffers:
+    """Allocate buffers for a surface of so many vertices."""
+    return VisibilityBuffers(
         np.empty((vertices, 3)),
         np.empty((vertices, 2)),
         np.empty(vertices, dtype=np.bool_),
@@ -57,8 +58,10 @@ def pose_surface(surface: Surface, transforms: Array, link_dofs: Indices, posed:
 
 
 @numba.njit(cache=True, nogil=True)
-def pose_some(some: Numbers, surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
-    """As `pose_surface`, for some of the vertices."""
+def pose_vertices_of(
+    some: Numbers, surface: Surface, transforms: Array, link_dofs: Indices, posed: Array
+) -> None:
+    """Pose some of the vertices, as `pose_surface` does all."""
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     columns = columns_of(transforms, link_dofs)
     for v in some:
@@ -78,13 +81,13 @@ def columns_of(transforms: Array, link_dofs: Indices) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def visible_vertices(view: View, triangles: Numbers) -> Numbers:
+def visible_vertices(view: VisibilityBuffers, triangles: Numbers) -> Numbers:
     """Indices, ascending, of the posed vertices that the camera at the origin sees. They stay in the view."""
     left, top, right, bottom = project_vertices(view.posed, view.image)
     width = max(1, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
     height = max(1, min(LARGEST_SIDE, bottom - top + 1))
     buffer = view.buffer[: height * width].reshape(height, width)
-    draw_front(view, triangles, left, top, buffer)
+    rasterise_front(view, triangles, left, top, buffer)
     posed, image, front, visible = view.posed, view.image, view.front, view.visible
     count = 0
     for v in range(len(posed)):
@@ -98,13 +101,15 @@ def visible_vertices(view: View, triangles: Numbers) -> Numbers:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def draw_front(view: View, triangles: Numbers, left: int, top: int, buffer: NDArray[np.float32]) -> None:
+def rasterise_front(
+    view: VisibilityBuffers, triangles: Numbers, left: int, top: int, buffer: NDArray[np.float32]
+) -> None:
     """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
 
     What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing: no surface can
     keep us drawing for ever. All in one function: what is called for each triangle counts references.
     """
-    posed, image, front, room = view.posed, view.image, view.front, MOST_PIXELS
+    posed, image, front, budget = view.posed, view.image, view.front, MOST_PIXELS
     front[:] = False
     buffer[:] = np.inf
     for t in range(len(triangles)):
@@ -116,12 +121,13 @@ def draw_front(view: View, triangles: Numbers, left: int, top: int, buffer: NDAr
             continue
         front[a] = front[b] = front[c] = True
         ax, ay = image[a, 0] - left, image[a, 1] - top
-        first_column, first_row = max(0, whole(ax + min(0.0, bx, cx))), max(0, whole(ay + min(0.0, by, cy)))
+        first_column = max(0, ceiling(ax + min(0.0, bx, cx)))
+        first_row = max(0, ceiling(ay + min(0.0, by, cy)))
         last_column = min(buffer.shape[1] - 1, int(ax + max(0.0, bx, cx)))
         last_row = min(buffer.shape[0] - 1, int(ay + max(0.0, by, cy)))
-        if first_column > last_column or first_row > last_row or room <= 0:
+        if first_column > last_column or first_row > last_row or budget <= 0:
             continue
-        room -= (last_row - first_row + 1) * (last_column - first_column + 1)
+        budget -= (last_row - first_row + 1) * (last_column - first_column + 1)
         scale = 1.0 / (bx * cy - by * cx)
         bx, by, cx, cy = bx * scale, by * scale, cx * scale, cy * scale
         z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
@@ -137,7 +143,7 @@ def draw_front(view: View, triangles: Numbers, left: int, top: int, buffer: NDAr
 
 
 @numba.njit(cache=True, nogil=True)
-def whole(value: float) -> int:
+def ceiling(value: float) -> int:
     """The least integer that is not below a value; numpy's ceil is another double, which takes longer."""
     below = int(value)
     return below + (below < value)
@@ -165,3 +171,27 @@ def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
         image[c, 0] - image[a, 0]
     )
     return shown
+
+
+@numba.njit(cache=True, nogil=True)
+def update_visibility(
+    pose: Array, skeleton: Skeleton, surface: Surface, transforms: Array, view: VisibilityBuffers
+) -> Numbers:
+    """Indices of the vertices that are visible in the pose (4a, 4b); fills transforms and view."""
+    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
+    pose_surface(surface, transforms, skeleton.link_dofs, view.posed)
+    return visible_vertices(view, surface.triangles)
+
+
+@numba.njit(cache=True, nogil=True)
+def repose_visible(
+    pose: Array,
+    visible: Numbers,
+    skeleton: Skeleton,
+    surface: Surface,
+    transforms: Array,
+    view: VisibilityBuffers,
+) -> None:
+    """Move the visible vertices to where they are in the pose, without a new depth buffer."""
+    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
+    pose_vertices_of(visible, surface, transforms, skeleton.link_dofs, view.posed)

@@ -1,4 +1,4 @@
-"""Observation and settings laid out for the kernel."""
+"""Observation and settings packed for compiled code: plain arrays, fixed dtypes, the kernel's own units."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from worker.kernel.observation import BLOCK, TILE, Observation
 FAR_NOISIER = 2.0  # along than across, from which on the closest point misleads
 
 
-class Evidence(NamedTuple):
-    """An observation laid out for the kernel, depth stretched so that noise is alike in all directions."""
+class PackedObservation(NamedTuple):
+    """An observation for the kernel, depth stretched so that noise is alike in all directions."""
 
     points: NDArray[np.float32]  # (3, blocks * BLOCK) metres, z times `stretch`
     blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
@@ -30,14 +30,14 @@ class Evidence(NamedTuple):
     cy: float
 
 
-class Rules(NamedTuple):
+class KernelParameters(NamedTuple):
     """Settings in the kernel's own units."""
 
     icp_iterations: int
     soft: bool
     gauss_newton_iterations: int
-    overstep: float
-    look_every: int
+    over_relaxation: float
+    visibility_interval: int
     damping: float
     damping_share: float
     rest_weight: float
@@ -51,12 +51,12 @@ class Rules(NamedTuple):
     noise_lateral: float
 
 
-def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evidence:
-    """The observation in the metric of the noise."""
+def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
+    """Pack an observation in the metric of the noise."""
     points = np.ascontiguousarray(observation.points.T)
     points[2] *= np.float32(settings.noise_lateral / settings.noise_depth)
     camera = observation.camera
-    return Evidence(
+    return PackedObservation(
         points,
         boxes_of(points, BLOCK),
         boxes_of(points, TILE),
@@ -71,14 +71,14 @@ def lay_out_evidence(observation: Observation, settings: RefineSettings) -> Evid
     )
 
 
-def lay_out_rules(settings: RefineSettings) -> Rules:
-    """Settings in the kernel's own units."""
-    return Rules(
+def pack_parameters(settings: RefineSettings) -> KernelParameters:
+    """Pack settings in the kernel's own units."""
+    return KernelParameters(
         settings.icp_iterations,
         settings.soft_correspondences and settings.noise_depth > FAR_NOISIER * settings.noise_lateral,
         settings.gauss_newton_iterations,
-        settings.overstep,
-        settings.look_every,
+        settings.over_relaxation,
+        settings.visibility_interval,
         settings.damping,
         settings.damping_share,
         settings.rest_weight,

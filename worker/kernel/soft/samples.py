@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worker.kernel.surface import Surface
-from worker.kernel.visibility import LARGEST_SIDE, NEAR, PIXEL, View, faces_camera, project_vertices
+from worker.kernel.visibility import (
+    LARGEST_SIDE,
+    NEAR,
+    PIXEL,
+    VisibilityBuffers,
+    faces_camera,
+    project_vertices,
+)
 
 Array = NDArray[np.float64]
 
@@ -17,14 +24,14 @@ Array = NDArray[np.float64]
 MARGIN = 12  # pixels around the model in which nothing is
 
 
-class Samples(NamedTuple):
-    """Room for samples."""
+class SampleBuffers(NamedTuple):
+    """Buffers for samples."""
 
     depth: NDArray[np.float32]  # (LARGEST_SIDE ** 2,)
     links: NDArray[np.int32]  # (LARGEST_SIDE ** 2,)
 
 
-class Grid(NamedTuple):
+class SampleGrid(NamedTuple):
     """Samples of one pose: that of row r and column c lies on the ray through (c + left, r + top, focal)."""
 
     depth: NDArray[np.float32]  # (H, W) metres, infinite where the model is not seen
@@ -34,16 +41,16 @@ class Grid(NamedTuple):
     focal: float  # pixels
 
 
-def lay_out_samples() -> Samples:
-    """Room for samples of any pose."""
-    return Samples(
+def make_sample_buffers() -> SampleBuffers:
+    """Allocate buffers for samples of any pose."""
+    return SampleBuffers(
         np.empty(LARGEST_SIDE * LARGEST_SIDE, dtype=np.float32),
         np.empty(LARGEST_SIDE * LARGEST_SIDE, dtype=np.int32),
     )
 
 
 @numba.njit(cache=True, nogil=True)
-def sample(view: View, surface: Surface, pixel: float, samples: Samples) -> Grid:
+def sample(view: VisibilityBuffers, surface: Surface, pixel: float, samples: SampleBuffers) -> SampleGrid:
     """Samples of the surface as view.posed has it, every `pixel` metres at the body's mean distance."""
     posed, image, triangles = view.posed, view.image, surface.triangles
     shrink = PIXEL / pixel
@@ -52,7 +59,7 @@ def sample(view: View, surface: Surface, pixel: float, samples: Samples) -> Grid
     left, top = int(np.floor(left * shrink)) - MARGIN, int(np.floor(top * shrink)) - MARGIN
     right, bottom = int(np.ceil(right * shrink)) + MARGIN, int(np.ceil(bottom * shrink)) + MARGIN
     width, height = min(LARGEST_SIDE, right - left + 1), min(LARGEST_SIDE, bottom - top + 1)
-    grid = Grid(
+    grid = SampleGrid(
         samples.depth[: height * width].reshape(height, width),
         samples.links[: height * width].reshape(height, width),
         left,
@@ -70,7 +77,7 @@ def sample(view: View, surface: Surface, pixel: float, samples: Samples) -> Grid
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def sample_triangle(image: Array, posed: Array, a: int, b: int, c: int, link: int, grid: Grid) -> None:
+def sample_triangle(image: Array, posed: Array, a: int, b: int, c: int, link: int, grid: SampleGrid) -> None:
     """Put the triangle into the grid wherever it covers a pixel's centre and nothing is nearer."""
     ax, ay = image[a, 0] - grid.left, image[a, 1] - grid.top
     bx, by = image[b, 0] - grid.left - ax, image[b, 1] - grid.top - ay  # from a

@@ -1,0 +1,129 @@
+"""Rigid transforms along the kinematic tree (Eq. 1), and its axes of relative motion (Eq. 2).
+
+T_camera_rest after a degree of freedom maps rest-pose coordinates to the camera frame. Lengths are in
+metres, angles in radians.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import TRANSLATION, BodyModel
+from common.kinematics.arrays import contiguous
+from common.kinematics.rotations import fill_rotation
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def dof_transforms(model: BodyModel, poses: Array) -> Array:
+    """T_camera_rest (N, D, 3, 4) after each degree of freedom, for poses (N, D). Eq. 1."""
+    out = np.empty((len(poses), len(model.kinds), 3, 4))
+    forward_kinematics_each(model.kinds, model.parents, model.axes, model.points, contiguous(poses), out)
+    return out
+
+
+def link_transforms(model: BodyModel, poses: Array) -> Array:
+    """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
+    out = np.empty((len(poses), len(model.link_dofs), 3, 4))
+    copy_to_links(dof_transforms(model, poses), model.link_dofs, out)
+    return out
+
+
+def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
+    """Axes w (N, D, 3) and points q (N, D, 3) of relative motion in the camera frame. Eq. 2.
+
+    A point p of a link that rotation j moves has derivative w_j x (p - q_j); translation, w_j.
+    """
+    w = np.empty((len(poses), len(model.kinds), 3))
+    q = np.empty_like(w)
+    motion_axes_each(model.parents, model.axes, model.points, model.balls, dof_transforms(model, poses), w, q)
+    return w, q
+
+
+@numba.njit(cache=True, nogil=True)
+def forward_kinematics(
+    kinds: Indices, parents: Indices, axes: Array, points: Array, pose: Array, out: Array
+) -> None:
+    """Fill out (D, 3, 4) with T_camera_rest after each degree of freedom."""
+    local = np.zeros((3, 4))
+    for j in range(len(kinds)):
+        if kinds[j] == TRANSLATION:
+            for a in range(3):
+                for b in range(3):
+                    local[a, b] = 1.0 if a == b else 0.0
+                local[a, 3] = axes[j, a] * pose[j]
+        else:
+            fill_rotation(axes[j, 0], axes[j, 1], axes[j, 2], pose[j], local)
+            for a in range(3):
+                local[a, 3] = points[j, a]
+                for b in range(3):
+                    local[a, 3] -= local[a, b] * points[j, b]
+        compose(parents[j], local, j, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def compose(parent: int, local: Array, j: int, out: Array) -> None:
+    """out[j] = out[parent] o local, for (3, 4) transforms; = local, where there is no parent."""
+    for a in range(3):
+        for b in range(4):
+            if parent < 0:
+                out[j, a, b] = local[a, b]
+            else:
+                total = out[parent, a, 3] if b == 3 else 0.0
+                for c in range(3):
+                    total += out[parent, a, c] * local[c, b]
+                out[j, a, b] = total
+
+
+@numba.njit(cache=True, nogil=True)
+def forward_kinematics_each(
+    kinds: Indices, parents: Indices, axes: Array, points: Array, poses: Array, out: Array
+) -> None:
+    """`forward_kinematics` for poses (N, D) into out (N, D, 3, 4)."""
+    for n in range(len(poses)):
+        forward_kinematics(kinds, parents, axes, points, poses[n], out[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def copy_to_links(transforms: Array, link_dofs: Indices, out: Array) -> None:
+    """Fill out (N, L, 3, 4) with transforms (N, D, 3, 4), each its link's; none for what nothing moves."""
+    for n in range(len(out)):
+        for link in range(len(link_dofs)):
+            for a in range(3):
+                for b in range(4):
+                    if link_dofs[link] < 0:
+                        out[n, link, a, b] = 1.0 if a == b else 0.0
+                    else:
+                        out[n, link, a, b] = transforms[n, link_dofs[link], a, b]
+
+
+@numba.njit(cache=True, nogil=True)
+def motion_axes(
+    parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
+) -> None:
+    """Fill w, q (D, 3) with the camera-frame axes of relative motion; a ball's are its parent's."""
+    carrier = parents.copy()
+    for start in balls:
+        carrier[start + 1] = parents[start]
+        carrier[start + 2] = parents[start]
+    for j in range(len(parents)):
+        for a in range(3):
+            if carrier[j] < 0:
+                w[j, a] = axes[j, a]
+                q[j, a] = points[j, a]
+            else:
+                t = transforms[carrier[j]]
+                w[j, a] = t[a, 0] * axes[j, 0] + t[a, 1] * axes[j, 1] + t[a, 2] * axes[j, 2]
+                q[j, a] = t[a, 0] * points[j, 0] + t[a, 1] * points[j, 1] + t[a, 2] * points[j, 2] + t[a, 3]
+
+
+@numba.njit(cache=True, nogil=True)
+def motion_axes_each(
+    parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
+) -> None:
+    """`motion_axes` for transforms (N, D, 3, 4) into w, q (N, D, 3)."""
+    for n in range(len(transforms)):
+        motion_axes(parents, axes, points, balls, transforms[n], w[n], q[n])

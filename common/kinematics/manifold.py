@@ -1,0 +1,126 @@
+"""Poses as points of a manifold: what a step of relative motion leads to, and the step between two poses.
+
+A pose is a vector of joint values; a *step* is a vector of relative motion about axes in the camera
+frame. For single axes the two add. For a ball (three rotations about orthonormal axes through one point, so
+also the root) the step is one rotation vector along the ball's axes as its parent carries them, which has no
+singular pose; the joint values that belong to it are found on the branch nearest to the old.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.kinematics.arrays import contiguous
+from common.kinematics.rotations import (
+    euler_angles,
+    euler_matrix,
+    fill_rotation,
+    handedness,
+    matrix_product,
+    quaternion,
+)
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def retract(model: BodyModel, poses: Array, steps: Array) -> Array:
+    """Poses (N, D) after relative motion by steps (N, D). Inverse of `difference`."""
+    moved = contiguous(poses)
+    apply_step_each(model.axes, model.balls, contiguous(steps), moved)
+    return moved
+
+
+def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
+    """Steps (N, D) that lead from `origins` to `poses`, both (N, D); rotations by the shorter way."""
+    steps = contiguous(poses - origins)
+    ball_vectors_each(model.axes, model.balls, contiguous(origins), contiguous(poses), steps)
+    return steps
+
+
+def natural_angles(model: BodyModel, poses: Array) -> Array:
+    """The same poses (N, D), each ball's angles on the branch that leaves its limits less.
+
+    Rx(a) Ry(b) Rz(c) is also Rx(a + pi) Ry(pi - b) Rz(c + pi). Where no limit tells them apart, angles stay.
+    """
+    natural = contiguous(poses)
+    choose_branch_each(model.balls, model.limits, natural)
+    return natural
+
+
+@numba.njit(cache=True, nogil=True)
+def apply_step(axes: Array, balls: Indices, step: Array, pose: Array) -> None:
+    """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
+    old, turned = pose.copy(), np.empty((3, 3))
+    pose += step
+    for start in balls:
+        a = axes[start : start + 3]
+        handed = handedness(a)
+        x, y, z = step[start], step[start + 1], step[start + 2]
+        angle = np.sqrt(x * x + y * y + z * z)
+        angles = handed * old[start : start + 3]
+        if angle > 1e-15:
+            fill_rotation(x / angle, y / angle, z / angle, handed * angle, turned)
+            angles = euler_angles(matrix_product(turned, euler_matrix(angles)), angles)
+        pose[start : start + 3] = handed * angles
+
+
+@numba.njit(cache=True, nogil=True)
+def apply_step_each(axes: Array, balls: Indices, steps: Array, poses: Array) -> None:
+    """`apply_step` for steps (N, D), poses (N, D) in place."""
+    for n in range(len(poses)):
+        apply_step(axes, balls, steps[n], poses[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def ball_vectors_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: Array) -> None:
+    """Fill in the rotation vectors of all balls in steps (N, D) from origins (N, D) to poses (N, D)."""
+    for start in balls:
+        handed = handedness(axes[start : start + 3])
+        for n in range(len(steps)):
+            ball_vector(handed, origins[n, start : start + 3], poses[n, start : start + 3], steps[n, start:])
+
+
+@numba.njit(cache=True, nogil=True)
+def ball_vector(handed: float, before: Array, after: Array, out: Array) -> None:
+    """Fill the first three of out with the rotation vector that leads from angles (3,) to others."""
+    bw, bx, by, bz = quaternion(handed * before[0], handed * before[1], handed * before[2])
+    aw, ax, ay, az = quaternion(handed * after[0], handed * after[1], handed * after[2])
+    w = aw * bw + ax * bx + ay * by + az * bz  # after * conjugate of before
+    x = ax * bw - aw * bx + az * by - ay * bz
+    y = ay * bw - aw * by + ax * bz - az * bx
+    z = az * bw - aw * bz + ay * bx - ax * by
+    sine = np.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * handed if sine < 1e-12 else 2.0 * handed * np.arctan2(sine, abs(w)) / sine
+    if w < 0.0:
+        scale = -scale
+    out[0], out[1], out[2] = scale * x, scale * y, scale * z
+
+
+@numba.njit(cache=True, nogil=True)
+def choose_branch_each(balls: Indices, limits: Array, poses: Array) -> None:
+    """`natural_angles` of poses (N, D) in place."""
+    near, best = np.empty(3), np.empty(3)
+    for n in range(len(poses)):
+        for start in balls:
+            angles, low, high = poses[n, start : start + 3], limits[start:, 0], limits[start:, 1]
+            best[:] = angles
+            for flip in range(2):
+                for a in range(3):
+                    turned = angles[a] if flip == 0 else np.pi + (-angles[a] if a == 1 else angles[a])
+                    near[a] = (turned + np.pi) % (2.0 * np.pi) - np.pi
+                if excess(near, low, high) < excess(best, low, high) - 1e-9:
+                    best[:] = near
+            angles[:] = best
+
+
+@numba.njit(cache=True, nogil=True)
+def excess(angles: Array, low: Array, high: Array) -> float:
+    """Sum of how far angles (3,) lie outside of their limits."""
+    total = 0.0
+    for a in range(3):
+        total += abs(angles[a] - min(max(angles[a], low[a]), high[a]))
+    return total

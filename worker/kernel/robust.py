@@ -1,0 +1,22 @@
+"""Geman and McClure's robust kernel: residuals beyond a scale lose their influence."""
+
+from __future__ import annotations
+
+import numba
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def robust_weight(squared: float, scale_squared: float) -> float:
+    """Weight of a residual under Geman and McClure's kernel; 1 without a scale."""
+    if scale_squared <= 0.0:
+        return 1.0
+    ratio = scale_squared / (scale_squared + squared)
+    return ratio * ratio
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def robust_cost(squared: float, scale_squared: float) -> float:
+    """Cost of a residual under Geman and McClure's kernel; the square without a scale."""
+    if scale_squared <= 0.0:
+        return squared
+    return scale_squared * squared / (scale_squared + squared)

@@ -1,0 +1,1 @@
+"""Soft correspondences: a density of each observed point over samples of the visible surface."""

@@ -1,0 +1,171 @@
+"""A step of Fisher scoring: uphill on the log density of soft correspondences.
+
+The gradient of log p sums the residuals of a point from its samples by their responsibilities, and its mean
+vanishes at the true pose. The information of the points is the sum of the outer products of their gradients
+(scoring; Berndt, Hall, Hall & Hausman 1974), which leads up much faster than the responsibilities alone (EM)
+would.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.kinematics.manifold import apply_step
+from worker.kernel.observation import BLOCK
+from worker.kernel.packing import KernelParameters, PackedObservation
+from worker.kernel.soft.responsibilities import (
+    OUTLIER_DENSITY,
+    SoftBuffers,
+    compute_responsibilities,
+    sample_radius,
+)
+from worker.kernel.soft.samples import SampleGrid
+from worker.kernel.solver.gauss_newton import solve_ltl
+from worker.kernel.solver.normal_equations import NormalEquations
+from worker.kernel.solver.priors import LIMIT_SHARE, add_limit_prior, clamp_to_limits, hold_active_limits
+from worker.kernel.surface import Skeleton
+
+Array = NDArray[np.float64]
+
+LEAST_RESPONSIBILITY = 1e-3  # what is below it is left out
+COMPLETE_SHARE = 0.02  # damping: share of the information there would be if each point's sample were known
+EXPECTED_STEP = 0.2  # radians and metres, a step's expected size
+LARGEST_STEP = 0.35  # radians and metres, a step's largest size
+
+
+@numba.njit(cache=True, nogil=True)
+def fisher_scoring_step(
+    pose: Array,
+    grid: SampleGrid,
+    skeleton: Skeleton,
+    observed: PackedObservation,
+    parameters: KernelParameters,
+    buffers: SoftBuffers,
+    equations: NormalEquations,
+) -> None:
+    """Move pose (D,) in place by one step; equations.w and .q hold the axes of motion in the pose."""
+    gram, gradient = equations.gram, equations.gradient
+    accumulate_scores(grid, skeleton, observed, parameters, buffers, equations)
+    for j in range(len(pose)):
+        gram[j, j] += COMPLETE_SHARE * buffers.complete[j] + (parameters.noise_lateral / EXPECTED_STEP) ** 2
+    if parameters.keep_limits:
+        add_limit_prior(skeleton, pose, LIMIT_SHARE * observed.count, gram, gradient)
+        hold_active_limits(skeleton, pose, gram, gradient)
+    step = equations.step
+    step[:] = -gradient
+    solve_ltl(skeleton.parents, gram, step)
+    step *= min(1.0, LARGEST_STEP / max(np.max(np.abs(step)), 1e-9))
+    apply_step(skeleton.axes, skeleton.balls, step, pose)
+    if parameters.keep_limits:
+        clamp_to_limits(skeleton, pose)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def accumulate_scores(
+    grid: SampleGrid,
+    skeleton: Skeleton,
+    observed: PackedObservation,
+    parameters: KernelParameters,
+    buffers: SoftBuffers,
+    equations: NormalEquations,
+) -> None:
+    """Fill equations.gram with the points' information, .gradient with minus their score."""
+    equations.gram[:] = 0.0
+    equations.gradient[:] = 0.0
+    buffers.complete[:] = 0.0
+    radius = sample_radius(parameters)
+    stretch_squared, scale = parameters.stretch * parameters.stretch, 1.0 / parameters.noise_lateral**2
+    for first in range(0, observed.count, BLOCK):
+        compute_responsibilities(first, grid, observed, parameters, radius, buffers)
+        for i in range(min(BLOCK, observed.count - first)):
+            if buffers.totals[i] > 0.0:
+                for n in range(accumulate_wrenches(i, grid, skeleton, stretch_squared, radius, buffers)):
+                    add_score(buffers.links[n], skeleton, stretch_squared, scale, buffers, equations)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def accumulate_wrenches(
+    i: int, grid: SampleGrid, skeleton: Skeleton, stretch_squared: float, radius: int, buffers: SoftBuffers
+) -> int:
+    """Fill buffers.wrenches with point i's wrench on each link that can move; returns how many links.
+
+    The links are listed in buffers.links.
+    """
+    wrenches, densities, depth, rays = buffers.wrenches, buffers.densities, grid.depth, buffers.rays
+    right, down, here = rays.right[i], rays.down[i], rays.depth[i]
+    side, count = 2 * radius + 1, 0
+    total = np.float64(buffers.totals[i]) + OUTLIER_DENSITY
+    nearer, least = 1.0 / grid.focal, LEAST_RESPONSIBILITY * total
+    for r in range(side):
+        for c in range(side):
+            if densities[r * side + c, i] < least:
+                continue
+            row, column = rays.row[i] + r, rays.column[i] + c
+            s = grid.links[row, column]
+            if skeleton.link_dofs[s] < 0:
+                continue
+            if not buffers.touched[s]:
+                buffers.touched[s] = True
+                buffers.links[count] = s
+                wrenches[s] = 0.0
+                count += 1
+            responsibility, z = densities[r * side + c, i] / total, np.float64(depth[row, column])
+            x, y = (column + grid.left) * z * nearer, (row + grid.top) * z * nearer
+            fx, fy = responsibility * (right * z - x), responsibility * (down * z - y)
+            fz = responsibility * stretch_squared * (here - z)
+            wrench = wrenches[s]
+            wrench[0] += fx
+            wrench[1] += fy
+            wrench[2] += fz
+            wrench[3] += y * fz - z * fy
+            wrench[4] += z * fx - x * fz
+            wrench[5] += x * fy - y * fx
+            wrench[6] += responsibility * x
+            wrench[7] += responsibility * y
+            wrench[8] += responsibility * z
+            wrench[9] += responsibility
+    for k in range(count):
+        buffers.touched[buffers.links[k]] = False
+    return count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_score(
+    link: int,
+    skeleton: Skeleton,
+    stretch_squared: float,
+    scale: float,
+    buffers: SoftBuffers,
+    equations: NormalEquations,
+) -> None:
+    """Add a point's gradient by the degrees of freedom that move a link, and its square times `scale`.
+
+    buffers.complete grows by the point's information if its sample were known.
+    """
+    w, q, wrench, score = equations.w, equations.q, buffers.wrenches[link], buffers.score
+    mass = wrench[9]
+    x, y, z = wrench[6] / mass, wrench[7] / mass, wrench[8] / mass
+    tx, ty, tz = (
+        wrench[3] - y * wrench[2] + z * wrench[1],
+        wrench[4] - z * wrench[0] + x * wrench[2],
+        wrench[5] - x * wrench[1] + y * wrench[0],
+    )
+    last = skeleton.link_dofs[link]
+    j = last
+    while j >= 0:
+        dx, dy, dz = w[j, 0], w[j, 1], w[j, 2]
+        score[j] = 0.0
+        if skeleton.kinds[j] != 0:
+            score[j] = dx * tx + dy * ty + dz * tz
+            ax, ay, az = x - q[j, 0], y - q[j, 1], z - q[j, 2]
+            dx, dy, dz = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
+        score[j] += dx * wrench[0] + dy * wrench[1] + dz * wrench[2]
+        buffers.complete[j] += mass * (dx * dx + dy * dy + stretch_squared * dz * dz)
+        equations.gradient[j] -= score[j]
+        k = last
+        while k >= j:
+            equations.gram[k, j] += scale * score[k] * score[j]
+            k = skeleton.parents[k]
+        j = skeleton.parents[j]

@@ -1,0 +1,1 @@
+"""Step 4d: the pose that suits given correspondences best."""

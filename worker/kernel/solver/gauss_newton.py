@@ -1,0 +1,117 @@
+"""The pose that minimises the distances of given correspondences (step 4d): damped Gauss-Newton, Eq. 3-5."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.kinematics.chain import forward_kinematics
+from common.kinematics.manifold import apply_step, ball_vector
+from common.kinematics.rotations import handedness
+from worker.kernel.solver.normal_equations import NormalEquations, normal_equations, subtree_moments
+from worker.kernel.solver.priors import (
+    LIMIT_SHARE,
+    add_limit_prior,
+    add_rest_prior,
+    clamp_to_limits,
+    hold_active_limits,
+)
+from worker.kernel.surface import Skeleton
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SINGULAR = 1e-13  # of the largest entry on the diagonal
+CONVERGED = 1e-4  # radians and metres: a step below it ends the loop
+
+
+class SolverParameters(NamedTuple):
+    """Parameters of the Gauss-Newton steps."""
+
+    metric: Array  # (3,) weights of the camera's axes
+    damping: float  # lambda of Eq. 4
+    stiffness: float  # of the rest prior: weight of a squared joint angle
+    iterations: int
+    keep_limits: bool
+
+
+@numba.njit(cache=True, nogil=True)
+def minimise(skeleton: Skeleton, pose: Array, solver: SolverParameters, equations: NormalEquations) -> None:
+    """Move pose (D,) in place to the minimum of Eq. 3 by damped Gauss-Newton steps (Eq. 4).
+
+    The equations' moments and crosses are in the camera frame at the pose given.
+    """
+    gram, gradient, step = equations.gram, equations.gradient, equations.step
+    forward_kinematics(
+        skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.reference
+    )
+    for _ in range(solver.iterations):
+        forward_kinematics(
+            skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.moved
+        )
+        subtree_moments(skeleton, equations)
+        normal_equations(skeleton, solver.metric, equations)
+        for j in range(len(pose)):
+            gram[j, j] += solver.damping
+        if solver.stiffness > 0.0:
+            add_rest_prior(skeleton, pose, solver.stiffness, gram, gradient)
+        if solver.keep_limits:
+            mass = LIMIT_SHARE * equations.moments[:, 3, 3].sum()
+            add_limit_prior(skeleton, pose, mass, gram, gradient)
+            hold_active_limits(skeleton, pose, gram, gradient)
+        step[:] = -gradient
+        solve_ltl(skeleton.parents, gram, step)  # Eq. 4
+        apply_step(skeleton.axes, skeleton.balls, step, pose)
+        if solver.keep_limits:
+            clamp_to_limits(skeleton, pose)
+        if np.max(np.abs(step)) < CONVERGED:
+            break
+
+
+@numba.njit(cache=True, nogil=True)
+def over_relax(skeleton: Skeleton, before: Array, share: float, pose: Array) -> None:
+    """Over-relax: move pose (D,) on in place by a share of the motion that led there from `before`."""
+    step = pose - before
+    for start in skeleton.balls:
+        handed = handedness(skeleton.axes[start : start + 3])
+        ball_vector(handed, before[start : start + 3], pose[start : start + 3], step[start:])
+    apply_step(skeleton.axes, skeleton.balls, share * step, pose)
+
+
+@numba.njit(cache=True, nogil=True)
+def solve_ltl(parents: Indices, gram: Array, step: Array) -> None:
+    """Solve gram (D, D) x = step (D,) in place by a branch-sparse factorisation; gram is lost.
+
+    Degrees of freedom that lie on different branches share no moved link, so their entries are zero and stay
+    zero in gram = L^T L with L lower triangular, which is found from the tips to the root along the
+    ancestors of each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5). Where gram is singular
+    what nothing determines stays where it is.
+    """
+    least = SINGULAR * np.max(np.diag(gram))
+    for k in range(len(parents) - 1, -1, -1):
+        gram[k, k] = np.sqrt(gram[k, k]) if gram[k, k] > least else np.inf
+        i = parents[k]
+        while i >= 0:
+            gram[k, i] /= gram[k, k]
+            i = parents[i]
+        i = parents[k]
+        while i >= 0:
+            j = i
+            while j >= 0:
+                gram[i, j] -= gram[k, i] * gram[k, j]
+                j = parents[j]
+            i = parents[i]
+        step[k] /= gram[k, k]
+        i = parents[k]
+        while i >= 0:
+            step[i] -= gram[k, i] * step[k]
+            i = parents[i]
+    for k in range(len(parents)):
+        i = parents[k]
+        while i >= 0:
+            step[k] -= gram[k, i] * step[i]
+            i = parents[i]
+        step[k] /= gram[k, k]

@@ -1,0 +1,102 @@
+"""What is known of a pose without an observation: joint limits, and a prior towards the rest pose."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.kinematics.rotations import euler_matrix, handedness, rotation_vector
+from worker.kernel.surface import Skeleton
+
+Array = NDArray[np.float64]
+
+LIMIT_SHARE = 0.002  # weight of a squared radian outside a ball's limits, for each point
+
+
+@numba.njit(cache=True, nogil=True)
+def add_rest_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
+    """Add the squared angles of all joints but the root to the equations (rest prior).
+
+    The angle of a ball is that of its rotation vector.
+    """
+    deviation = pose.copy()
+    for start in skeleton.balls:
+        axes = skeleton.axes[start : start + 3]
+        handed = handedness(axes)
+        deviation[start : start + 3] = handed * rotation_vector(
+            euler_matrix(handed * pose[start : start + 3])
+        )
+    for j in range(len(pose)):
+        if not skeleton.root[j]:
+            gram[j, j] += stiffness
+            gradient[j] += stiffness * deviation[j]
+
+
+@numba.njit(cache=True, nogil=True)
+def add_limit_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
+    """Add the squared excess of each ball's angles over their limits to the equations.
+
+    With R = R_1 R_2 R_3 a small turn d of the ball changes its angles by E^-1 d, E = [a_1, R_1 a_2,
+    R_1 R_2 a_3] along the ball's axes. Where E is nearly singular the angles mean nothing and are let be.
+    """
+    for start in skeleton.balls:
+        excess, outside = np.zeros(3), False
+        for a in range(3):
+            angle, low, high = pose[start + a], skeleton.limits[start + a, 0], skeleton.limits[start + a, 1]
+            excess[a] = angle - min(max(angle, low), high)
+            outside = outside or excess[a] != 0.0
+        if outside and abs(np.cos(pose[start + 1])) > 0.3:
+            rates = np.linalg.inv(
+                euler_rates(pose[start : start + 3], handedness(skeleton.axes[start : start + 3]))
+            )
+            for a in range(3):
+                if excess[a] != 0.0:
+                    for b in range(3):
+                        gradient[start + b] += stiffness * rates[a, b] * excess[a]
+                        for c in range(3):
+                            gram[start + b, start + c] += stiffness * rates[a, b] * rates[a, c]
+
+
+@numba.njit(cache=True, nogil=True)
+def euler_rates(angles: Array, handed: float) -> Array:
+    """E (3, 3): turn of Rx(a) Ry(b) Rz(c), along the ball's axes, per change of its angles."""
+    first = euler_matrix(np.array([handed * angles[0], 0.0, 0.0]))
+    second = euler_matrix(np.array([handed * angles[0], handed * angles[1], 0.0]))
+    rates = np.zeros((3, 3))
+    rates[0, 0] = 1.0
+    rates[:, 1] = first[:, 1]
+    rates[:, 2] = second[:, 2]
+    return rates
+
+
+@numba.njit(cache=True, nogil=True)
+def hold_active_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array) -> None:
+    """Take out of the equations the single axes at a limit whose gradient leads beyond it (active set)."""
+    single = single_axes(skeleton)
+    for j in range(len(pose)):
+        low = pose[j] <= skeleton.limits[j, 0] and gradient[j] > 0.0
+        high = pose[j] >= skeleton.limits[j, 1] and gradient[j] < 0.0
+        if single[j] and (low or high):
+            gram[j, :] = 0.0
+            gram[:, j] = 0.0
+            gram[j, j] = 1.0
+            gradient[j] = 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def clamp_to_limits(skeleton: Skeleton, pose: Array) -> None:
+    """Clamp the single axes of pose (D,) to their limits, in place."""
+    single = single_axes(skeleton)
+    for j in range(len(pose)):
+        if single[j]:
+            pose[j] = min(max(pose[j], skeleton.limits[j, 0]), skeleton.limits[j, 1])
+
+
+@numba.njit(cache=True, nogil=True)
+def single_axes(skeleton: Skeleton) -> NDArray[np.bool_]:
+    """Which degrees of freedom (D,) are not part of a ball."""
+    single = np.ones(len(skeleton.parents), dtype=np.bool_)
+    for start in skeleton.balls:
+        single[start : start + 3] = False
+    return single
