@@ -22,6 +22,7 @@ from common.settings import RefineSettings, preset
 from coordinator.tracking.subject import isolate
 from tests.support import plain_path
 from tests.support.bodies import person, puppet
+from tests.support.finite_differences import tangents
 from worker.kernel import icp
 from worker.kernel.observation import BLOCK, Observation, observe
 from worker.kernel.packing import pack_observation, pack_parameters
@@ -150,13 +151,6 @@ def summed_up(model: BodyModel, factors: plain_path.Factors) -> NormalEquations:
         array.fill(7)
     equations.moments[:], equations.crosses[:] = summed(model, factors)
     return equations
-
-
-def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:
-    """Central finite differences (..., D) of a value (...) by every degree of freedom's step."""
-    steps = 1e-5 * np.eye(len(pose))
-    ahead, behind = (retract(model, np.tile(pose, (len(pose), 1)), s) for s in (steps, -steps))
-    return np.stack([(value(a) - value(b)) / 2e-5 for a, b in zip(ahead, behind, strict=True)], axis=-1)
 
 
 def test_a_body_is_laid_out_whole() -> None:

@@ -1,0 +1,109 @@
+"""Every derivative that the kernel writes down, against finite differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from common.body import BodyModel
+from common.kinematics import difference, pose_vertices, step_axes
+from common.kinematics.rotations import euler_matrix
+from tests.support.bodies import moves, puppet
+from tests.support.finite_differences import tangents
+from worker.kernel.robust import robust_cost, robust_weight
+from worker.kernel.solver.normal_equations import jacobian_matrix
+from worker.kernel.solver.priors import add_limit_prior, add_rest_prior, euler_rates
+from worker.kernel.surface import Skeleton, pack_model
+
+Array = NDArray[np.float64]
+Prior = Callable[[Skeleton, Array, float, Array, Array], None]
+
+STIFFNESS = 0.7
+
+
+def bent() -> Array:
+    """A pose (19,) of the puppet with every joint turned, balls far from gimbal lock."""
+    pose: Array = np.random.default_rng(5).uniform(-0.8, 0.8, size=19)
+    return pose
+
+
+def prior_equations(add: Prior, model: BodyModel, pose: Array) -> tuple[Array, Array]:
+    """J^T J (D, D) and J^T r (D,) that a prior adds to equations that are zero."""
+    gram, gradient = np.zeros((len(pose), len(pose))), np.zeros(len(pose))
+    add(pack_model(model)[0], pose.copy(), STIFFNESS, gram, gradient)
+    return gram, gradient
+
+
+def test_jacobian_matrices_are_the_derivatives_of_points() -> None:
+    """Eq. 2: A_j [p; 1] is how a vertex moves with degree of freedom j, wherever j moves its link."""
+    model, pose = puppet(blended=False), bent()
+    w, q = (axes[0] for axes in step_axes(model, pose[None]))
+    exact = tangents(model, pose, lambda at: pose_vertices(model, at[None])[0])  # (V, 3, D)
+    points = np.column_stack([pose_vertices(model, pose[None])[0], np.ones(len(model.vertices))])
+    moved = moves(model)[:, model.skin_links[:, 0]]  # (D, V)
+    column = np.empty((3, 4))
+    for j in range(len(pose)):
+        jacobian_matrix(int(model.kinds[j]), w[j], q[j], column)
+        expected = np.where(moved[j][:, None], points @ column.T, 0.0)
+        np.testing.assert_allclose(exact[:, :, j], expected, atol=1e-8)
+
+
+def test_the_rest_prior_is_the_slope_of_its_cost() -> None:
+    """Its J^T r is the derivative of half the squared way from rest, balls of either hand included."""
+    model, pose = puppet(), bent()
+    joints = ~pack_model(model)[0].root
+
+    def cost(at: Array) -> Array:
+        way = difference(model, np.zeros((1, len(at))), at[None])[0]
+        return np.asarray(0.5 * STIFFNESS * np.sum(way[joints] ** 2))
+
+    _, gradient = prior_equations(add_rest_prior, model, pose)
+    assert np.abs(gradient[joints]).min() > 1e-3
+    np.testing.assert_allclose(gradient, tangents(model, pose, cost), atol=1e-8)
+
+
+def test_the_limit_prior_is_the_slope_of_its_cost() -> None:
+    """Its J^T r and J^T J are those of the balls' angles beyond their limits."""
+    model = puppet()
+    low, high = model.limits.T
+    balls = np.zeros(len(low), dtype=bool)
+    balls[(model.balls[:, None] + np.arange(3)).ravel()] = True
+    pose = np.where(balls & np.isfinite(high), high + 0.1, bent())
+
+    def excess(at: Array) -> Array:
+        beyond: Array = np.where(balls, at - np.clip(at, low, high), 0.0)
+        return beyond
+
+    gram, gradient = prior_equations(add_limit_prior, model, pose)
+    usable = [start for start in model.balls if abs(np.cos(pose[start + 1])) > 0.3]
+    at = np.concatenate([np.arange(start, start + 3) for start in usable])
+    rates = tangents(model, pose, excess)[at][:, at]
+    assert np.count_nonzero(excess(pose)[at]) >= 3
+    np.testing.assert_allclose(gradient[at], STIFFNESS * rates.T @ excess(pose)[at], atol=1e-8)
+    np.testing.assert_allclose(gram[np.ix_(at, at)], STIFFNESS * rates.T @ rates, atol=1e-7)
+
+
+@pytest.mark.parametrize("handed", [1.0, -1.0])
+def test_euler_rates_are_the_turns_by_angles(handed: float) -> None:
+    """A column of E is the rotation vector by which a ball turns for each radian of one of its angles."""
+    angles = np.array([0.4, -0.7, 1.1])
+    for a in range(3):
+        step = 1e-6 * np.eye(3)[a]
+        ahead, behind = (Rotation.from_matrix(euler_matrix(handed * (angles + s))) for s in (step, -step))
+        turn = handed * (ahead * behind.inv()).as_rotvec() / 2e-6
+        np.testing.assert_allclose(euler_rates(angles, handed)[:, a], turn, atol=1e-8)
+
+
+@pytest.mark.parametrize("scale_squared", [0.0, 0.04])
+def test_the_robust_weight_is_the_slope_of_the_robust_cost(scale_squared: float) -> None:
+    """By the squared residual, as reweighting supposes: below, at and beyond the scale."""
+    for squared in (0.001, 0.04, 1.0):
+        step = 1e-6 * squared
+        ahead, behind = (robust_cost(squared + s, scale_squared) for s in (step, -step))
+        assert (ahead - behind) / (2.0 * step) == pytest.approx(
+            robust_weight(squared, scale_squared), rel=1e-6
+        )
