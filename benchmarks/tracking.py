@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from benchmarks.comparison import Comparison, compare_people, compare_skinned
 from benchmarks.sequences import Recording
+from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.tracked import REFERENCE_STATURE, Bodies
 from coordinator.commands.track import choose_start
 from coordinator.results.summary import count_status
-from coordinator.sources import Source, open_source
+from coordinator.sources import open_source
 from coordinator.sources.source import check_frames
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.start import GIRTHS
@@ -64,7 +65,7 @@ def track(recording: Recording, settings: Settings, bodies: Bodies) -> Tracked:
     )
 
 
-def follow(tracker: Tracker, source: Source) -> tuple[list[Estimate], NDArray[np.float64]]:
+def follow(tracker: Tracker, source: Iterable[DepthFrame]) -> tuple[list[Estimate], NDArray[np.float64]]:
     """Estimates of all frames, and the seconds that each took; reading it from the disk does not count."""
     estimates, seconds = [], []
     for frame in source:
