@@ -38,8 +38,9 @@ class LiveFrames:
     is silent, and at the first message that makes no sense.
     """
 
-    def __init__(self, key: str, tell: Callable[[str], None]) -> None:
+    def __init__(self, key: str, tell: Callable[[str], None], notice: float = NOTICE) -> None:
         self._key = key
+        self._notice = notice
         self._tell = tell
         self._changed = threading.Condition()
         self._newest: DepthFrame | None = None
@@ -79,7 +80,7 @@ class LiveFrames:
     def _take(self) -> DepthFrame | None:
         """The newest frame as soon as there is one; None at the end."""
         with self._changed:
-            if not self._changed.wait_for(self._is_ready, NOTICE):
+            if not self._changed.wait_for(self._is_ready, self._notice):
                 self._tell(f"no frame comes on {self._key}; waiting for one")
                 self._changed.wait_for(self._is_ready)
             frame, self._newest = self._newest, None

@@ -6,7 +6,7 @@ import csv
 import json
 import tempfile
 import zipfile
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -363,7 +363,7 @@ def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:
     export_run(run, "json", tmp_path / "poses.json")
     assert (tmp_path / "poses").read_bytes() == (run / "poses.csv").read_bytes()
     content = json.loads((tmp_path / "poses.json").read_text())
-    assert set(content) == set(Track.__slots__)
+    assert set(content) == {field.name for field in fields(Track)}
     assert content["pose"] == track.pose.tolist()
     assert content["hypothesis_weight"][0] == [1.0, None, None]
 

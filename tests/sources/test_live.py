@@ -53,10 +53,10 @@ def image(number: int, depth: int = 2000) -> DepthFrame:
     return DepthFrame(number, number / 30, filled, 1000.0, CAMERA)
 
 
-def heard() -> tuple[LiveFrames, list[str]]:
+def heard(notice: float = 60.0) -> tuple[LiveFrames, list[str]]:
     """Live frames, and what people are told."""
     told: list[str] = []
-    return LiveFrames(KEY, told.append), told
+    return LiveFrames(KEY, told.append, notice), told
 
 
 def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
@@ -89,10 +89,9 @@ def test_what_makes_no_sense_is_counted_and_told_once() -> None:
     ]
 
 
-def test_a_frame_is_waited_for_and_silence_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_is_waited_for_and_silence_is_told() -> None:
     """Who asks too early gets the frame when it comes; after a while people are told of the silence."""
-    monkeypatch.setattr("coordinator.sources.live.NOTICE", 0.05)
-    frames, told = heard()
+    frames, told = heard(notice=0.05)
     threading.Timer(0.2, lambda: frames.receive(encode_live(image(1)))).start()
     assert next(iter(frames)).number == 1
     assert told == [f"no frame comes on {KEY}; waiting for one"]

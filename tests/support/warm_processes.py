@@ -13,8 +13,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import typer
+
 CONTEXT = multiprocessing.get_context("forkserver")
-CONTEXT.set_forkserver_preload(["tests.support.bare_gepf", "tests.support.warm_kernel"])
+CONTEXT.set_forkserver_preload(
+    ["tests.support.bare_gepf", "tests.support.instant_worker", "tests.support.warm_kernel"]
+)
 
 
 def start(do: Callable[..., None], *arguments: object, log: Path) -> BaseProcess:
@@ -43,6 +47,14 @@ def work(endpoints: tuple[str, ...], name: str) -> None:
     from worker.cli import Identity, exit_with, serve
 
     exit_with(lambda: serve(Identity(endpoints, name), lambda: KERNEL, tied=False))
+
+
+def work_instantly(*arguments: str) -> None:
+    """`gepf-worker` with these arguments, whose kernel is simple arithmetic."""
+    from tests.support.instant_worker import work as instant_work
+
+    sys.argv[1:] = arguments
+    typer.run(instant_work)
 
 
 class Workers:

@@ -1,0 +1,116 @@
+"""Endpoints and certificates as options give them: what is refused before anything is opened."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from common.errors import InputError
+from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
+from common.transport.endpoints import check_endpoint, check_listening, host_and_port, is_loopback
+from common.transport.session import Security
+from coordinator.cli import main
+from coordinator.security.roster import choose_names
+from coordinator.security.tls import TlsFiles, choose_security
+from tests.support.certificates import Folder
+
+LISTENING = {
+    "tcp/127.0.0.1:7447": None,
+    "tcp/127.8.9.1:7447": None,
+    "tcp/[::1]:7447": None,
+    "tcp/localhost:7447": None,
+    "unixsock-stream//tmp/bus": None,
+    "tcp/0.0.0.0:7447": "lets everyone in",
+    "tcp/[::]:7447": "lets everyone in",
+    "tcp/10.0.0.5:7447": "lets everyone in",
+    "tcp/localhost.example:7447": "lets everyone in",
+    "udp/0.0.0.0:7447": "lets everyone in",
+    "ws/0.0.0.0:7447#iface=lo": "lets everyone in",
+    "quic/0.0.0.0:7447": "lets everyone in",
+    "tls/127.0.0.1:7447": "needs a certificate",
+    "tls/0.0.0.0:7447": "needs a certificate",
+    "7447": "is no endpoint",
+}
+
+
+@pytest.mark.parametrize("endpoint", LISTENING)
+def test_listening_beyond_this_host_needs_tls(endpoint: str) -> None:
+    """What others can reach is refused without a certificate, unless the user insists."""
+    fault = LISTENING[endpoint]
+    if fault is None:
+        check_listening(endpoint, None, insecure=False)
+        return
+    with pytest.raises(InputError, match=fault):
+        check_listening(endpoint, None, insecure=False)
+    if fault == "lets everyone in":
+        check_listening(endpoint, None, insecure=True)
+
+
+def test_commands_refuse_to_listen_openly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`gepf track` and `gepf router` end with 2 and one line before they open anything."""
+    for command in (["track", "nowhere", "--out", str(tmp_path / "run")], ["router"]):
+        assert main([*command, "--listen", "tcp/0.0.0.0:7447"]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert "--insecure" in error
+    assert not (tmp_path / "run").exists()
+
+
+def test_certificate_forbids_plain_endpoints(ours: Folder) -> None:
+    """Who gives a certificate means to be encrypted; a plain endpoint beside it is a mistake."""
+    for option in ("--listen", "--connect"):
+        with pytest.raises(InputError, match="is not encrypted; with a certificate, give tls/HOST:PORT"):
+            check_endpoint(option, "tcp/127.0.0.1:7447", ours.of("coordinator"))
+    check_endpoint("--connect", "tls/somewhere:7447", ours.of("coordinator"))
+
+
+def test_only_the_coordinators_certificate_runs(ours: Folder) -> None:
+    """A run with a worker's certificate is refused at once, and the right one knows its workers."""
+    files = {
+        name: TlsFiles(*(getattr(ours.of(name), f) for f in ("ca", "cert", "key")))
+        for name in ("coordinator", "w0")
+    }
+    with pytest.raises(InputError, match="is for 'w0', not for 'coordinator'"):
+        choose_security("tls/0.0.0.0:1", None, files["w0"])
+    assert choose_security("tls/0.0.0.0:1", None, files["coordinator"]) == ours.listening
+    connecting = choose_security(None, "tls/router:1", files["coordinator"])
+    assert connecting == Security(ours.of("coordinator"))
+    assert choose_security("tcp/127.0.0.1:1", None, TlsFiles()) is None
+
+
+def test_certificate_files_that_are_none(ours: Folder, tmp_path: Path) -> None:
+    """Missing files, other files and another certificate's key are each named."""
+    good = ours.of("w0")
+    with pytest.raises(InputError, match="--tls-key missing; give all of --tls-ca, --tls-cert, --tls-key"):
+        read_credentials(good.ca, good.cert, None)
+    with pytest.raises(InputError, match=r"--tls-cert .*nothing.* cannot be read"):
+        read_credentials(good.ca, tmp_path / "nothing", good.key)
+    with pytest.raises(InputError, match="are no certificate with its key: KEY_VALUES_MISMATCH"):
+        holder_of(Credentials(good.ca, good.cert, ours.of("w1").key))
+    rubbish = tmp_path / "rubbish"
+    rubbish.write_text("rubbish")
+    with pytest.raises(InputError, match=r"--tls-ca .*rubbish is no certificate"):
+        holder_of(Credentials(rubbish, good.cert, good.key))
+    with pytest.raises(InputError, match="are no certificate with its key"):
+        holder_of(Credentials(good.ca, rubbish, good.key))
+    assert read_credentials(None, None, None) is None
+    check_holder(good, "w0")
+
+
+def test_names_of_workers() -> None:
+    """A number or a list; the names of the other roles are taken."""
+    assert choose_names("2") == ("worker-0", "worker-1")
+    assert choose_names("anna, ben") == ("anna", "ben")
+    for bad in ("coordinator", "router", "a/b", "", "a,,b", "*"):
+        with pytest.raises(InputError):
+            choose_names(bad)
+
+
+def test_parts_of_endpoints() -> None:
+    """Host and port, with IPv6 and options of the transport."""
+    assert host_and_port("tls/[::1]:7447") == ("::1", 7447)
+    assert host_and_port("tcp/host.example:1?rel=1#iface=eth0") == ("host.example", 1)
+    assert host_and_port("unixsock-stream//tmp/bus")[1] == 0
+    assert is_loopback("tcp/[::1]:7447")
+    assert not is_loopback("tcp/:7447")

@@ -1,0 +1,147 @@
+"""Who is not let in, and what he is told: by the session, by the probe, by the process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.errors import BusError, InputError
+from common.protocol import keys
+from common.transport.bus import (
+    open_coordinator,
+    open_router,
+    open_session,
+    open_worker,
+)
+from common.transport.credentials import Credentials
+from common.transport.session import Security, session_settings
+from common.transport.tls_probe import why_refused
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.certificates import STRANGER, Folder, free_port
+from tests.support.warm_processes import start, work_instantly
+
+
+def bare_settings(endpoint: str, credentials: Credentials | None) -> dict[str, Any]:
+    """A client that gives up soon, and does not check itself what it does."""
+    security = None if credentials is None else Security(credentials)
+    settings = session_settings("client", (), [endpoint], security)
+    settings["connect"] |= {"timeout_ms": 700, "exit_on_failure": True}
+    return settings
+
+
+REFUSED = {
+    "no certificate": "refuses us without a certificate; add --tls-ca, --tls-cert and --tls-key",
+    "foreign authority": "another authority signed it; have it signed by the one there",
+    "expired": "it has expired; make a new one with gepf certificates",
+    "plain tcp": "admits encrypted connections only; give tls/HOST:PORT with --tls-ca",
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_listener_refuses_and_the_refused_learns_why(
+    case: str, place: str, ours: Folder, foreign: Folder
+) -> None:
+    """A client that checks nothing itself does not get in, and asking why gives the reason in one line."""
+    presented = {
+        "no certificate": ours.of("w0"),
+        "foreign authority": foreign.of("w0", ca=ours.path / "ca.pem"),
+        "expired": ours.of("old"),
+        "plain tcp": None,
+    }[case]
+    endpoint = place.replace("tls/", "tcp/") if case == "plain tcp" else place
+    settings = bare_settings(endpoint, presented)
+    if case == "no certificate":
+        tls = settings["transport"]["link"]["tls"]
+        for key in [key for key in tls if key.endswith(("_certificate", "_key")) and "root" not in key]:
+            del tls[key]
+        presented = None
+    with open_coordinator([place], (), ours.listening):
+        with pytest.raises(BusError, match="Unable to connect"):
+            open_session(settings, 2**20)
+        line = why_refused(endpoint, presented)
+        assert line is not None
+        assert REFUSED[case] in line
+        assert "\n" not in line
+        assert why_refused(place, ours.of("w0")) is None
+
+
+def test_foreign_listener_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
+    """A worker does not connect to a coordinator of another authority, and says whose fault it sees."""
+    why = pytest.raises(InputError, match=r"shows a certificate that is not valid under .*ours.*ca\.pem")
+    with open_coordinator([place], (), foreign.listening), why:
+        open_worker([place], Security(ours.of("w0")))
+
+
+def test_worker_cannot_pose_as_coordinator(place: str, ours: Folder) -> None:
+    """A worker's certificate, though of the same authority, is not accepted from one who listens."""
+    why = pytest.raises(InputError, match="shows a certificate that is not valid under")
+    with open_coordinator([place], (), Security(ours.of("w1"))), why:
+        open_worker([place], Security(ours.of("w0")))
+
+
+def test_certificate_of_another_host_is_refused(ours: Folder) -> None:
+    """A coordinator that is reached under a name that its certificate does not hold is not trusted."""
+    place = f"tls/127.0.0.2:{free_port()}"
+    with open_coordinator([place], (), ours.listening):
+        line = why_refused(place, ours.of("w0"))
+    assert line == f"{place} shows a certificate for another host; connect by a host name or address in it"
+
+
+def test_tls_towards_plain_tcp_is_told(ours: Folder) -> None:
+    """A worker with a certificate whose coordinator listens without encryption is told so."""
+    port = free_port()
+    with open_coordinator([f"tcp/127.0.0.1:{port}"]):
+        line = why_refused(f"tls/127.0.0.1:{port}", ours.of("w0"))
+        assert line is not None
+        assert "is not encrypted on the other side" in line
+        assert why_refused(f"tcp/127.0.0.1:{port}", None) is None
+    assert why_refused(f"tls/127.0.0.1:{port}", ours.of("w0")) is None  # nobody there: no refusal
+
+
+def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreign: Folder) -> None:
+    """A coordinator that a router refuses is told so instead of waiting for workers."""
+    with open_router([place], (), ours.routing):
+        options = Pool(
+            workers=0, connect=place, security=Security(foreign.of("coordinator", ca=ours.path / "ca.pem"))
+        )
+        with pytest.raises(InputError, match="another authority signed it"):
+            ZenohRefiner(options).__enter__()
+
+
+PROCESSES = {
+    "foreign": "is not valid under",
+    "foreign world": "shows a certificate that is not valid under",
+    "expired": "certificate has expired; make a new one with gepf certificates",
+    "plain tcp": "admits encrypted connections only",
+    "other name": "is for 'w0', not for 'w1'; give the one for 'w1'",
+    "unlisted": f"be worker '{STRANGER}'; have '{STRANGER}' listed there in workers.txt",
+}
+
+
+@pytest.mark.parametrize("case", PROCESSES)
+def test_refused_process_says_so_in_one_line(
+    case: str, place: str, ours: Folder, foreign: Folder, tmp_path: Path
+) -> None:
+    """`gepf-worker` that is not let in ends with exit code 2 and one line that says why."""
+    options = {
+        "foreign": [*foreign.options("w0")[2:], "--tls-ca", str(ours.path / "ca.pem")],
+        "foreign world": foreign.options("w0"),
+        "expired": ours.options("old"),
+        "plain tcp": [],
+        "other name": [*ours.options("w0"), "--name", "w1"],
+        "unlisted": ours.options(STRANGER),
+    }[case]
+    endpoint = place.replace("tls/", "tcp/") if case == "plain tcp" else place
+    seen: list[str] = []
+    with open_coordinator([place], (), ours.listening) as bus:
+        bus.watch(keys.ANY_WORKER_ALIVE, lambda key, _: seen.append(key))
+        process = start(work_instantly, "--connect", endpoint, *options, log=tmp_path / "log")
+        process.join(30.0)
+        assert process.exitcode == 2
+    lines = (tmp_path / "log").read_text().splitlines()
+    assert len(lines) == 1
+    assert PROCESSES[case] in lines[0]
+    assert seen == []

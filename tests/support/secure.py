@@ -1,0 +1,37 @@
+"""Who connects with a certificate: a worker in a thread, and a coordinator that listens."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from common.transport.bus import (
+    Bus,
+    open_worker,
+)
+from common.transport.session import Security
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.certificates import Folder
+from tests.support.instant_worker import KERNEL
+from worker.service import Service
+
+
+@contextmanager
+def secure_worker(place: str, folder: Folder, name: str, claim: str | None = None) -> Iterator[Bus]:
+    """A worker in a thread, with somebody's certificate, that claims to be somebody."""
+    with open_worker([place], Security(folder.of(name))) as bus:
+        service = Service(bus, claim or name, KERNEL)
+        thread = threading.Thread(target=service.run)
+        thread.start()
+        try:
+            yield bus
+        finally:
+            service.stop()
+            thread.join(5.0)
+
+
+def listening(place: str, folder: Folder) -> ZenohRefiner:
+    """A coordinator that lets workers in."""
+    return ZenohRefiner(Pool(workers=0, listen=place, security=folder.listening, worker_timeout=10.0))
