@@ -14,7 +14,8 @@ from benchmarks.sequences import Recording
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.tracked import REFERENCE_STATURE, Bodies
+from coordinator.bodies.human.measures import REFERENCE_STATURE
+from coordinator.bodies.tracked import Bodies
 from coordinator.commands.track import choose_start
 from coordinator.results.summary import count_status
 from coordinator.sources import open_source

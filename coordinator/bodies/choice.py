@@ -44,7 +44,7 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return person(read_person(path), active, preset)
-    return bodies_of(read_model(model), active)
+    return bodies_of(load_body(model), active)
 
 
 def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> Bodies:
@@ -55,11 +55,11 @@ def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> B
 
 
 def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
-    """One body that is given with all its degrees of freedom; all of them move unless told."""
+    """One body that is given with all its degrees of freedom; all of them move by default."""
     return OneBody(model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
 
 
-def read_model(model: str) -> BodyModel:
+def load_body(model: str) -> BodyModel:
     """One body with all its degrees of freedom; of people, an average one."""
     if model == HUMAN:
         return human()

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from common.errors import InputError
-from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
 from coordinator.files.atomic import write_atomically
 
 
@@ -23,7 +23,7 @@ def read_person(path: Path) -> Measures:
         raise InputError(f"cannot read {path}: {error.strerror}; give --model another file") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: {error}; write {{measure: metres}}") from error
-    stature, girth = values.pop("stature", 1.75), values.pop("girth", 1.0)
+    stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
     try:
         return Measures.of(stature, girth, **values)
     except InputError as error:

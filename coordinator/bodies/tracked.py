@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from common.activation import activate
 from common.body import BodyModel
+from coordinator.bodies.human.measures import REFERENCE_STATURE
 
 Array = NDArray[np.float64]
-
-
-REFERENCE_STATURE = 1.75  # metres
 
 
 def scaled(model: BodyModel, factor: float) -> BodyModel:

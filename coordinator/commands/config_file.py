@@ -22,15 +22,15 @@ Command = Any
 """A command of typer, which gives its base class no public name."""
 
 
-def use_config(context: Context, told: Path | None) -> None:
+def use_config(context: Context, given: Path | None) -> None:
     """Make the options of a file the defaults of all commands below `context`.
 
-    The file is `told`, else `gepf.toml` in the working folder, if there is one. Raises InputError for a file
+    The file is `given`, else `gepf.toml` in the working folder, if there is one. Raises InputError for a file
     that cannot be read, for names that no command knows and for values of a wrong type.
     """
-    if told is None and not CONFIG_FILE.is_file():
+    if given is None and not CONFIG_FILE.is_file():
         return
-    file = told or CONFIG_FILE
+    file = given or CONFIG_FILE
     context.default_map = defaults_of(context.command, read_toml(file), str(file))
 
 
@@ -45,7 +45,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def defaults_of(command: Command, table: Mapping[str, Any], place: str) -> dict[str, Any]:
-    """Values by the names of parameters, nested as the commands are. `place` tells where the table stands."""
+    """Values by the names of parameters, nested as the commands are. `place` is where the table stands."""
     return (
         group_defaults(command, table, place)
         if isinstance(command, TyperGroup)

@@ -13,9 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import InputError
-from coordinator.commands.options import Job, choose_settings
+from coordinator.commands.job import Job
+from coordinator.commands.options import choose_settings
 from coordinator.commands.progress import Show
-from coordinator.commands.track import Connect, track_sequence
+from coordinator.commands.track import track_sequence
+from coordinator.commands.workers import Connect, PooledRefiner, end_as_interrupted
+from coordinator.files.names import TRUTH_FILE
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors, compare, lost_from
 from coordinator.results.track import read_track
@@ -28,34 +31,35 @@ NOISE = SensorNoise(depth=0.15, lateral=0.01)
 FRAMES = 110
 SETTLED = 30  # frames that the table leaves out: tracking starts with a wrong pose
 WORKERS = 2
-METHODS = {"gradient": None, "gepf": 20}  # particles
+COMPARED = {"gradient": None, "gepf": 20}  # particles
 DEFAULT_FOLDER = Path("gepf-demo")
 SEQUENCE = "sequence"
 
 
-def run_demo(out: Path | None, show: Show, connect: Connect, frames: int = FRAMES) -> None:
+def run_demo(out: Path | None, show: Show, connect: Connect[PooledRefiner], frames: int = FRAMES) -> None:
     """Make the sequence, track it with each method, and show a table of errors.
 
     `out` gets a folder for the sequence and one for each method's run, with pictures; an earlier demo there
     is replaced. Raises InputError if it holds anything else.
     """
+    end_as_interrupted()
     out = DEFAULT_FOLDER if out is None else out
     make_room(out)
     with show.steps("rendering the sequence") as advance:
         synthesise("arm", out / SEQUENCE, frames, NOISE.depth, NOISE.lateral, advance=advance)
-    for method, particles in METHODS.items():
+    for method, particles in COMPARED.items():
         show.say(f"tracking with {method}")
         settings = choose_settings(method, "default", particles, None, seed=0)
         job = Job(out / SEQUENCE, out / method, settings, Pool(WORKERS), active=MOVING)
         track_sequence(job, show, connect)
-    for line in tabulate({method: errors_of(out, method) for method in METHODS}):
+    for line in tabulate({method: errors_of(out, method) for method in COMPARED}):
         show.say(line)
     show.say(f"look at {out / 'gepf' / 'overlay.gif'} and the other pictures beside it")
 
 
 def make_room(out: Path) -> None:
     """Remove an earlier demo from `out`; InputError if there is anything else."""
-    ours = {SEQUENCE, *METHODS}
+    ours = {SEQUENCE, *COMPARED}
     try:
         held = {path.name for path in out.iterdir()} if out.exists() else set()
         if held - ours:
@@ -68,7 +72,7 @@ def make_room(out: Path) -> None:
 
 def errors_of(out: Path, method: str) -> Errors:
     """Errors of a method's run."""
-    return compare(read_track(out / method), read_truth(out / SEQUENCE / "truth.npz"))
+    return compare(read_track(out / method), read_truth(out / SEQUENCE / TRUTH_FILE))
 
 
 def tabulate(errors: dict[str, Errors]) -> list[str]:
@@ -84,7 +88,7 @@ def tabulate(errors: dict[str, Errors]) -> list[str]:
         justify(name, [f"{value:.1f}" for value in row], list(columns))
         for name, row in mean_rows(names, list(columns.values()), settled)
     ]
-    lost = [f"{method}: {told_lost(lost_from(found))}" for method, found in errors.items()]
+    lost = [f"{method}: {describe_lost(lost_from(found))}" for method, found in errors.items()]
     heading = f"mean absolute error in degrees from frame {settled} on, noise of 15 cm in depth"
     return [heading, justify("", list(columns), list(columns)), *rows, "; ".join(lost)]
 
@@ -105,6 +109,6 @@ def mean_rows(
     return [*rows, ("mean", means.mean(axis=1).tolist())]
 
 
-def told_lost(frame: int | None) -> str:
+def describe_lost(frame: int | None) -> str:
     """When tracking was lost, in words."""
     return "not lost" if frame is None else f"lost from frame {frame} on"

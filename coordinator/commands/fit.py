@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -17,8 +17,11 @@ from common.settings import Settings
 from coordinator.bodies.choice import HUMAN_DOFS, PERSON_SUFFIX, choose_bodies, person
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.person_file import write_person
+from coordinator.commands.arguments import FitOptions
+from coordinator.commands.options import choose_pool, choose_settings
 from coordinator.commands.progress import Show
 from coordinator.commands.track import choose_start
+from coordinator.commands.workers import Connect, end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.source import check_frames, select_frames
@@ -28,10 +31,7 @@ from coordinator.tracking.subject import isolate
 from coordinator.tracking.tracker import Tracker
 
 USED = 20  # frames that are fitted to, spread over those that are explained well
-TRACKED = 90  # frames at most, unless told
-
-
-Connect = Callable[[Pool, Show], AbstractContextManager[Refiner]]
+TRACKED = 90  # frames at most, by default
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,20 @@ class FitJob:
     frames: str | None = None
 
 
-def fit_sequence(job: FitJob, show: Show, connect: Connect) -> tuple[Fit, Fit]:
-    """Fit, tell what was found, and write the measures; gives the fit before and after.
+def run_fit(options: FitOptions, show: Show, connect: Connect[Refiner]) -> None:
+    """Do a `gepf fit`. Raises InputError for options that make no sense, before anything is read."""
+    settings = choose_settings("gepf", "default", None, None, options.seed)
+    pool = choose_pool(options.workers, None, None)
+    end_as_interrupted()
+    fit_sequence(
+        FitJob(options.sequence, options.out, settings, pool, options.init, options.frames), show, connect
+    )
+    if options.as_json:
+        sys.stdout.write(options.out.read_text(encoding="utf-8"))
+
+
+def fit_sequence(job: FitJob, show: Show, connect: Connect[Refiner]) -> tuple[Fit, Fit]:
+    """Fit, report what was found, and write the measures; gives the fit before and after.
 
     All input is checked before anything is tracked.
     """
@@ -66,7 +78,7 @@ def fit_sequence(job: FitJob, show: Show, connect: Connect) -> tuple[Fit, Fit]:
         with show.steps("fitting measures") as advance:
             before, after = fitter.fit(Measures.of(start.stature, start.girth), advance)
     write_person(after.measures, job.out)
-    for line in tell(before, after):
+    for line in describe_fit(before, after):
         show.say(line)
     show.say(f"the measures are in {job.out}; track with --model {job.out}")
     return before, after
@@ -123,8 +135,8 @@ def builder(held: Mapping[str, float], preset_name: str) -> Callable[[Measures],
     return build
 
 
-def tell(before: Fit, after: Fit) -> list[str]:
-    """What was found, for people."""
+def describe_fit(before: Fit, after: Fit) -> list[str]:
+    """What was found, as lines for people."""
     old, new = asdict(before.measures), asdict(after.measures)
     changes = [f"{name} {old[name]:.3f} -> {new[name]:.3f}" for name in FITTED]
     then, now = 1000.0 * before.residual.mean(), 1000.0 * after.residual.mean()

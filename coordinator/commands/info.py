@@ -1,16 +1,45 @@
-"""What `gepf info` says about a sequence."""
+"""`gepf info`: facts about a sequence, and a picture of it."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from PIL import Image
 
+from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.sources import Source, find_format
 
-SAMPLED = 10  # frames, evenly spread, from which the range of depth is told
+SAMPLED = 10  # frames, evenly spread, from which the range of depth is read
+
+
+def run_info(sequence: Path, picture: Path | None, *, as_json: bool) -> None:
+    """Print facts about a sequence, and draw a frame of it: into a file, and on a terminal."""
+    facts, middle = describe(sequence)
+    if picture is not None:
+        try:
+            thumbnail(middle).save(picture, "PNG")
+        except OSError as error:
+            raise InputError(f"cannot write {picture}: {error.strerror}; choose another file") from error
+    if as_json:
+        sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
+        return
+    sys.stdout.write("".join(f"{name:<12} {value}\n" for name, value in facts.items()))
+    if sys.stdout.isatty():
+        draw_in_terminal(thumbnail(middle))
+
+
+def draw_in_terminal(picture: Image.Image) -> None:
+    """Draw a picture in characters."""
+    from rich.console import Console
+
+    from coordinator.pictures.blocks import in_blocks
+
+    console = Console()
+    console.print(in_blocks(picture, console.width))
 
 
 def describe(path: Path) -> tuple[dict[str, object], DepthFrame]:

@@ -3,53 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable
 
 import msgspec
 
 from common.errors import InputError
 from common.settings import Settings, preset
+from common.transport.access import COORDINATOR
 from common.transport.session import Security
-from coordinator.bodies.choice import HUMAN
-from coordinator.bodies.tracked import Bodies
+from coordinator.commands.arguments import SecurityOptions
+from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool
-from coordinator.results.run_configuration import Asked
+from coordinator.security.tls import TlsFiles, choose_security
 
 LARGEST_NOISE = 1.0  # metres
-BASELINES = {"condensation": 1_000, "annealed": 100}  # particles, unless told; of `annealed` in each layer
-METHODS = ("gepf", "gradient", *BASELINES)
+BASELINES = {"condensation": 1_000, "annealed": 100}  # particles by default; of `annealed` in each layer
 LONE_POINTS = 10_000  # for a single particle, which has time for all: few of 4 000 are on an arm
 LONE_ITERATIONS = 6  # and has nobody who may be nearer
-PRESETS = ("default", "paper")
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One `gepf track`."""
-
-    sequence: Path
-    out: Path
-    settings: Settings
-    pool: Pool
-    model: str = HUMAN  # or a file
-    active: tuple[str, ...] | None = None  # None for the model's own choice
-    init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file if it has one
-    frames: str | None = None
-    resume: bool = False
-    colour: Path | None = None  # frames to draw results over
-
-    def asked(self, bodies: Bodies, start: Mapping[str, float] | None) -> Asked:
-        """What decides the results besides the input."""
-        return Asked(self.settings, bodies, self.model, self.active, start, self.pool.deadline)
 
 
 def choose_settings(
     method: str, preset_name: str, particles: int | None, points: int | None, seed: int
 ) -> Settings:
     """A preset's settings with what the user asked for instead."""
-    settings = preset(one_of("preset", preset_name, PRESETS))
+    settings = preset(preset_name)
     one_of("method", method, METHODS)
     if not 0 <= seed < 2**63:
         raise InputError(f"--seed {seed} is out of range; give 0 to {2**63 - 1}")
@@ -75,11 +52,8 @@ def choose_settings(
     return msgspec.structs.replace(settings, method=method, seed=seed)
 
 
-def tell_noise(settings: Settings, depth: float | None, lateral: float | None) -> Settings:
-    """Settings for noise that the user tells, metres; for what is not told, as the preset has it.
-
-    Where nothing is told, it is measured.
-    """
+def set_noise(settings: Settings, depth: float | None, lateral: float | None) -> Settings:
+    """Settings for a camera's noise that is known, metres; None leaves the preset's, or both are measured."""
     known = {"noise_depth": depth, "noise_lateral": lateral}
     for name, value in known.items():
         if value is not None and not 0.0 < value <= LARGEST_NOISE:
@@ -90,6 +64,14 @@ def tell_noise(settings: Settings, depth: float | None, lateral: float | None) -
         return settings
     refine = msgspec.structs.replace(settings.refine, **given)
     return msgspec.structs.replace(settings, refine=refine, measure_noise=False)
+
+
+def secure(
+    options: SecurityOptions, listen: str | None, connect: str | None, holder: str = COORDINATOR
+) -> Security | None:
+    """Certificate and access rules for these endpoints; InputError where they do not fit together."""
+    files = TlsFiles(options.tls_ca, options.tls_cert, options.tls_key)
+    return choose_security(listen, connect, files, holder=holder, insecure=options.insecure)
 
 
 def choose_pool(
@@ -131,7 +113,7 @@ def choose_dofs(names: str | None) -> tuple[str, ...] | None:
     return listed
 
 
-def one_of(kind: str, name: str, choices: tuple[str, ...]) -> str:
+def one_of(kind: str, name: str, choices: Iterable[str]) -> str:
     """`name`, if it is a choice; InputError names them all."""
     if name not in choices:
         raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(choices)}")

@@ -17,11 +17,11 @@ from coordinator.tracking.estimate import Estimate
 QUIET_SECONDS = 5.0  # between two lines where there is no terminal
 
 Advance = Callable[[int, int], None]
-"""Tells how many are done, and of how many."""
+"""Reports how many are done, and of how many."""
 
 
 class Show(Protocol):
-    """Where a run tells how it goes."""
+    """Where a run reports its progress."""
 
     def say(self, text: str) -> None:
         """One line."""

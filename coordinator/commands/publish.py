@@ -12,7 +12,10 @@ from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from common.protocol.messages import encode_live, encode_live_end
 from common.transport.bus import Bus, Publisher, open_coordinator
+from coordinator.commands.arguments import PublishOptions, SecurityOptions
+from coordinator.commands.options import choose_pool, secure
 from coordinator.commands.progress import Show
+from coordinator.commands.workers import end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
 from coordinator.sources.source import check_frames, select_frames
@@ -30,6 +33,14 @@ class Broadcast:
     reached: Pool  # by whom, as far as endpoints go
     rate: float | None = None  # frames per second; None for the sequence's own
     frames: str | None = None
+
+
+def run_publish(options: PublishOptions, security: SecurityOptions, show: Show) -> None:
+    """Do a `gepf publish`. Raises InputError for options that make no sense, before anything is read."""
+    secured = secure(security, options.listen, options.connect)
+    end_as_interrupted()
+    reached = choose_pool(None, options.listen, options.connect, secured)
+    publish_sequence(Broadcast(options.sequence, options.key, reached, options.rate, options.frames), show)
 
 
 def publish_sequence(broadcast: Broadcast, show: Show) -> None:
@@ -62,10 +73,10 @@ def open_session(reached: Pool) -> Bus:
     return open_coordinator(listen, connect, reached.security)
 
 
-def wait_for_listener(publisher: Publisher, tell: Callable[[], None]) -> None:
-    """Return when somebody listens; `tell` is called if nobody does yet."""
+def wait_for_listener(publisher: Publisher, report: Callable[[], None]) -> None:
+    """Return when somebody listens; `report` is called if nobody does yet."""
     if not publisher.followed:
-        tell()
+        report()
     while not publisher.followed:
         time.sleep(LOOK)
 

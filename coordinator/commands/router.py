@@ -1,18 +1,21 @@
-"""A router of our own: where coordinators and workers meet that do not know each other's hosts."""
+"""`gepf router`: where coordinators and workers meet that do not know each other's hosts."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Callable
 
+from common.transport.access import ROUTER
 from common.transport.bus import open_router
-from common.transport.session import Security
+from coordinator.commands.arguments import RouterOptions, SecurityOptions
+from coordinator.commands.options import secure
 
 
-def route(listen: str, connect: str | None, security: Security | None, tell: Callable[[str], None]) -> None:
+def run_router(options: RouterOptions, security: SecurityOptions, say: Callable[[str], None]) -> None:
     """Route until SIGTERM or SIGINT."""
+    secured = secure(security, options.listen, options.connect, holder=ROUTER)
     stop = {signal.SIGTERM, signal.SIGINT}
     signal.pthread_sigmask(signal.SIG_BLOCK, stop)
-    with open_router([listen], [connect] if connect else [], security):
-        tell(f"routing on {listen}")
+    with open_router([options.listen], [options.connect] if options.connect else [], secured):
+        say(f"routing on {options.listen}")
         signal.sigwait(stop)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from common.body import BodyModel
 from coordinator.bodies.choice import HUMAN_DOFS, choose_bodies
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.options import Job
+from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameMeter, Show
+from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.exports.csv import write_csv
 from coordinator.files.atomic import write_atomically
 from coordinator.pool.options import Pool
-from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_model
+from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracked_body
 from coordinator.results.recorded import Recorded
 from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.run_configuration import AUTOMATIC, run_configuration
@@ -28,23 +26,10 @@ from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import check_frames, select_frames
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.start import require_start
 from coordinator.tracking.start_file import read_start
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
-
-
-class PooledRefiner(Refiner, Protocol):
-    """A refiner that can tell who did the work."""
-
-    @property
-    def statistics(self) -> PoolStatistics:
-        """Workers and batches so far."""
-        ...
-
-
-Connect = Callable[[Pool, Show], AbstractContextManager[PooledRefiner]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +45,7 @@ class Run:
     colours: ColourFolder | None = None
 
 
-def track_sequence(job: Job, show: Show, connect: Connect) -> None:
+def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> None:
     """Do a `gepf track`. All input is checked before the folder of results is made.
 
     If it ends early, by the user or by a fault, the frames so far are in the folder all the same, and
@@ -84,7 +69,7 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
         run = Run(job, source, numbers, bodies, start, recorder, colours)
         meter = show.frames(len(numbers), recorder.frames)
         if job.resume:
-            show.say(tell_resume(run))
+            show.say(describe_resume(run))
         try:
             if recorder.frames < len(numbers):
                 follow(run, meter, show, connect)
@@ -94,7 +79,7 @@ def track_sequence(job: Job, show: Show, connect: Connect) -> None:
             draw(run, recorded.state.start.model, truth, show)
 
 
-def tell_resume(run: Run) -> str:
+def describe_resume(run: Run) -> str:
     """Where a resumed run goes on."""
     done, total = run.recorder.frames, len(run.numbers)
     if done == total:
@@ -112,7 +97,7 @@ def choose_start(
     return None if path is None else read_start(path, dof_names)
 
 
-def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect) -> None:
+def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:
     """Track frame after frame; each is recorded while the workers are busy with the next."""
     recorder = run.recorder
     with connect(run.job.pool, show) as refiner, meter:
@@ -135,7 +120,7 @@ def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
     complete = count == len(run.numbers)
     rate = meter.rate or count / max(recorded.seconds, 1e-9)
     colour = None if run.job.colour is None else str(run.job.colour)
-    said = {"complete": complete, "frame_rate": rate, "pool": tell_pool(run.job.pool), "color": colour}
+    said = {"complete": complete, "frame_rate": rate, "pool": describe_pool(run.job.pool), "color": colour}
     write_results(run.recorder, recorded, said, complete=complete)
     if not complete:
         show.say(
@@ -145,7 +130,7 @@ def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
     return recorded
 
 
-def tell_pool(pool: Pool) -> dict[str, object]:
+def describe_pool(pool: Pool) -> dict[str, object]:
     """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
     return {
         "workers": pool.workers,
@@ -161,7 +146,7 @@ def write_results(
 ) -> None:
     """Write all files of a run but the pictures; the summary begins with what is `said`."""
     body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
-    write_atomically(recorder.folder / MODEL_FILE, lambda file: write_model(body, file))
+    write_atomically(recorder.folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
     track = recorder.finish(recorded, {**said, **summarise(recorded)}, complete=complete)
     write_atomically(recorder.folder / CSV_FILE, lambda file: write_csv(track, file))
 

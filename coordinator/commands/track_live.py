@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
 
 from common.errors import InputError
 from common.protocol.keys import check_stream
 from coordinator.bodies.choice import HUMAN_DOFS, choose_bodies
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.options import Job
+from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameMeter, Show
-from coordinator.commands.track import PooledRefiner, tell_pool, write_results
-from coordinator.pool.options import Pool
+from coordinator.commands.track import describe_pool, write_results
+from coordinator.commands.workers import Connect, ListeningRefiner
 from coordinator.results.recorder import Recorder
 from coordinator.results.run_configuration import AUTOMATIC, live_run_configuration
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.tracking.start_file import read_start
 from coordinator.tracking.tracker import Tracker
-
-HYPOTHESES_FILE = "hypotheses.png"
-
-
-class ListeningRefiner(PooledRefiner, Protocol):
-    """A refiner on a bus where others publish."""
-
-    def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
-        """Have `on_message(payload)` called for what is published on a key."""
-        ...
-
-
-Connect = Callable[[Pool, Show], AbstractContextManager[ListeningRefiner]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +35,7 @@ class LiveRun:
     recorder: Recorder
 
 
-def track_stream(job: Job, show: Show, connect: Connect) -> None:
+def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> None:
     """Do a `gepf track zenoh:KEY`. An interrupt ends the stream as its publisher does.
 
     Raises InputError if it ends before a frame with depth came.
@@ -98,7 +84,7 @@ def until_interrupted(recorder: Recorder) -> Iterator[None]:
             raise
 
 
-def follow(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect) -> None:
+def follow(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[ListeningRefiner]) -> None:
     """Track whatever frame is the newest; each is recorded before the next begins."""
     with connect(run.job.pool, show) as refiner, meter:
         refiner.listen(run.key, run.frames.receive)
@@ -115,14 +101,14 @@ def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> None:
     if recorded is None:
         return
     counts = {f"frames_{name}": count for name, count in asdict(run.frames.counts).items()}
-    pool = tell_pool(run.job.pool)
+    pool = describe_pool(run.job.pool)
     said = {"complete": complete, "frame_rate": meter.rate, "pool": pool, **counts}
     write_results(run.recorder, recorded, said, complete=complete)
 
 
 def draw(run: LiveRun, show: Show) -> None:
     """The hypotheses of a finished run; the frames themselves were not kept."""
-    from coordinator.pictures.hypotheses import draw_hypotheses
+    from coordinator.pictures.hypotheses import HYPOTHESES_FILE, draw_hypotheses
 
     out = run.job.out
     track = read_track(out)

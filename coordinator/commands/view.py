@@ -10,8 +10,9 @@ from urllib.parse import quote
 import rerun as rr
 
 from common.errors import GepfError, InputError
+from coordinator.commands.arguments import ViewOptions
 from coordinator.commands.progress import Show
-from coordinator.results.model_file import read_model
+from coordinator.results.model_file import read_tracked_body
 from coordinator.results.run_configuration import PATH
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track, read_track
@@ -21,6 +22,14 @@ from coordinator.viewing.scene import layout, log_run
 logger = logging.getLogger(__name__)
 
 APPLICATION = "gepf"
+
+
+def run_view(options: ViewOptions, show: Show) -> None:
+    """Do a `gepf view`: into a file if one is named, else in a browser."""
+    if options.save is not None:
+        save_run(options.run, options.sequence, options.save, show)
+    else:
+        serve_run(options.run, options.sequence, options.port, show, browser=options.browser)
 
 
 def save_run(run: Path, sequence: Path | None, file: Path, show: Show) -> None:
@@ -54,16 +63,16 @@ def serve_run(run: Path, sequence: Path | None, port: int, show: Show, *, browse
 
 def write(recording: rr.RecordingStream, run: Path, track: Track, source: Source | None, show: Show) -> None:
     """Write all frames and wait until they are out."""
-    model = read_model(run).model
+    model = read_tracked_body(run).model
     with show.steps("preparing frames") as advance:
         log_run(recording, track, model, source, advance)
         recording.flush()
 
 
-def find_sequence(run: Path, told: Path | None) -> Source | None:
-    """The sequence that was tracked: as told, else where it was; None, with a warning, if it is gone."""
-    if told is not None:
-        return open_source(told)
+def find_sequence(run: Path, given: Path | None) -> Source | None:
+    """The sequence that was tracked: as given, else where it was; None, with a warning, if it is gone."""
+    if given is not None:
+        return open_source(given)
     recorded = read_summary(run).get(PATH)
     if recorded is not None and Path(recorded).exists():
         return open_source(Path(recorded))

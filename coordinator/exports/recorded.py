@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.results.model_file import TrackedBody, read_model
+from coordinator.results.model_file import TrackedBody, read_tracked_body
 from coordinator.results.track import Track, read_track
 
 USUAL_RATE = 30.0
@@ -27,7 +27,7 @@ class RecordedRun:
 
     def body(self) -> TrackedBody:
         """The body that was tracked; InputError if the run's folder does not hold it."""
-        return read_model(self.folder)
+        return read_tracked_body(self.folder)
 
     @property
     def rate(self) -> float:

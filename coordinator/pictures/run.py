@@ -14,7 +14,7 @@ from common.errors import GepfError, InputError
 from coordinator.files.atomic import write_atomically
 from coordinator.pictures.animation import encode_gif
 from coordinator.pictures.errors import draw_errors
-from coordinator.pictures.hypotheses import draw_hypotheses
+from coordinator.pictures.hypotheses import HYPOTHESES_FILE, draw_hypotheses
 from coordinator.pictures.overlay import Painter, Shown
 from coordinator.pictures.sheet import spread, tile
 from coordinator.pictures.view import around
@@ -26,7 +26,7 @@ from coordinator.sources.source import Source
 from coordinator.synthesis.rendering import DepthRenderer
 
 ANIMATION_FILE, SHEET_FILE = "overlay.gif", "sheet.png"
-HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
+ERRORS_FILE = "errors.png"
 PICTURE_SIZE = (360, 400)  # at the most
 ANIMATION_FRAMES, SHEET_FRAMES, SHEET_COLUMNS = 75, 15, 5
 

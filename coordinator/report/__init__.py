@@ -1,4 +1,4 @@
-"""One page that tells all about a run."""
+"""One page with all about a run."""
 
 from __future__ import annotations
 

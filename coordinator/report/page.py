@@ -12,10 +12,11 @@ from markupsafe import Markup
 
 from common.errors import InputError
 from coordinator.files.atomic import write_atomically
-from coordinator.pictures.run import ANIMATION_FILE, ERRORS_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.pictures.hypotheses import HYPOTHESES_FILE
+from coordinator.pictures.run import ANIMATION_FILE, ERRORS_FILE, SHEET_FILE
 from coordinator.report.angles import draw_angles, group_angles
 from coordinator.report.doubts import find_doubts
-from coordinator.report.facts import flatten, tell_facts, tell_stages
+from coordinator.report.facts import describe_run, describe_stages, list_settings
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track, read_track
 
@@ -45,14 +46,12 @@ def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
     return environment.get_template(TEMPLATE).render(
         title=summary.get("sequence", run.name),
         summary=summary,
-        facts=tell_facts(track, summary),
+        facts=describe_run(track, summary),
         doubts=find_doubts(track),
-        pictures={
-            name: embed(run / name) for name in (ANIMATION_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
-        },
+        pictures={name: embed(run / name) for name in PICTURES},
         angles=[(group, Markup(draw_angles(track, names))) for group, names in group_angles(track)],
-        stages=tell_stages(summary),
-        settings=flatten(summary.get("settings", {})),
+        stages=describe_stages(summary),
+        settings=list_settings(summary.get("settings", {})),
         whole=json.dumps(summary, indent=2),
     )
 

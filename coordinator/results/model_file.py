@@ -29,7 +29,7 @@ class TrackedBody:
     held: Mapping[str, float]
 
 
-def write_model(body: TrackedBody, file: BinaryIO) -> None:
+def write_tracked_body(body: TrackedBody, file: BinaryIO) -> None:
     """Write the `.npz` form: the fields of `BodyModel` by name. Equal bodies give equal bytes."""
     values: dict[str, Any] = {f.name: np.asarray(getattr(body.model, f.name)) for f in fields(BodyModel)}
     held = {
@@ -39,7 +39,7 @@ def write_model(body: TrackedBody, file: BinaryIO) -> None:
     np.savez_compressed(file, allow_pickle=False, **{HASH: np.array(body.model.hash)}, **values, **held)
 
 
-def read_model(folder: Path) -> TrackedBody:
+def read_tracked_body(folder: Path) -> TrackedBody:
     """The body of a run's folder; InputError if there is none or it is damaged."""
     path = folder / MODEL_FILE
     if not path.exists():

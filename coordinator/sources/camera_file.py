@@ -13,7 +13,6 @@ from msgspec import Meta
 from common.camera import Intrinsics
 from common.errors import InputError
 
-CAMERA_FILE = "camera_intrinsic.json"
 DEFAULT_FPS = 30.0
 
 Positive = Annotated[float, Meta(gt=0)]

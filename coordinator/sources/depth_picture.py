@@ -10,7 +10,7 @@ from PIL import Image
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.sources.camera_file import CAMERA_FILE
+from coordinator.files.names import CAMERA_FILE
 
 SIXTEEN_BIT_GREY = "I;16"
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics, project
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.camera_file import CAMERA_FILE, DEFAULT_FPS, pinhole, read_camera
+from coordinator.sources.camera_file import DEFAULT_FPS, pinhole, read_camera
 from coordinator.sources.source import Recording, if_there
 
 Array = NDArray[np.float64]
@@ -41,8 +42,8 @@ class PointClouds(Recording):
         else:
             self.intrinsics = own_camera(self._files[0])
         self.numbers = range(len(self._files))
-        self.truth = if_there(path / "truth.npz")
-        self.init = if_there(path / "init.json")
+        self.truth = if_there(path / TRUTH_FILE)
+        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """One cloud as the camera sees it."""

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources.camera_file import CAMERA_FILE, pinhole, read_camera
+from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.sources.camera_file import pinhole, read_camera
 from coordinator.sources.depth_picture import read_depth
 from coordinator.sources.source import Recording, if_there
 
@@ -22,8 +23,8 @@ class RecordedFolder(Recording):
         self.depth_scale = camera.depth_scale
         self.fps = camera.fps
         self.numbers = range(min(self._files), max(self._files) + 1)
-        self.truth = if_there(path / "truth.npz")
-        self.init = if_there(path / "init.json")
+        self.truth = if_there(path / TRUTH_FILE)
+        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """One frame, decoded and checked against the camera's size."""

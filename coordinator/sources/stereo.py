@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.files.names import START_FILE, TRUTH_FILE
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
 from coordinator.sources.camera_file import DEFAULT_FPS
 from coordinator.sources.source import Recording, if_there
@@ -57,8 +58,8 @@ class StereoFolder(Recording):
         self._rectify(rig)
         self.numbers = range(len(self._pairs))
         self.fps = rig.fps
-        self.truth = if_there(path / "truth.npz")
-        self.init = if_there(path / "init.json")
+        self.truth = if_there(path / TRUTH_FILE)
+        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """The depth of one pair."""

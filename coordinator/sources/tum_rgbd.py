@@ -13,7 +13,8 @@ from pathlib import Path
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources.camera_file import CAMERA_FILE, pinhole, read_camera
+from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.sources.camera_file import pinhole, read_camera
 from coordinator.sources.depth_picture import picture_size, read_depth
 from coordinator.sources.source import Recording, if_there, rate_of
 
@@ -42,8 +43,8 @@ class TumFolder(Recording):
             check_size(self._files[0], self.intrinsics)
         self.numbers = range(len(self._files))
         self.fps = rate_of(self._times)
-        self.truth = if_there(path / "truth.npz")
-        self.init = if_there(path / "init.json")
+        self.truth = if_there(path / TRUTH_FILE)
+        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """One frame, decoded and checked against the camera's size."""

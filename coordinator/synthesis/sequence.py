@@ -17,7 +17,8 @@ from common.body import TRANSLATION
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.choice import read_model
+from coordinator.bodies.choice import load_body
+from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.noise import add_noise
@@ -57,9 +58,9 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     try:
         write_depth(shown, noise, seed, unfinished / "depth", advance, kinect=kinect)
-        write_camera(shown, unfinished / "camera_intrinsic.json")
-        write_truth(shown, unfinished / "truth.npz")
-        write_start(shown, unfinished / "init.json")
+        write_camera(shown, unfinished / CAMERA_FILE)
+        write_truth(shown, unfinished / TRUTH_FILE)
+        write_start(shown, unfinished / START_FILE)
         unfinished.chmod(0o755)
         unfinished.replace(out)
     except BaseException:
@@ -74,7 +75,7 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
         if frames is not None and not 1 <= frames <= MOST_FRAMES:
             raise InputError(f"cannot make {frames} frames; choose from 1 to {MOST_FRAMES}")
-        return roam(read_model(model), seed, frames or FRAMES)
+        return roam(load_body(model), seed, frames or FRAMES)
     if name not in SCENES:
         raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, ROAM))}")
     if model is not None:

@@ -18,6 +18,7 @@ from common.camera import back_project
 from common.errors import InputError
 from common.frame import SubjectFrame
 from common.settings import RefineSettings
+from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, name_pose, pose_by_name
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -34,7 +35,7 @@ POSTURES = (
 STATURES = (1.4, 2.05)  # metres; where less or more is seen, the person is not seen whole
 SCALES = (0.94, 0.97, 1.0, 1.03, 1.06)
 GIRTHS = (0.9, 1.05, 1.2)
-USUAL_MEASURES = (1.75, 1.0)  # of a body that is not told
+USUAL_MEASURES = (REFERENCE_STATURE, 1.0)  # of a body whose measures are not known
 SEARCHED_GIRTH = 1.05
 ROUNDS = 12  # of ICP for each candidate
 BODY_RADIUS = 0.1  # metres from the skin that is seen to the pelvis

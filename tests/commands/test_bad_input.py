@@ -151,7 +151,7 @@ def test_a_damaged_folder_is_refused(
     ("options", "says"),
     [
         (["--method", "magic"], "unknown method 'magic'; choose from gepf, gradient, condensation, annealed"),
-        (["--preset", "best"], "unknown preset 'best'; choose from default, paper"),
+        (["--preset", "best"], "unknown preset 'best'; choose from paper, default"),
         (["--model", "horse"], "unknown model 'horse'; give human, a URDF file"),
         (["--dof", "r_elbow"], "unknown degree of freedom 'r_elbow'; did you mean r_elbow_flexion"),
         (["--dof", "root_tx,tail"], "unknown degree of freedom 'tail'; gepf model dofs lists all"),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import joint_positions
-from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_model
+from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracked_body
 from coordinator.results.track import TRACK_FILE, Track, write_track
 
 Array = NDArray[np.float64]
@@ -55,5 +55,5 @@ def write_run(
     with (folder / TRACK_FILE).open("wb") as file:
         write_track(track, file)
     with (folder / MODEL_FILE).open("wb") as file:
-        write_model(TrackedBody(model, held or {}), file)
+        write_tracked_body(TrackedBody(model, held or {}), file)
     return track

@@ -16,7 +16,7 @@ from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
-from coordinator.commands.options import choose_settings, tell_noise
+from coordinator.commands.options import choose_settings, set_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import arm
 from coordinator.synthesis.scenes.noise import add_noise
@@ -87,11 +87,11 @@ def test_what_the_user_tells_is_not_measured() -> None:
     """Told noise goes into the settings as it is; what is not told stays the preset's."""
     settings = choose_settings("gepf", "default", None, None, 0)
     assert settings.measure_noise
-    assert tell_noise(settings, None, None) == settings
-    known = tell_noise(settings, 0.1, None)
+    assert set_noise(settings, None, None) == settings
+    known = set_noise(settings, 0.1, None)
     assert (known.refine.noise_depth, known.refine.noise_lateral) == (0.1, DEFAULT.noise_lateral)
     assert not known.measure_noise
-    assert tell_noise(settings, 0.1, 0.02).refine.noise_lateral == 0.02
+    assert set_noise(settings, 0.1, 0.02).refine.noise_lateral == 0.02
     json.loads(msgspec.json.encode(known))
 
 
@@ -99,4 +99,4 @@ def test_what_the_user_tells_is_not_measured() -> None:
 def test_noise_that_makes_no_sense_is_refused(value: float) -> None:
     """The option and its range are named."""
     with pytest.raises(InputError, match=r"--noise-depth .* out of range; give metres"):
-        tell_noise(preset("default"), value, None)
+        set_noise(preset("default"), value, None)

@@ -13,6 +13,8 @@ from dataclasses import dataclass, fields
 
 from common.errors import InputError
 
+REFERENCE_STATURE = 1.75  # metres, of a person whose stature is not known
+
 FRACTIONS_OF_STATURE = {
     "upper_arm": 0.166,
     "forearm": 0.148,
@@ -48,7 +50,7 @@ class Measures:
     hip_width: float
 
     @classmethod
-    def of(cls, stature_m: float = 1.75, girth: float = 1.0, **lengths: float) -> Measures:
+    def of(cls, stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: float) -> Measures:
         """Measures of a person of this stature; `lengths` (metres) replace those that stature implies.
 
         Raises InputError for an unknown measure or one that no person has.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel, find_balls
 from common.kinematics import dof_transforms
-from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
 from coordinator.bodies.human.ranges import joint_range
 from coordinator.bodies.human.shape import ARMS_RAISED, LEGS_SPREAD, moved, shape_person
 from coordinator.bodies.human.skeleton import ARM_TILT, Skeleton, build_skeleton
@@ -46,7 +46,7 @@ _NAMED_JOINTS = {
 """Output joint -> its link and its place in the skeleton."""
 
 
-def human(stature_m: float = 1.75, girth: float = 1.0, **lengths: float) -> BodyModel:
+def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: float) -> BodyModel:
     """A person of this stature (metres); `girth` widens trunk and limbs, `lengths` are measures in metres.
 
     All 186 degrees of freedom, root first. Raises InputError for measures that no person has.

@@ -1,0 +1,148 @@
+"""The arguments and options of all commands but `gepf track`, and those that commands share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+SECURITY, OUTPUT = "Security", "Output"
+FORMATS = "Open3D or TUM folder, stereo pairs, PLY or PCD clouds, RealSense .bag, numpy .npz, UTD-MHAD .mat"
+
+Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a file of gepf fit.")]
+Recording = Annotated[Path, typer.Argument(metavar="SEQ", help=f"{FORMATS}.")]
+Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show no progress; errors stay.", rich_help_panel=OUTPUT)
+]
+
+
+@dataclass(frozen=True, slots=True)
+class SecurityOptions:
+    """How connections are protected."""
+
+    tls_ca: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Certificate of who signs all certificates.", rich_help_panel=SECURITY
+        ),
+    ] = None
+    tls_cert: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Our own certificate.", rich_help_panel=SECURITY)
+    ] = None
+    tls_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The certificate's key.", rich_help_panel=SECURITY)
+    ] = None
+    insecure: Annotated[
+        bool,
+        typer.Option(
+            "--insecure",
+            help="Listen without encryption, to whoever connects, on any network.",
+            rich_help_panel=SECURITY,
+        ),
+    ] = False
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """All options of `gepf fit`."""
+
+    sequence: Recording
+    out: Annotated[Path, typer.Option(metavar="FILE.json", help="Measures to write.")]
+    init: Annotated[
+        str | None,
+        typer.Option(metavar="auto|FILE", help="Pose to start from (default: SEQ/init.json, else auto)."),
+    ] = None
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Frames to track (default: the first 90).")
+    ] = None
+    seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Local workers (default: one per core).")
+    ] = None
+    quiet: Quiet = False
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the measures, one JSON object.", rich_help_panel=OUTPUT)
+    ] = False
+
+
+@dataclass(frozen=True, slots=True)
+class PublishOptions:
+    """All options of `gepf publish` but those of security."""
+
+    sequence: Recording
+    key: Annotated[str, typer.Option(metavar="KEY", help="Where, e.g. camera/depth.")]
+    rate: Annotated[
+        float | None, typer.Option(metavar="FPS", help="Frames per second (default: the sequence's own).")
+    ] = None
+    frames: Annotated[str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.")] = None
+    listen: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Let trackers connect, e.g. tcp/127.0.0.1:7448.")
+    ] = None
+    connect: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Connect to a tracker's --listen, or a router.")
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class RouterOptions:
+    """Where a router is reached."""
+
+    listen: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where to listen, e.g. tls/0.0.0.0:7447.")]
+    connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Another router to connect to.")] = (
+        None
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SynthOptions:
+    """All options of `gepf synth`."""
+
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm, turn, or roam with --model.")]
+    out: Annotated[Path, typer.Option(metavar="SEQ", help="New folder for the sequence.")]
+    frames: Annotated[int | None, typer.Option(metavar="N", help="Only the first N frames.")] = None
+    noise_depth: Annotated[float, typer.Option(metavar="M", help="Standard deviation along depth.")] = 0.0
+    noise_lateral: Annotated[float, typer.Option(metavar="M", help="Standard deviation across.")] = 0.0
+    kinect: Annotated[bool, typer.Option("--kinect", help="Noise, steps and gaps as a Kinect has them.")] = (
+        False
+    )
+    model: Annotated[
+        str | None, typer.Option(metavar="human|FILE.urdf", help="Body that roams: all its joints move.")
+    ] = None
+    seed: Annotated[int, typer.Option(help="Of the noise, and of roaming.")] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ViewOptions:
+    """All options of `gepf view`."""
+
+    run: Run
+    sequence: Annotated[
+        Path | None, typer.Option(metavar="SEQ", help="Where the sequence is now, if it was moved.")
+    ] = None
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a .rrd file for the rerun viewer instead.")
+    ] = None
+    port: Annotated[
+        int, typer.Option(min=1, max=65534, help="Of the viewer's page; the next one is used, too.")
+    ] = 9090
+    browser: Annotated[bool, typer.Option(help="Open a browser here.")] = True
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateOptions:
+    """All options of `gepf certificates`."""
+
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder; what is good in it stays.")]
+    workers: Annotated[
+        str, typer.Option(metavar="N|NAME,...", help="How many (worker-0 and so on), or their names.")
+    ] = "1"
+    hosts: Annotated[
+        str, typer.Option(metavar="HOST,...", help="Where coordinator or router listen; this host is.")
+    ] = ""
+    days: Annotated[int, typer.Option(help="How long they last.")] = 30
+    mount: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where a router in a container sees the folder.")
+    ] = None

@@ -1,0 +1,33 @@
+"""One `gepf track`, as its options have it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from common.settings import Settings
+from coordinator.bodies.choice import HUMAN
+from coordinator.bodies.tracked import Bodies
+from coordinator.pool.options import Pool
+from coordinator.results.run_configuration import Asked
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One `gepf track`."""
+
+    sequence: Path
+    out: Path
+    settings: Settings
+    pool: Pool
+    model: str = HUMAN  # or a file
+    active: tuple[str, ...] | None = None  # None for the model's own choice
+    init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file if it has one
+    frames: str | None = None
+    resume: bool = False
+    colour: Path | None = None  # frames to draw results over
+
+    def asked(self, bodies: Bodies, start: Mapping[str, float] | None) -> Asked:
+        """What decides the results besides the input."""
+        return Asked(self.settings, bodies, self.model, self.active, start, self.pool.deadline)

@@ -1,0 +1,27 @@
+"""`gepf model`: a body drawn, listed, or written as URDF."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from coordinator.bodies.choice import choose_model, load_body
+
+
+def draw_model(model: str, out: Path) -> None:
+    """Draw a body at rest from three sides."""
+    from coordinator.pictures.portrait import draw_portrait
+
+    draw_portrait(load_body(choose_model(model)), out)
+
+
+def list_dofs(model: str) -> None:
+    """Print the names of a body's degrees of freedom, one a line."""
+    sys.stdout.write("".join(f"{name}\n" for name in load_body(choose_model(model)).dof_names))
+
+
+def write_as_urdf(model: str, out: Path) -> None:
+    """Write a body as URDF, with a mesh for every link."""
+    from coordinator.bodies.urdf.writing import write_urdf
+
+    write_urdf(load_body(choose_model(model)), out)

@@ -1,0 +1,17 @@
+"""`gepf report`: a page about a run, in its folder or where it is wanted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from coordinator.commands.progress import Show
+from coordinator.report import write_report
+
+REPORT_FILE = "report.html"
+
+
+def run_report(run: Path, out: Path | None, show: Show) -> None:
+    """Write the page. Raises InputError if the folder holds no finished run."""
+    page = out or run / REPORT_FILE
+    write_report(run, page)
+    show.say(f"the report is in {page}")

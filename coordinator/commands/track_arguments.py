@@ -1,0 +1,176 @@
+"""The arguments and options of `gepf track`, in groups."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from coordinator.commands.arguments import FORMATS, OUTPUT, Quiet, SecurityOptions
+
+INPUT, METHOD, WORKERS = "Input", "Method", "Workers"
+
+RecordingOrStream = Annotated[
+    Path,
+    typer.Argument(metavar="SEQ", help=f"{FORMATS}; or zenoh:KEY for live input."),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class InputOptions:
+    """What is tracked."""
+
+    sequence: RecordingOrStream
+    dof: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Move only these, hold the rest; joints: all but the root.",
+            rich_help_panel=INPUT,
+        ),
+    ] = None
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="human|FILE",
+            help="Body to track: a URDF file, or one of gepf fit.",
+            rich_help_panel=INPUT,
+        ),
+    ] = "human"
+    init: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|FILE",
+            help="Pose to start from (default: SEQ/init.json, else auto).",
+            rich_help_panel=INPUT,
+        ),
+    ] = None
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.", rich_help_panel=INPUT)
+    ] = None
+    color: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Draw results over these colour frames.", rich_help_panel=INPUT),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class MethodOptions:
+    """How it is tracked."""
+
+    method: Annotated[
+        str,
+        typer.Option(
+            help="gepf (many hypotheses), gradient (one), condensation or annealed.", rich_help_panel=METHOD
+        ),
+    ] = "gepf"
+    preset: Annotated[
+        str, typer.Option(help="default, or paper (its constants).", rich_help_panel=METHOD)
+    ] = "default"
+    particles: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Particles a frame; of annealed in each of its 10 layers.",
+            rich_help_panel=METHOD,
+        ),
+    ] = None
+    points: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Observed points a frame, at most.", rich_help_panel=METHOD),
+    ] = None
+    noise_depth: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            help="The camera's noise along depth (default: measured in the first frame).",
+            rich_help_panel=METHOD,
+        ),
+    ] = None
+    noise_lateral: Annotated[
+        float | None, typer.Option(metavar="M", help="And across it.", rich_help_panel=METHOD)
+    ] = None
+    seed: Annotated[
+        int,
+        typer.Option(
+            help="Of all random numbers: the same seed gives the same bytes.", rich_help_panel=METHOD
+        ),
+    ] = 0
+    deadline: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MS",
+            help="Finish a frame with the particles that are refined this long after it came.",
+            rich_help_panel=METHOD,
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerOptions:
+    """Who refines the particles."""
+
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Local workers (default: one per core); 0 for those of others.",
+            rich_help_panel=WORKERS,
+        ),
+    ] = None
+    listen: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            help="Let others' workers join, e.g. tls/0.0.0.0:7447.",
+            rich_help_panel=WORKERS,
+        ),
+    ] = None
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ENDPOINT", help="Join a router where others' workers are.", rich_help_panel=WORKERS
+        ),
+    ] = None
+    worker_timeout: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Stop after so long without any worker (default: wait).",
+            rich_help_panel=WORKERS,
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class OutputOptions:
+    """Where results go."""
+
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="New folder for the results.", rich_help_panel=OUTPUT),
+    ]
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Go on with the run in --out, if there is one.", rich_help_panel=OUTPUT
+        ),
+    ] = False
+    quiet: Quiet = False
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="Print the summary at the end, one JSON object.", rich_help_panel=OUTPUT),
+    ] = False
+
+
+@dataclass(frozen=True, slots=True)
+class TrackOptions:
+    """All options of `gepf track`."""
+
+    input: InputOptions
+    output: OutputOptions
+    method: MethodOptions
+    pool: WorkerOptions
+    security: SecurityOptions
