@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,21 @@ from common.settings import RefineSettings, preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recorder import Recorder
-from coordinator.tracking.refiner import idle
 from coordinator.tracking.sensor_noise import SensorNoise
 from coordinator.tracking.tracker import Tracker
 
 SCATTER = 0.03  # radians and metres by which the pretended descent ends apart, so that there is work to merge
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """A result that is there at once."""
+
+    refined: Refined
+
+    def result(self) -> Refined:
+        """The particles."""
+        return self.refined
 
 
 class InstantRefiner:
@@ -42,19 +52,13 @@ class InstantRefiner:
         """Encode it, too."""
         encode_frame(subject)
 
-    def refine(
-        self,
-        model: BodyModel,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        meanwhile: Callable[[], None] = idle,
-    ) -> Refined:
+    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
         """Poses (N, D), scattered."""
-        meanwhile()
         del model, settings
         self._valley = poses[:1] if self._valley is None else self._valley
         apart = self._rng.normal(scale=SCATTER, size=poses.shape)
-        return Refined(self._valley + apart, -np.square(apart).sum(axis=1), np.full(len(poses), 0.01))
+        likelihood = -np.square(apart).sum(axis=1)
+        return Ready(Refined(self._valley + apart, likelihood, np.full(len(poses), 0.01)))
 
 
 def coordinator_stages(rounds: int) -> dict[str, Any]:

@@ -32,7 +32,8 @@ from benchmarks.worker_start import worker_start
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
-from common.settings import preset
+from common.refinement import Refined
+from common.settings import RefineSettings, preset
 from coordinator.pool.local_workers import COMMAND
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -124,12 +125,11 @@ def pretending_workers(model: BodyModel, workers: int, seconds: float) -> Iterat
         coming = [subject_of(np.zeros(SHAPE, np.uint16) + 1, next(numbers))]
 
         def frame(depth: NDArray[np.uint16], poses: Array) -> Array:
-            def send_ahead() -> None:
-                coming.append(subject_of(depth, next(numbers)))
-                refiner.send_ahead(coming[0])
-
             refiner.publish(coming.pop())
-            return refiner.refine(model, poses, settings, send_ahead).poses
+            pending = refiner.submit(model, poses, settings)
+            coming.append(subject_of(depth, next(numbers)))
+            refiner.send_ahead(coming[0])
+            return pending.result().poses
 
         yield frame
 
@@ -140,6 +140,11 @@ def subject_of(depth: NDArray[np.uint16], number: int) -> SubjectFrame:
     camera = Intrinsics(width, height, 525.0, 525.0, width / 2, height / 2)
     picked = np.linspace(0, depth.size - 1, 10_000).astype(np.uint32)
     return SubjectFrame(DepthFrame(number, 0.0, depth, 1000.0, camera), picked, (0, 0, width, height))
+
+
+def refine_now(refiner: ZenohRefiner, model: BodyModel, poses: Array, settings: RefineSettings) -> Refined:
+    """Poses (N, D) after their descent, waited for."""
+    return refiner.submit(model, poses, settings).result()
 
 
 def two_workers(rounds: int) -> dict[str, Any]:
@@ -156,7 +161,7 @@ def two_workers(rounds: int) -> dict[str, Any]:
             refiner.wait_for(count)
             refiner.publish(case.subject)
         calls = {
-            str(count): partial(refiner.refine, case.model, poses, settings)
+            str(count): partial(refine_now, refiner, case.model, poses, settings)
             for count, refiner in refiners.items()
         }
         times = in_turns(calls, rounds)
@@ -176,7 +181,7 @@ def crowd(workers: int) -> dict[str, Any]:
             stack.callback(start_waiting(endpoint, f"crowd{first}", count).kill)
         refiner.wait_for(workers)
         refiner.publish(case.subject)
-        call = {"frame": lambda: refiner.refine(case.model, poses, preset("default").refine)}
+        call = {"frame": partial(refine_now, refiner, case.model, poses, preset("default").refine)}
         spent = float(np.median(in_turns(call, 15)["frame"]))
     ideal = 1e3 * WAIT * SHARE
     return {

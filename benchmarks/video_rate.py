@@ -28,8 +28,7 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.sources import open_source
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.state import TrackerState
+from coordinator.tracking.pipeline import follow
 from coordinator.tracking.tracker import Tracker
 
 SEQUENCES = ("a8_s1", "a14_s2", "a21_s1", "a27_s2")
@@ -75,14 +74,11 @@ def run(depth: Path, settings: Settings, workers: int) -> dict[str, Any]:
         refiner.wait_for(workers)
         tracker = Tracker(refiner, settings, choose_bodies(None, settings.preset))
         at: list[Spent] = []  # settled, and after the last frame
-
-        def take(estimate: Estimate, _: TrackerState) -> None:
+        for estimate, _ in follow(tracker, frames):
             laps.append(time.perf_counter())
             stages.append(estimate.stage_seconds)
             if len(laps) - 1 in (SETTLED, len(frames) - 1):
                 at.append(spent(refiner))
-
-        tracker.follow(frames, take)
         before, after = at
     count = len(frames) - 1 - SETTLED
     spans = 1e3 * np.diff(laps)[SETTLED:]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,22 @@ from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from coordinator.tracking.refiner import idle
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DirectRequest:
+    """Particles that are refined when their result is asked for."""
+
+    model: BodyModel
+    observation: Observation
+    poses: NDArray[np.float64]  # (N, D)
+    settings: RefineSettings
+
+    def result(self) -> Refined:
+        """The particles after their descent."""
+        return refine(self.model, self.observation, self.poses, self.settings)
 
 
 class DirectRefiner:
@@ -23,22 +36,14 @@ class DirectRefiner:
         self._observation: Observation | None = None
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Keep the frame that later calls of `refine` are about."""
+        """Keep the frame that later calls of `submit` are about."""
         self._observation = observe(subject)
 
     def send_ahead(self, subject: SubjectFrame) -> None:
         """There is nobody to send it to."""
 
-    def refine(
-        self,
-        model: BodyModel,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        meanwhile: Callable[[], None] = idle,
-    ) -> Refined:
-        """Poses (N, D) after their descent."""
+    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> DirectRequest:
+        """Poses (N, D), to be refined on the frame that was published last."""
         if self._observation is None:
             raise RuntimeError("publish a frame first")
-        refined = refine(model, self._observation, poses, settings)
-        meanwhile()
-        return refined
+        return DirectRequest(model, self._observation, poses, settings)

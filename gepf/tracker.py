@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -26,9 +26,10 @@ from coordinator.security.tls import TlsFiles, choose_security
 from coordinator.sources.arrays import camera_of, whole_depth
 from coordinator.sources.camera_file import DEFAULT_FPS
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.start_file import read_start
-from coordinator.tracking.tracker import Tracker as Following
+from coordinator.tracking.tracker import Tracker as FrameTracker
 from gepf.direct import DirectRefiner
 
 log = logging.getLogger("gepf")
@@ -74,7 +75,7 @@ class Tracker:
         self._camera, self._depth_scale = camera, depth_scale
         self._frames = 0
         self._stack = ExitStack()
-        self._following = Following(self._open(workers), settings, bodies, given)
+        self._tracker = FrameTracker(self._open(workers), settings, bodies, given)
 
     def __enter__(self) -> Self:
         return self
@@ -91,7 +92,7 @@ class Tracker:
     @property
     def model(self) -> BodyModel:
         """The body that is tracked, with the names of its degrees of freedom; there after the first frame."""
-        return self._following.model
+        return self._tracker.model
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
         """Follow the body into the next frame.
@@ -105,7 +106,16 @@ class Tracker:
         """
         frame = depth if isinstance(depth, DepthFrame) else self._frame_of(np.asarray(depth), time_s)
         self._frames += 1
-        return self._following.track(frame)
+        return self._tracker.track(frame)
+
+    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
+        """Track the frames of a source: the estimates of `track`, sooner where there are workers.
+
+        Each estimate is given out while the workers are busy with the next frame. Raises as `track` does.
+        """
+        for estimate, _ in follow(self._tracker, frames):
+            self._frames += 1
+            yield estimate
 
     def joint_deviation(self, estimate: Estimate) -> NDArray[np.float64]:
         """Expected distance (J,) of an estimate's joints from the true ones, metres; NaN where it is lost."""

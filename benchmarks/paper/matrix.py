@@ -9,7 +9,7 @@ from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.synthesis.scenes.arm import MOVING
-from coordinator.tracking.sensor_noise import SensorNoise, told
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from worker.kernel.packing import pack_parameters
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
@@ -49,7 +49,7 @@ class Row:
             return particles
         if self.method == "annealed":
             return particles * settings.filter.layers
-        rounds = 2 if pack_parameters(told(settings.refine, self.noise)).soft else 1
+        rounds = 2 if pack_parameters(assume_noise(settings.refine, self.noise)).soft else 1
         return particles * (rounds * settings.refine.icp_iterations + 1)
 
 

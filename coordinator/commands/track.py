@@ -25,10 +25,9 @@ from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import check_frames, select_frames
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.pipeline import follow
 from coordinator.tracking.start import require_start
 from coordinator.tracking.start_file import read_start
-from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 
 
@@ -72,7 +71,7 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> Non
             show.say(describe_resume(run))
         try:
             if recorder.frames < len(numbers):
-                follow(run, meter, show, connect)
+                track_frames(run, meter, show, connect)
         finally:
             recorded = finish(run, meter, show)
         if recorded is not None:
@@ -97,18 +96,16 @@ def choose_start(
     return None if path is None else read_start(path, dof_names)
 
 
-def follow(run: Run, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:
+def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:
     """Track frame after frame; each is recorded while the workers are busy with the next."""
     recorder = run.recorder
     with connect(run.job.pool, show) as refiner, meter:
-
-        def record(estimate: Estimate, state: TrackerState) -> None:
+        past = recorder.past.state if recorder.past else None
+        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past)
+        frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
+        for estimate, state in follow(tracker, frames):
             meter.advance(estimate)
             recorder.append(estimate, state, refiner.statistics, meter.seconds)
-
-        state = recorder.past.state if recorder.past else None
-        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, state)
-        tracker.follow((run.source.frame(number) for number in run.numbers[recorder.frames :]), record)
 
 
 def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:

@@ -48,7 +48,7 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> No
         meter, complete = show.frames(None), False
         try:
             with until_interrupted(recorder):
-                follow(run, meter, show, connect)
+                track_newest(run, meter, show, connect)
             complete = True
         finally:
             finish(run, meter, complete=complete)
@@ -84,7 +84,7 @@ def until_interrupted(recorder: Recorder) -> Iterator[None]:
             raise
 
 
-def follow(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[ListeningRefiner]) -> None:
+def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[ListeningRefiner]) -> None:
     """Track whatever frame is the newest; each is recorded before the next begins."""
     with connect(run.job.pool, show) as refiner, meter:
         refiner.listen(run.key, run.frames.receive)

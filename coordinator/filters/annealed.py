@@ -8,7 +8,7 @@ mean of the last layer. A frame costs `particles` evaluations of the likelihood 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,8 @@ from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief
 from coordinator.filters.condensation import diffusion, weigh
-from coordinator.filters.motion import propagate
+from coordinator.filters.condensation import propose as propose_first
+from coordinator.filters.proposal import Proposal
 from coordinator.filters.resampling import effective_sample_size, normalise, systematic
 
 Array = NDArray[np.float64]
@@ -27,28 +28,32 @@ Array = NDArray[np.float64]
 LARGEST_POWER = 1e9
 
 
-def advance(
-    model: BodyModel,
-    past: Belief,
-    assess: Callable[[Array], Refined],
-    settings: FilterSettings,
-    rng: np.random.Generator,
-) -> Belief:
-    """One frame, layer by layer. `assess` gives the likelihood of poses (N, D)."""
-    spread = diffusion(model, settings)
-    shape = (settings.particles, past.poses.shape[1])
-    ancestors = systematic(past.weights, settings.particles, rng)
-    moving = settings.velocity_share * past.velocities[ancestors]
-    poses = propagate(model, past.poses[ancestors], moving, spread * rng.standard_normal(shape))
-    ancestors, measured, log_weights = measure(ancestors, assess(poses), settings.survival_rate)
-    for _ in range(settings.layers - 1):
-        survivors = systematic(normalise(log_weights), settings.particles, rng)
-        spread = spread * np.sqrt(settings.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
-        poses = retract(model, measured.poses[survivors], spread * rng.standard_normal(shape))
-        ancestors, measured, log_weights = measure(
-            ancestors[survivors], assess(poses), settings.survival_rate
-        )
-    return weigh(model, past.poses[ancestors], measured, log_weights)
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer(Proposal[Belief]):
+    """The particles of one layer of a frame."""
+
+    spread: Array  # (D,) standard deviation of the noise that they were diffused with
+    left: int  # layers of the frame that are still to come
+
+
+def propose(model: BodyModel, past: Belief, settings: FilterSettings, rng: np.random.Generator) -> Layer:
+    """The first layer: selected and predicted as in CONDENSATION."""
+    first = propose_first(model, past, settings, rng)
+    return Layer(past, first.ancestors, first.poses, diffusion(model, settings), settings.layers - 1)
+
+
+def update(
+    model: BodyModel, layer: Layer, assessed: Refined, settings: FilterSettings, rng: np.random.Generator
+) -> Belief | Layer:
+    """The next layer from the likelihoods of this one; after the last layer the belief."""
+    ancestors, measured, log_weights = measure(layer.ancestors, assessed, settings.survival_rate)
+    if layer.left == 0:
+        return weigh(model, layer.past.poses[ancestors], measured, log_weights)
+    survivors = systematic(normalise(log_weights), settings.particles, rng)
+    spread = layer.spread * np.sqrt(settings.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
+    noise = spread * rng.standard_normal((settings.particles, len(spread)))
+    poses = retract(model, measured.poses[survivors], noise)
+    return Layer(layer.past, ancestors[survivors], poses, spread, layer.left - 1)
 
 
 def measure(

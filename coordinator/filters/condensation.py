@@ -7,8 +7,6 @@ reported is the weighted mean.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +16,7 @@ from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, mean_pose
 from coordinator.filters.motion import propagate
+from coordinator.filters.proposal import Proposal
 from coordinator.filters.resampling import normalise, systematic
 
 Array = NDArray[np.float64]
@@ -34,23 +33,27 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  #
     )
 
 
-def advance(
-    model: BodyModel,
-    past: Belief,
-    assess: Callable[[Array], Refined],
-    settings: FilterSettings,
-    rng: np.random.Generator,
-) -> Belief:
-    """One frame: select, predict, measure. `assess` gives the likelihood of poses (N, D)."""
+def propose(
+    model: BodyModel, past: Belief, settings: FilterSettings, rng: np.random.Generator
+) -> Proposal[Belief]:
+    """Select and predict: the particles of a frame, whose likelihood is asked for."""
     ancestors = systematic(past.weights, settings.particles, rng)
     noise = diffusion(model, settings) * rng.standard_normal((settings.particles, past.poses.shape[1]))
-    predicted = propagate(
-        model, past.poses[ancestors], settings.velocity_share * past.velocities[ancestors], noise
-    )
-    measured = assess(predicted)
-    answered = measured.answered
-    measured = measured.take(answered)
-    return weigh(model, past.poses[ancestors[answered]], measured, measured.log_likelihood)
+    moving = settings.velocity_share * past.velocities[ancestors]
+    return Proposal(past, ancestors, propagate(model, past.poses[ancestors], moving, noise))
+
+
+def update(
+    model: BodyModel,
+    proposal: Proposal[Belief],
+    assessed: Refined,
+    settings: FilterSettings,  # noqa: ARG001 as all methods
+    rng: np.random.Generator,  # noqa: ARG001 as all methods
+) -> Belief:
+    """Measure: weigh the proposed particles by their likelihood."""
+    answered = assessed.answered
+    measured, ancestors = assessed.take(answered), proposal.ancestors[answered]
+    return weigh(model, proposal.past.poses[ancestors], measured, measured.log_likelihood)
 
 
 def diffusion(model: BodyModel, settings: FilterSettings) -> Array:

@@ -7,7 +7,6 @@ it; a lone particle keeps the covariance of its ancestor; the reported pose is t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +18,10 @@ from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief
 from coordinator.filters.covariance import estimate_covariances
+from coordinator.filters.exploration import SPREAD, explore, proposal_kinds
 from coordinator.filters.merging import merge
 from coordinator.filters.motion import draw_noise, propagate
-from coordinator.filters.proposals import explore, spreads, turns
+from coordinator.filters.proposal import Proposal
 from coordinator.filters.resampling import systematic
 
 Array = NDArray[np.float64]
@@ -49,17 +49,23 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses
     )
 
 
-def advance(
-    model: BodyModel,
-    past: Hypotheses,
-    refine: Callable[[Array], Refined],
-    settings: FilterSettings,
-    rng: np.random.Generator,
-) -> Hypotheses:
-    """Steps 2 to 7 for one frame. `refine` is steps 4 and 5."""
+def propose(
+    model: BodyModel, past: Hypotheses, settings: FilterSettings, rng: np.random.Generator
+) -> Proposal[Hypotheses]:
+    """Steps 2 and 3: the particles of a frame, whose descent and likelihood are steps 4 and 5."""
     ancestors = draw(past, settings, rng)  # 2
-    before = scatter(model, past, ancestors, settings, rng)  # 3
-    after = refine(before)  # 4, 5
+    return Proposal(past, ancestors, scatter(model, past, ancestors, settings, rng))  # 3
+
+
+def update(
+    model: BodyModel,
+    proposal: Proposal[Hypotheses],
+    after: Refined,
+    settings: FilterSettings,
+    rng: np.random.Generator,  # noqa: ARG001 as all methods
+) -> Hypotheses:
+    """Steps 6 and 7: hypotheses from the proposed particles after their descent."""
+    past, ancestors, before = proposal.past, proposal.ancestors, proposal.poses
     answered = after.answered
     if len(answered) < len(before):
         ancestors, before, after = ancestors[answered], before[answered], after.take(answered)
@@ -91,16 +97,16 @@ def scatter(
     rng: np.random.Generator,
 ) -> Array:
     """Step 3: particles (N, D), moved by the motion model and spread by their ancestors' covariance."""
-    noise = draw_noise(past.covariances, ancestors, rng, who_spreads(ancestors, settings))
+    noise = draw_noise(past.covariances, ancestors, rng, keeps_noise(ancestors, settings))
     velocities = settings.velocity_share * past.velocities[ancestors]
     if settings.explore:
         noise, velocities = explore(model, noise, velocities, ancestors, settings, rng)
     return propagate(model, past.poses[ancestors], velocities, noise)
 
 
-def who_spreads(ancestors: NDArray[np.int64], settings: FilterSettings) -> NDArray[np.bool_]:
+def keeps_noise(ancestors: NDArray[np.int64], settings: FilterSettings) -> NDArray[np.bool_]:
     """Which particles (N,) keep the noise of their ancestor's covariance; a lone one has none."""
     if settings.explore:
-        spread: NDArray[np.bool_] = spreads(turns(ancestors))
+        spread: NDArray[np.bool_] = proposal_kinds(ancestors) == SPREAD
         return spread
     return np.full(len(ancestors), settings.particles > 1)

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ COMMAND = (sys.executable, "-m", "worker.cli")
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 FRUITLESS_STARTS = 3  # in a row, none of them serving, until we give up
 GRACE = 2.0  # seconds to end by themselves
+LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 
 
 @dataclass(slots=True, eq=False)
@@ -100,3 +102,9 @@ def last_line(log: Path) -> str:
     """The last thing that a process said."""
     lines = log.read_text(errors="replace").split("\n")
     return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+
+
+def private_folder() -> tempfile.TemporaryDirectory[str]:
+    """A folder of our own whose path is short enough for the socket at which we meet."""
+    usual = len(tempfile.gettempdir()) <= LONGEST_FOLDER
+    return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from common.transport.session import Security
 from coordinator.pool.local_workers import COMMAND
-from coordinator.pool.no_worker_timeout import Absence
+from coordinator.pool.no_worker_timeout import NoWorkerTimeout
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +39,13 @@ class Pool:
         return (self.connect,) if self.connect else ()
 
 
-def absence(pool: Pool) -> Absence:
-    """What to say when no worker is there, and when to give up."""
+def no_worker_timeout(pool: Pool) -> NoWorkerTimeout:
+    """What to report while no worker is there, and when to give up."""
     missing = "no worker is there; waiting for one"
     if pool.workers_started:
         missing = "the local workers are not ready yet; the first time they compile for a minute or so"
     invitation = f"gepf-worker --connect {pool.listen or pool.connect or 'ENDPOINT'}"
-    return Absence(pool.worker_timeout, missing, invitation)
+    return NoWorkerTimeout(pool.worker_timeout, missing, invitation)
 
 
 def count_cores() -> int:

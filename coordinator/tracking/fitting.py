@@ -99,7 +99,9 @@ class Fitter:
         refined = []
         for frame, pose in zip(self._frames, poses, strict=True):
             self._refiner.publish(frame.subject)
-            refined.append([self._refiner.refine(model, pose[None], self._settings) for model in models])
+            refined.append(
+                [self._refiner.submit(model, pose[None], self._settings).result() for model in models]
+            )
         return [
             Fit(
                 measures,

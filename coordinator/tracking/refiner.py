@@ -1,8 +1,7 @@
-"""The port through which the tracker has particles refined. The runtime fills it with the bus."""
+"""The port through which the tracker has particles refined: by a pool of workers or in this process."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -14,31 +13,28 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 
 
-def idle() -> None:
-    """Do nothing."""
+class Pending(Protocol):
+    """Particles that are being refined."""
+
+    def result(self) -> Refined:
+        """Wait for the particles after their descent, with likelihood and residual, in the order given.
+
+        A deadline may leave some of them unanswered, but not all.
+        """
+        ...
 
 
 class Refiner(Protocol):
-    """Refines particles on the frame that was published last."""
+    """Refines particles on the frame that was published last, one request at a time."""
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Make a frame known to the workers; all later calls of `refine` are about it."""
+        """Make a frame known to the workers; all later calls of `submit` are about it."""
         ...
 
     def send_ahead(self, subject: SubjectFrame) -> None:
-        """Let the workers have a frame that is to be published next; `refine` stays with the one before."""
+        """Let the workers have a frame that is to be published next; `submit` stays with the one before."""
         ...
 
-    def refine(
-        self,
-        model: BodyModel,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        meanwhile: Callable[[], None] = idle,
-    ) -> Refined:
-        """Poses (N, D) after their descent, with likelihood and residual, in the order given.
-
-        `meanwhile` is called once while the workers are busy. A deadline may leave some particles
-        unanswered, but not all of them.
-        """
+    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Pending:
+        """Begin to refine poses (N, D). A request whose result was not taken by then is given up."""
         ...

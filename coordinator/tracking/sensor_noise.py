@@ -65,8 +65,8 @@ def count_changes(mask: NDArray[np.bool_]) -> int:
     return int(np.sum(mask[:, 1:] != mask[:, :-1]) + np.sum(mask[1:] != mask[:-1]))
 
 
-def told(settings: RefineSettings, noise: SensorNoise) -> RefineSettings:
-    """Settings for at least this noise. What they assume already is what the surface's own fit is worth.
+def assume_noise(settings: RefineSettings, noise: SensorNoise) -> RefineSettings:
+    """Settings that assume at least this noise. What they assume already is the worth of the surface's fit.
 
     No camera is worse across than along: a ragged outline has other reasons then.
     """

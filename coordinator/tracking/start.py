@@ -127,5 +127,5 @@ def resize(start: Start, bodies: Bodies, stature: float, girth: float) -> Start:
 
 def descend(start: Start, refiner: Refiner, settings: RefineSettings) -> Start:
     """A candidate after its descent, with its likelihood."""
-    refined = refiner.refine(start.model, start.pose[None], settings)
+    refined = refiner.submit(start.model, start.pose[None], settings).result()
     return replace(start, pose=refined.poses[0], log_likelihood=float(refined.log_likelihood[0]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.evaluation import Errors
 from coordinator.synthesis.scenes.arm import MOVING
-from coordinator.tracking.refiner import idle
+from tests.support.refined import Ready
 
 FRAMES = 4
 
@@ -39,18 +39,13 @@ class StillRefiner:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Have no use for it."""
 
-    def refine(
-        self,
-        model: BodyModel,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        meanwhile: Callable[[], None] = idle,
-    ) -> Refined:
+    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
         """No descent."""
-        meanwhile()
         assert settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
         assert model.dof_names[-1] == "r_elbow_flexion"
-        return Refined(poses.copy(), -np.arange(len(poses), dtype=np.float64), np.full(len(poses), 0.1))
+        return Ready(
+            Refined(poses.copy(), -np.arange(len(poses), dtype=np.float64), np.full(len(poses), 0.1))
+        )
 
 
 @contextmanager

@@ -16,9 +16,10 @@ from common.errors import ProtocolError
 from common.protocol.messages import decode_refined, encode_refined
 from common.refinement import Refined
 from common.settings import RefineSettings, preset
-from coordinator.filters.gradient_enhanced import advance, begin
+from coordinator.filters.gradient_enhanced import begin
 from tests.disturbance.fuzz import fuzz_kernel
 from tests.support.extremes import Extremes
+from tests.support.filtering import advance
 from tests.support.serving import MODEL, POSES
 from worker.kernel.icp import refine, reject_diverged
 from worker.kernel.observation import observe
@@ -132,6 +133,6 @@ def test_a_filter_survives_any_answer(name: str) -> None:
 
     belief = begin(model, POSES[0], settings)
     for _ in range(30):
-        belief = advance(model, belief, make_up, settings, rng)
+        belief = advance("gepf", model, belief, make_up, settings, rng)
         assert np.all(np.isfinite(belief.reported))
         assert np.all(np.isfinite(belief.covariances))

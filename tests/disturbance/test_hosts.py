@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from coordinator.pool.scheduler import WINDOW
+from coordinator.pool.workload import WINDOW
 from tests.support.network import Host, Network, NotAllowed, Weather
 from tests.support.small_sequence import write_small_sequence
 from tests.support.warm_processes import Workers, coordinate, start

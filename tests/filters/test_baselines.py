@@ -18,6 +18,7 @@ from coordinator.filters.annealed import find_power, survival
 from coordinator.filters.belief import Belief, mean_pose
 from coordinator.filters.methods import METHODS
 from tests.support.bodies import hinges, puppet
+from tests.support.filtering import advance
 
 Array = NDArray[np.float64]
 
@@ -40,10 +41,10 @@ def follow(
     method: str, path: Array, deviation: float, settings: FilterSettings, seed: int = 0
 ) -> list[Belief]:
     """A method after each frame of a path (F, 2) of the likelihood's peak."""
-    begin, advance = METHODS[method]
+    begin = METHODS[method].begin
     rng, found = np.random.default_rng(seed), [begin(hinges(), path[0], settings)]
     for centre in path:
-        found.append(advance(hinges(), found[-1], peak(centre, deviation), settings, rng))
+        found.append(advance(method, hinges(), found[-1], peak(centre, deviation), settings, rng))
     return found[1:]
 
 
@@ -77,8 +78,10 @@ def test_layers_diffuse_less_and_less() -> None:
         return Refined(np.zeros_like(poses), np.zeros(len(poses)), np.zeros(len(poses)))
 
     settings = msgspec.structs.replace(SETTINGS, particles=4000, layers=4, survival_rate=0.25)
-    begin, advance = METHODS["annealed"]
-    advance(hinges(), begin(hinges(), np.zeros(2), settings), flat, settings, np.random.default_rng(0))
+    begin = METHODS["annealed"].begin
+    advance(
+        "annealed", hinges(), begin(hinges(), np.zeros(2), settings), flat, settings, np.random.default_rng(0)
+    )
     assert [len(poses) for poses in asked] == [4000] * 4
     spread = np.array([poses.std() for poses in asked])
     np.testing.assert_allclose(spread, np.deg2rad(2.0) * 0.5 ** np.arange(4), rtol=0.05)
@@ -112,10 +115,10 @@ def test_annealing_needs_fewer_evaluations() -> None:
 
     def error(method: str, particles: int, seed: int) -> float:
         chosen = msgspec.structs.replace(settings, particles=particles)
-        begin, advance = METHODS[method]
+        begin = METHODS[method].begin
         first = begin(hinges(), start, chosen)
         rng = np.random.default_rng(seed)
-        found = advance(hinges(), first, peak(centre, np.deg2rad(0.2)), chosen, rng)
+        found = advance(method, hinges(), first, peak(centre, np.deg2rad(0.2)), chosen, rng)
         return float(np.abs(found.reported - centre).mean())
 
     at_once = np.median([error("condensation", 320, seed) for seed in range(20)])
@@ -136,9 +139,11 @@ def test_without_noise_nothing_moves(method: str) -> None:
 @pytest.mark.parametrize("method", BASELINES)
 def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None:
     """Weights fall, and each particle knows the motion that led to it."""
-    begin, advance = METHODS[method]
+    begin = METHODS[method].begin
     first = begin(hinges(), np.zeros(2), SETTINGS)
-    found = advance(hinges(), first, peak(np.array([0.05, 0.0]), 0.02), SETTINGS, np.random.default_rng(0))
+    found = advance(
+        method, hinges(), first, peak(np.array([0.05, 0.0]), 0.02), SETTINGS, np.random.default_rng(0)
+    )
     assert np.all(np.diff(found.weights) <= 0.0)
     assert found.poses[0, 0] > 0.02
     np.testing.assert_allclose(found.velocities, found.poses, atol=1e-12)
@@ -151,9 +156,9 @@ def test_nothing_likely_does_not_end_it(method: str) -> None:
     def nothing(poses: Array) -> Refined:
         return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
 
-    begin, advance = METHODS[method]
+    begin = METHODS[method].begin
     first = begin(hinges(), np.zeros(2), SETTINGS)
-    found = advance(hinges(), first, nothing, SETTINGS, np.random.default_rng(0))
+    found = advance(method, hinges(), first, nothing, SETTINGS, np.random.default_rng(0))
     np.testing.assert_allclose(found.weights, 1.0 / SETTINGS.particles)
     assert np.all(np.isfinite(found.reported))
 

@@ -17,12 +17,13 @@ from common.kinematics import difference, retract
 from common.refinement import Refined, concatenate
 from common.settings import FilterSettings, preset
 from coordinator.filters.covariance import estimate_covariances
-from coordinator.filters.gradient_enhanced import Hypotheses, advance, begin
+from coordinator.filters.exploration import explore, find_limbs
+from coordinator.filters.gradient_enhanced import Hypotheses, begin
 from coordinator.filters.merging import merge
 from coordinator.filters.motion import draw_noise, propagate, take_root
-from coordinator.filters.proposals import explore, find_limbs
 from coordinator.filters.resampling import effective_sample_size, normalise, systematic
 from tests.support.bodies import hinges, puppet
+from tests.support.filtering import advance
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ def follow(
     """The toy through some frames."""
     rng, found = np.random.default_rng(seed), [begin(hinges(), np.zeros(2), settings)]
     for _ in range(frames):
-        found.append(advance(hinges(), found[-1], refine, settings, rng))
+        found.append(advance("gepf", hinges(), found[-1], refine, settings, rng))
     return found[1:]
 
 
@@ -192,7 +193,7 @@ def test_limbs_are_the_branches_and_the_trunk() -> None:
     ]
 
 
-def test_children_of_a_hypothesis_take_turns() -> None:
+def test_particles_of_a_hypothesis_are_of_four_kinds() -> None:
     """The first follows the motion, the second stays, the others move one limb or keep the noise they had."""
     model, rng = puppet(), np.random.default_rng(0)
     ancestors = np.repeat([0, 1], 9)
@@ -342,7 +343,7 @@ def test_a_lone_particle_keeps_its_ancestors_covariance() -> None:
         return Refined(np.arange(len(poses))[:, None] + np.zeros((1, 2)), -np.arange(3.0), np.zeros(3))
 
     first = begin(hinges(), np.zeros(2), settings)
-    found = advance(hinges(), first, apart, settings, np.random.default_rng(0))
+    found = advance("gepf", hinges(), first, apart, settings, np.random.default_rng(0))
     np.testing.assert_allclose(found.covariances, np.tile(0.9 * first.covariances, (3, 1, 1)))
     np.testing.assert_allclose(found.velocities, np.arange(3.0)[:, None] + np.zeros((1, 2)))
 
@@ -364,7 +365,7 @@ def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
         )
 
     settings = msgspec.structs.replace(PAPER, particles=2)
-    found = advance(hinges(), past, onward, settings, np.random.default_rng(0))
+    found = advance("gepf", hinges(), past, onward, settings, np.random.default_rng(0))
     np.testing.assert_allclose(found.poses, [[1.0, 2.3], [0.1, 0.0]])
     np.testing.assert_allclose(found.velocities, [[0.0, 0.3], [0.1, 0.0]], atol=1e-12)
     np.testing.assert_allclose(found.covariances, 0.9 * past.covariances[::-1])

@@ -138,7 +138,7 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
             shown = frame(10 + number)
             two.publish(replace(shown, frame=replace(shown.frame, number=number)))
             assert refined_bytes(one, number) == expected(number)
-            assert as_bytes(two.refine(MODEL, POSES, SETTINGS)) == expected(10 + number)
+            assert as_bytes(two.submit(MODEL, POSES, SETTINGS).result()) == expected(10 + number)
         assert len(service._memory) == 2
         one.__exit__(None, None, None)
         wait_until(lambda: len(service._memory) == 1)
@@ -163,7 +163,7 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
     ):
         modest.wait_for(1)
         greedy.publish(frame(1))
-        greedy.refine(MODEL, POSES[:1], SETTINGS)
+        greedy.submit(MODEL, POSES[:1], SETTINGS).result()
         served.clear()
         asker = greedy._bus.asker(keys.worker_refine("w"), 10.0)
         for _ in range(8):
@@ -176,5 +176,5 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
             )
         wait_until(lambda: bool(served))
         modest.publish(frame(2))
-        modest.refine(MODEL, POSES[:1], SETTINGS)
+        modest.submit(MODEL, POSES[:1], SETTINGS).result()
         assert served.index(2) <= 3, served

@@ -69,8 +69,8 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
     other = replace(MODEL, vertices=MODEL.vertices * 2)
     with pool(endpoint) as refiner, serving(endpoint, "w"):
         refiner.publish(frame(3))
-        one = refiner.refine(MODEL, POSES[:1], SETTINGS)
-        two = refiner.refine(other, POSES, SETTINGS)
+        one = refiner.submit(MODEL, POSES[:1], SETTINGS).result()
+        two = refiner.submit(other, POSES, SETTINGS).result()
     assert as_bytes(one) == expected(3, POSES[:1])
     assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), POSES, SETTINGS))
 
@@ -81,7 +81,7 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
         for depth in (1, 2, 3):
             again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
             refiner.publish(again)
-            assert as_bytes(refiner.refine(MODEL, POSES, SETTINGS)) == expected(depth)
+            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(depth)
 
 
 def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
@@ -94,11 +94,13 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
 
     with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(observe_and_tell, refine)):
         refiner.publish(frame(1))
-        one = refiner.refine(MODEL, POSES, SETTINGS, lambda: refiner.send_ahead(coming))
+        pending = refiner.submit(MODEL, POSES, SETTINGS)
+        refiner.send_ahead(coming)
+        one = pending.result()
         assert [observed.get(timeout=5.0) for _ in range(2)] == [1, 2]
-        again = refiner.refine(MODEL, POSES, SETTINGS)
+        again = refiner.submit(MODEL, POSES, SETTINGS).result()
         refiner.publish(coming)
-        two = refiner.refine(MODEL, POSES, SETTINGS)
+        two = refiner.submit(MODEL, POSES, SETTINGS).result()
     assert as_bytes(one) == as_bytes(again) == expected(1)
     assert as_bytes(two) == expected(2)
     assert observed.empty()
@@ -116,11 +118,13 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
 
     with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(refuse_the_second, refine)):
         refiner.publish(frame(1))
-        one = refiner.refine(MODEL, POSES, SETTINGS, lambda: refiner.send_ahead(coming))
+        pending = refiner.submit(MODEL, POSES, SETTINGS)
+        refiner.send_ahead(coming)
+        one = pending.result()
         assert [tried.get(timeout=5.0) for _ in range(2)] == [1, 2]
         refiner.publish(coming)
         with pytest.raises(ProtocolError, match="it hurts"):
-            refiner.refine(MODEL, POSES, SETTINGS)
+            refiner.submit(MODEL, POSES, SETTINGS).result()
         three = refined_bytes(refiner, 3)
     assert (as_bytes(one), three) == (expected(1), expected(3))
 
@@ -166,7 +170,7 @@ def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
         refiner.publish(frame(1))
         refiner.publish(frame(2))
         with serving(endpoint, "late"):
-            assert as_bytes(refiner.refine(MODEL, POSES, SETTINGS)) == expected(2)
+            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(2)
 
 
 def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
@@ -381,7 +385,7 @@ def test_real_kernel_over_the_bus(endpoint: str) -> None:
         results.add(refined_bytes(refiner, 1))
         with serving(endpoint, "two", kernel):
             refiner.wait_for(2)
-            results.add(as_bytes(refiner.refine(MODEL, POSES, SETTINGS)))
+            results.add(as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()))
         assert refiner.statistics.workers_seen == ("one", "two")
     assert len(results) == 1
 

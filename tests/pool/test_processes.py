@@ -153,7 +153,7 @@ def test_outside_worker_serves_until_told_to_end(tmp_path: Path) -> None:
         with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner:
             refiner.wait_for(1)
             refiner.publish(frame(1))
-            refined = refiner.refine(MODEL, POSES, SETTINGS)
+            refined = refiner.submit(MODEL, POSES, SETTINGS).result()
             assert refined.poses.shape == POSES.shape
             assert refiner.statistics.workers_seen == ("outside",)
             process.terminate()
@@ -202,7 +202,7 @@ def test_same_bytes_after_everything() -> None:
     """A run of processes ends with the bytes of the kernel, whole and in parts."""
     with local(3) as refiner:
         refiner.publish(frame(9))
-        whole = as_bytes(refiner.refine(MODEL, POSES, SETTINGS))
-        part = as_bytes(refiner.refine(MODEL, POSES[7:9], SETTINGS))
+        whole = as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result())
+        part = as_bytes(refiner.submit(MODEL, POSES[7:9], SETTINGS).result())
     assert whole == expected(9)
     assert part == expected(9, POSES[7:9])

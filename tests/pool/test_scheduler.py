@@ -1,4 +1,4 @@
-"""Dispatch as tables of events and the instructions expected; nothing is ever lost or done twice."""
+"""The scheduler as tables of events and the instructions expected; nothing is ever lost or done twice."""
 
 from __future__ import annotations
 
@@ -25,31 +25,34 @@ from coordinator.pool.events import (
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.scheduler import LATE_LEAST, PAUSE, REST, WINDOW, Dispatch
+from coordinator.pool.scheduler import LATE_LEAST, PAUSE, Scheduler
+from coordinator.pool.workload import REST, WINDOW
 
 Table = list[tuple[float, Event, list[Instruction]]]
 
 
-def play(table: Table) -> Dispatch:
+def play(table: Table) -> Scheduler:
     """Run a table of (time, event, instructions expected), checking the invariants after every event."""
-    dispatch = Dispatch()
+    scheduler = Scheduler()
     for row, (now, event, expected) in enumerate(table):
-        assert dispatch.handle(event, now) == expected, f"row {row}: {event}"
-        check(dispatch)
-    return dispatch
+        assert scheduler.handle(event, now) == expected, f"row {row}: {event}"
+        check(scheduler)
+    return scheduler
 
 
-def check(dispatch: Dispatch) -> None:
+def check(scheduler: Scheduler) -> None:
     """What holds between any two events."""
-    in_windows = {ticket: worker for worker in dispatch.workers.values() for ticket in worker.flights}
-    assert in_windows.keys() == dispatch.flights.keys()
-    assert all(flight.worker is in_windows[ticket] for ticket, flight in dispatch.flights.items())
-    assert all(len(worker.flights) <= WINDOW for worker in dispatch.workers.values())
-    assert all(one.stop == other.start for one, other in pairwise(dispatch.batches))
-    assert not dispatch.batches or not all(batch.done for batch in dispatch.batches)
-    assert dispatch.may_wait or not dispatch.waiting()
-    flying = {id(flight.batch) for flight in dispatch.flights.values()}
-    lost = [b for b in dispatch.batches if not b.done and id(b) not in flying and b not in dispatch.waiting()]
+    in_windows = {ticket: worker for worker in scheduler.workers.values() for ticket in worker.flights}
+    assert in_windows.keys() == scheduler.flights.keys()
+    assert all(flight.worker is in_windows[ticket] for ticket, flight in scheduler.flights.items())
+    assert all(len(worker.flights) <= WINDOW for worker in scheduler.workers.values())
+    assert all(one.stop == other.start for one, other in pairwise(scheduler.batches))
+    assert not scheduler.batches or not all(batch.done for batch in scheduler.batches)
+    assert scheduler.may_wait or not scheduler.waiting()
+    flying = {id(flight.batch) for flight in scheduler.flights.values()}
+    lost = [
+        b for b in scheduler.batches if not b.done and id(b) not in flying and b not in scheduler.waiting()
+    ]
     assert not lost
 
 
@@ -68,7 +71,7 @@ ONE_AT_WORK: Table = [(0.0, A, []), (0.0, JobStarted(20), [Send(0, "a", 0, 10), 
 
 def test_calm() -> None:
     """Two workers share a job; each result is accepted once, and the last one ends the job."""
-    dispatch = play(
+    scheduler = play(
         [
             *TWO_AT_WORK,
             (0.1, Replied(1), [Accept(1, 10)]),
@@ -79,8 +82,8 @@ def test_calm() -> None:
             (0.2, Ended(2), []),
         ]
     )
-    assert dispatch.counts.batches_sent == 4
-    assert dispatch.counts.batches_sent_again == 0
+    assert scheduler.counts.batches_sent == 4
+    assert scheduler.counts.batches_sent_again == 0
 
 
 def test_window() -> None:
@@ -113,7 +116,7 @@ def test_late_joiner_takes_what_waits() -> None:
 
 def test_killed_worker() -> None:
     """What a lost worker was working on goes to the other one, and its late answers are ignored."""
-    dispatch = play(
+    scheduler = play(
         [
             *TWO_AT_WORK,
             (0.1, Replied(0), [Accept(0, 0)]),
@@ -125,7 +128,7 @@ def test_killed_worker() -> None:
             (0.4, Replied(5), [Accept(5, 30), Done()]),
         ]
     )
-    assert dispatch.counts.batches_sent_again == 2
+    assert scheduler.counts.batches_sent_again == 2
 
 
 def test_ended_without_answer() -> None:
@@ -170,7 +173,7 @@ def test_all_workers_lost_and_one_back() -> None:
 
 def test_slow_tail_is_sent_again() -> None:
     """What takes much longer than usual is sent again to an idle worker, once; the first result wins."""
-    dispatch = play(
+    scheduler = play(
         [
             *TWO_AT_WORK,
             (0.1, Replied(0), [Accept(0, 0)]),
@@ -183,7 +186,7 @@ def test_slow_tail_is_sent_again() -> None:
             (9.2, Replied(3), []),
         ]
     )
-    assert dispatch.counts.batches_sent_again == 1
+    assert scheduler.counts.batches_sent_again == 1
 
 
 def test_nothing_is_late_in_a_hurry() -> None:
@@ -361,64 +364,64 @@ def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) 
 TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
 
 
-def sends_of(dispatch: Dispatch, particles: int, now: float) -> list[Send]:
+def sends_of(scheduler: Scheduler, particles: int, now: float) -> list[Send]:
     """The batches that a job begins with."""
-    return [told for told in dispatch.handle(JobStarted(particles), now) if isinstance(told, Send)]
+    return [told for told in scheduler.handle(JobStarted(particles), now) if isinstance(told, Send)]
 
 
 def test_a_slower_worker_gets_less() -> None:
     """Who needs twice as long for as many particles gets half as many in the end, whatever it waited for."""
-    dispatch, now = play(TWO_IDLE), 0.0
+    scheduler, now = play(TWO_IDLE), 0.0
     for _ in range(30):
-        sends = sends_of(dispatch, 15, now)
+        sends = sends_of(scheduler, 15, now)
         assert [s.worker for s in sends] == ["a", "b"]
         took = [(s.stop - s.start) * (0.01 if s.worker == "a" else 0.02) for s in sends]
         for send, seconds in sorted(zip(sends, took, strict=True), key=lambda one: one[1]):
-            dispatch.handle(Replied(send.ticket), now + seconds)
+            scheduler.handle(Replied(send.ticket), now + seconds)
         now += max(took) + 1.0
     assert [(s.start, s.stop) for s in sends] == [(0, 10), (10, 15)]
 
 
 def test_a_pace_is_by_when_answers_came() -> None:
     """Two answers that are handled at once, late, are two batches one after the other."""
-    dispatch, now = play(TWO_IDLE), 0.0
+    scheduler, now = play(TWO_IDLE), 0.0
     for _ in range(10):
-        sends = sends_of(dispatch, 40, now)
+        sends = sends_of(scheduler, 40, now)
         assert [s.stop - s.start for s in sends] == [10, 10, 10, 10]
         for k, send in enumerate(sends):
-            dispatch.handle(Replied(send.ticket, now + 0.1 * (1 + k // 2)), now + 0.25)
+            scheduler.handle(Replied(send.ticket, now + 0.1 * (1 + k // 2)), now + 0.25)
         now += 10.0
 
 
 def test_larger_batches_go_to_faster_workers_whoever_is_busy() -> None:
     """A worker that is still busy with an old job comes last, and its share with it."""
-    dispatch, now = play(TWO_IDLE), 0.0
+    scheduler, now = play(TWO_IDLE), 0.0
     stuck = None
     for job in range(12):
-        sends = {s.worker: s for s in sends_of(dispatch, 20, now)}
+        sends = {s.worker: s for s in sends_of(scheduler, 20, now)}
         if stuck is not None:
             assert (sends["b"].stop - sends["b"].start) > 10 > (sends["a"].stop - sends["a"].start)
             return
-        dispatch.handle(Replied(sends["b"].ticket), now + 0.01 * (sends["b"].stop - sends["b"].start))
+        scheduler.handle(Replied(sends["b"].ticket), now + 0.01 * (sends["b"].stop - sends["b"].start))
         if job == 10:
             stuck = sends["a"]  # is never answered: b does it, too
-            (again,) = (s for s in dispatch.handle(Ticked(), now + 60.0) if isinstance(s, Send))
-            dispatch.handle(Replied(again.ticket), now + 61.0)
+            (again,) = (s for s in scheduler.handle(Ticked(), now + 60.0) if isinstance(s, Send))
+            scheduler.handle(Replied(again.ticket), now + 61.0)
         else:
-            dispatch.handle(Replied(sends["a"].ticket), now + 0.03 * (sends["a"].stop - sends["a"].start))
+            scheduler.handle(Replied(sends["a"].ticket), now + 0.03 * (sends["a"].stop - sends["a"].start))
         now += 100.0
 
 
 def test_one_frozen_moment_is_passed_over() -> None:
     """One answer that took a minute changes nothing."""
-    dispatch, now = play(TWO_IDLE), 0.0
+    scheduler, now = play(TWO_IDLE), 0.0
     shares = []
     for job in range(40):
-        sends = sends_of(dispatch, 20, now)
+        sends = sends_of(scheduler, 20, now)
         shares.append({s.worker: s.stop - s.start for s in sends}["b"])
         for send in sends:
             took = 60.0 if job == 3 and send.worker == "b" else 0.01 * (send.stop - send.start)
-            dispatch.handle(Replied(send.ticket), now + took)
+            scheduler.handle(Replied(send.ticket), now + took)
         now += 100.0
     assert set(shares) == {10}
 
@@ -442,12 +445,12 @@ HISTORY = st.lists(
 @given(st.integers(1, 60), HISTORY)
 def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]]) -> None:
     """Whatever workers do, each batch is accepted once, and with a good worker the job gets done."""
-    dispatch, now = Dispatch(), 0.0
+    scheduler, now = Scheduler(), 0.0
     told: list[Instruction] = []
 
     def feed(event: Event) -> None:
-        told.extend(dispatch.handle(event, now))
-        check(dispatch)
+        told.extend(scheduler.handle(event, now))
+        check(scheduler)
 
     feed(JobStarted(particles))
     for pause, event in history:
@@ -456,9 +459,9 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
     for name in "abc":
         feed(WorkerLeft(name))
     feed(WorkerJoined("good"))
-    while dispatch.batches:
-        assert dispatch.flights, "a good worker is idle while there is work"
-        feed(Replied(next(iter(dispatch.flights))))
+    while scheduler.batches:
+        assert scheduler.flights, "a good worker is idle while there is work"
+        feed(Replied(next(iter(scheduler.flights))))
     accepted = [instruction.start for instruction in told if isinstance(instruction, Accept)]
     assert sorted(accepted) == [start for start, _ in split(particles, [])]
     assert told.count(Done()) == 1

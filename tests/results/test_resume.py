@@ -20,6 +20,7 @@ from coordinator.filters.methods import METHODS
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_records
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.pipeline import follow
 from coordinator.tracking.start import Start
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.tracker import Tracker
@@ -57,8 +58,7 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
     whole = Tracker(DirectRefiner(), settings, bodies(), STANDING)
-    said: list[list[bytes]] = []
-    whole.follow(frames, lambda estimate, _: said.append(as_bytes(estimate)))
+    said = [as_bytes(estimate) for estimate, _ in follow(whole, frames)]
 
     following = Tracker(DirectRefiner(), settings, bodies(), STANDING)
     for number, frame in enumerate(frames):

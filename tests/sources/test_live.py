@@ -253,7 +253,7 @@ def test_unanswered_particles_are_left_out_in_order(endpoint: str) -> None:
     with pool(endpoint, deadline=0.25) as refiner, serving(endpoint, "w", slow.kernel):
         refiner.wait_for(1)
         refiner.publish(tiny_frame())
-        part = refiner.refine(MODEL, poses, RefineSettings())
+        part = refiner.submit(MODEL, poses, RefineSettings()).result()
         answered = part.answered
         assert 0 < len(answered) < 20
         assert part.poses.shape == poses.shape
@@ -262,7 +262,7 @@ def test_unanswered_particles_are_left_out_in_order(endpoint: str) -> None:
         slow.seconds_per_particle = 0.0
         time.sleep(0.5)  # for the worker to be done with what nobody wants any more
         refiner.publish(tiny_frame())
-        np.testing.assert_array_equal(refiner.refine(MODEL, poses, RefineSettings()).poses, poses)
+        np.testing.assert_array_equal(refiner.submit(MODEL, poses, RefineSettings()).result().poses, poses)
 
 
 def test_the_first_answer_is_waited_for(endpoint: str) -> None:
@@ -271,7 +271,7 @@ def test_the_first_answer_is_waited_for(endpoint: str) -> None:
     with pool(endpoint, deadline=0.001) as refiner:
         refiner.publish(tiny_frame())
         with serving(endpoint, "w", Still(0.01).kernel):
-            part = refiner.refine(MODEL, poses, RefineSettings())
+            part = refiner.submit(MODEL, poses, RefineSettings()).result()
     assert 0 < len(part.answered) < 20
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from coordinator.bodies.human.template import human
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.tracking.refiner import idle
+from tests.support.refined import Ready
 
 CAMERA = {
     "width": 64,
@@ -53,18 +53,11 @@ class StillWorkers:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Have no use for it."""
 
-    def refine(
-        self,
-        model: BodyModel,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        meanwhile: Callable[[], None] = idle,
-    ) -> Refined:
+    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
         """The same poses, all equally likely."""
-        meanwhile()
         assert poses.shape[1] == len(model.dof_names)
         assert settings.gauss_newton_iterations > 0
-        return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01))
+        return Ready(Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01)))
 
     @contextmanager
     def connect(self, pool: Pool, show: Show) -> Iterator[StillWorkers]:

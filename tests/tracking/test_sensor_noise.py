@@ -20,7 +20,7 @@ from coordinator.commands.options import choose_settings, set_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import arm
 from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.tracking.sensor_noise import SensorNoise, measure_noise, outline_deviation, told
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise, outline_deviation
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
 DEFAULT = preset("default").refine
@@ -64,16 +64,16 @@ def test_a_frayed_disc() -> None:
 def test_a_clean_camera_is_assumed_no_worse_than_it_was() -> None:
     """Without noise, and with a step of a millimetre, settings stay as they are: the same bytes as ever."""
     for scale in (5000.0, 1000.0):
-        assert told(DEFAULT, measure_noise(noisy(SensorNoise(), scale=scale))) == DEFAULT
+        assert assume_noise(DEFAULT, measure_noise(noisy(SensorNoise(), scale=scale))) == DEFAULT
 
 
 def test_settings_are_told_the_noise() -> None:
     """At least what they assume, and across never more than along."""
-    loud = told(DEFAULT, SensorNoise(0.15, 0.03))
+    loud = assume_noise(DEFAULT, SensorNoise(0.15, 0.03))
     assert (loud.noise_depth, loud.noise_lateral) == (0.15, 0.03)
     assert msgspec.structs.replace(loud, noise_depth=0.01, noise_lateral=0.01) == DEFAULT
-    assert told(DEFAULT, SensorNoise(0.001, 0.3)) == DEFAULT
-    assert told(DEFAULT, SensorNoise(0.02, 0.3)).noise_lateral == 0.02
+    assert assume_noise(DEFAULT, SensorNoise(0.001, 0.3)) == DEFAULT
+    assert assume_noise(DEFAULT, SensorNoise(0.02, 0.3)).noise_lateral == 0.02
 
 
 def test_an_image_of_points_has_no_noise_to_tell() -> None:

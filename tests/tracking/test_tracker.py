@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 
 import msgspec
@@ -20,12 +21,12 @@ from common.settings import RefineSettings, Settings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.refiner import idle
+from coordinator.tracking.pipeline import follow
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import judge
 from coordinator.tracking.subject import CLEARANCE, isolate
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.direct import DirectRefiner, DirectRequest
 from tests.support.people import (
     CAMERA,
     SETTINGS,
@@ -124,8 +125,21 @@ def test_the_same_seed_gives_the_same_estimates() -> None:
     assert poses(msgspec.structs.replace(SETTINGS, seed=1)) != once
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class WatchedRequest(DirectRequest):
+    """A request whose result is marked."""
+
+    events: list[str]
+
+    def result(self) -> Refined:
+        """As ever; the workers are idle then."""
+        refined = DirectRequest.result(self)
+        self.events.append("idle")
+        return refined
+
+
 class Watched(DirectRefiner):
-    """Tells what is done while the workers are busy, and may fail at a frame."""
+    """Keeps the order of what is done with the workers, and may fail at a frame."""
 
     def __init__(self, fails_at: int | None = None) -> None:
         super().__init__()
@@ -138,32 +152,31 @@ class Watched(DirectRefiner):
         self.events.append(f"begin {self._frame}")
         super().publish(subject)
 
-    def refine(
-        self, model: BodyModel, poses: Array, settings: RefineSettings, meanwhile: Callable[[], None] = idle
-    ) -> Refined:
-        """As ever, between two marks."""
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """The next frame is with the workers."""
+        self.events.append(f"ahead {subject.frame.number}")
+
+    def submit(self, model: BodyModel, poses: Array, settings: RefineSettings) -> WatchedRequest:
+        """The workers get busy."""
         if self._frame == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
-        refined = super().refine(model, poses, settings, meanwhile)
-        self.events.append("idle")
-        return refined
+        request = super().submit(model, poses, settings)
+        return WatchedRequest(model, request.observation, poses, settings, self.events)
 
 
 def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
-    """The last is told at the end; each with the state that was known after it, and nothing else changes."""
+    """The last comes at the end; each with the state that was known after it, and nothing else changes."""
     frames, refiner = list(shown("standing").frames), Watched()
-    frames[2] = empty(2)  # nothing to be busy with: the frame before is told all the same
+    frames[2] = empty(2)  # nothing to be busy with: the frame before comes all the same
     states: list[TrackerState] = []
-
-    def take(estimate: Estimate, state: TrackerState) -> None:
+    for estimate, state in follow(Tracker(refiner, SETTINGS, known(), STANDING), frames):
         refiner.events.append(f"told {estimate.frame}")
         states.append(state)
-
-    Tracker(refiner, SETTINGS, known(), STANDING).follow(frames, take)
     assert refiner.events == [
-        *("begin 0", "busy", "idle", "begin 1", "busy", "told 0", "idle", "told 1"),
-        *("begin 3", "busy", "told 2", "idle", "told 3"),
+        *("begin 0", "busy", "ahead 1", "idle"),
+        *("begin 1", "busy", "told 0", "idle"),
+        *("told 1", "ahead 3", "begin 3", "busy", "told 2", "idle", "told 3"),
     ]
     one_by_one = tracker()
     for frame, state in zip(frames, states, strict=True):
@@ -173,13 +186,18 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
             np.testing.assert_array_equal(array, one_by_one.state.checkpoint.belief[name])
 
 
+def note(told: list[int], found: Iterator[tuple[Estimate, TrackerState]]) -> None:
+    """Keep the numbers of frames as they come."""
+    for estimate, _ in found:
+        told.append(estimate.frame)
+
+
 def test_what_was_tracked_is_told_before_a_failure() -> None:
     """A frame that cannot be refined does not take the one before with it."""
     told: list[int] = []
+    failing = Tracker(Watched(fails_at=2), SETTINGS, known(), STANDING)
     with pytest.raises(RuntimeError, match="gone"):
-        Tracker(Watched(fails_at=2), SETTINGS, known(), STANDING).follow(
-            shown("standing").frames, lambda estimate, _: told.append(estimate.frame)
-        )
+        note(told, follow(failing, shown("standing").frames))
     assert told == [0, 1]
 
 
@@ -192,7 +210,7 @@ def test_what_was_tracked_is_told_before_a_frame_that_cannot_be_read() -> None:
 
     told: list[int] = []
     with pytest.raises(InputError, match="torn"):
-        tracker().follow(torn(), lambda estimate, _: told.append(estimate.frame))
+        note(told, follow(tracker(), torn()))
     assert told == [0, 1]
 
 

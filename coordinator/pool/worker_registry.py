@@ -1,4 +1,4 @@
-"""The workers that are there: how each is asked, and what to tell of those who come, go or are missing."""
+"""The workers that can be asked: added and removed as they come and go, and missed when there is none."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from collections.abc import Callable
 from common.protocol import keys
 from common.transport.bus import Asker, Bus
 from coordinator.pool.local_workers import LocalWorkers
-from coordinator.pool.no_worker_timeout import Absence
+from coordinator.pool.no_worker_timeout import NoWorkerTimeout
 
 REQUEST_TIMEOUT = 30.0  # seconds; only a worker that lives and hangs takes so long
 
 
-class Members:
-    """Who may be asked at the moment. `tell` is called with a line for people."""
+class WorkerRegistry:
+    """Who may be asked at the moment. `report` is called with a line for people."""
 
-    def __init__(self, bus: Bus, local: LocalWorkers, absence: Absence, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, bus: Bus, local: LocalWorkers, timeout: NoWorkerTimeout, report: Callable[[str], None]
+    ) -> None:
         self.local = local
         self._bus = bus
-        self._absence = absence
-        self._tell = tell
+        self._timeout = timeout
+        self._report = report
         self._askers: dict[str, Asker] = {}
         self._seen: set[str] = set()
 
@@ -35,27 +37,27 @@ class Members:
         """How a worker that is there is asked."""
         return self._askers[worker]
 
-    def welcome(self, worker: str) -> None:
+    def add(self, worker: str) -> None:
         """A worker has announced itself."""
         self.local.mark_serving(worker)
         if worker in self._askers:
             return
         self._askers[worker] = self._bus.asker(keys.worker_refine(worker), REQUEST_TIMEOUT)
         self._seen.add(worker)
-        self._absence.end()
-        self._tell(f"worker {worker} joined")
+        self._timeout.reset()
+        self._report(f"worker {worker} joined")
 
-    def dismiss(self, worker: str) -> None:
+    def remove(self, worker: str) -> None:
         """A worker is gone."""
         asker = self._askers.pop(worker, None)
         if asker is not None:
             asker.close()
-            self._tell(f"worker {worker} left")
+            self._report(f"worker {worker} left")
 
-    def look(self, now: float) -> None:
-        """Start those of our own that have died; NoWorkers if nobody has been there for too long."""
+    def poll(self, now: float) -> None:
+        """Start local workers that have died again; NoWorkers if nobody has been there for too long."""
         for line in self.local.restart_dead():
-            self._tell(line)
-        missing = None if self._askers else self._absence.look(now)
+            self._report(line)
+        missing = None if self._askers else self._timeout.check(now)
         if missing is not None:
-            self._tell(missing)
+            self._report(missing)

@@ -1,0 +1,22 @@
+"""The particles of a frame before they are refined, and where each came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.filters.belief import Belief
+
+B = TypeVar("B", bound=Belief)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal(Generic[B]):
+    """Particles drawn from the belief about the frame before; their likelihoods update it."""
+
+    past: B
+    ancestors: NDArray[np.int64]  # (N,) the pose of `past` that each particle was drawn from
+    poses: NDArray[np.float64]  # (N, D)

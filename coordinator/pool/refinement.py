@@ -1,0 +1,53 @@
+"""One request for refinement: it goes out in batches, and comes back in the order of its particles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from common.protocol.messages import RefineRequest, decode_refined
+from common.refinement import Refined, concatenate, unanswered
+
+
+@dataclass(slots=True, eq=False)
+class Refinement:
+    """What is asked for, and what has been answered of it."""
+
+    request: RefineRequest  # for all particles
+    due: float = math.inf  # when to do with the particles that are answered, by the monotonic clock
+    complete: bool = False
+    _received: dict[int, Refined] = field(default_factory=dict)  # by ticket
+    _parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
+
+    @property
+    def particles(self) -> int:
+        """How many are to be refined."""
+        return len(self.request.poses)
+
+    def is_due(self, now: float) -> bool:
+        """Whether to do with what has been answered; the first answer is waited for."""
+        return bool(self._parts) and now >= self.due
+
+    def batch(self, start: int, stop: int) -> RefineRequest:
+        """The request for some of the particles."""
+        return replace(self.request, poses=self.request.poses[start:stop])
+
+    def receive(self, ticket: int, payload: bytes, particles: int) -> None:
+        """Keep a batch's answer until it is accepted; ProtocolError if it makes no sense."""
+        self._received[ticket] = decode_refined(payload, (particles, self.request.poses.shape[1]))
+
+    def accept(self, ticket: int, start: int) -> None:
+        """An answer is the first for the particles from `start` on."""
+        self._parts[start] = self._received.pop(ticket)
+
+    def gather(self) -> Refined:
+        """What has been answered, in the order of the particles, and NaN for the rest."""
+        parts: list[Refined] = []
+        stop = 0
+        for start, part in [*sorted(self._parts.items()), (self.particles, None)]:
+            if start > stop:
+                parts.append(unanswered(start - stop, part or parts[-1]))
+            if part is not None:
+                parts.append(part)
+                stop = start + len(part.poses)
+        return concatenate(parts)

@@ -1,0 +1,51 @@
+"""One frame on its way through the tracker: cut out, submitted to the workers, tracked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from common.frame import DepthFrame, SubjectFrame
+from coordinator.filters.belief import Belief
+from coordinator.filters.proposal import Proposal
+from coordinator.tracking.refiner import Pending
+from coordinator.tracking.state import TrackerState
+from coordinator.tracking.stopwatch import Stopwatch
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CutOut:
+    """A frame, and what it shows of the subject."""
+
+    frame: DepthFrame
+    subject: SubjectFrame | None  # None where nothing of it is seen
+    clock: Stopwatch = field(default_factory=Stopwatch)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Request:
+    """Particles that are with the workers."""
+
+    proposal: Proposal[Any]
+    pending: Pending
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Submitted:
+    """A frame whose particles are with the workers."""
+
+    frame: DepthFrame
+    request: Request | None  # None where nothing is seen that they could be refined on
+    first: bool
+    clock: Stopwatch
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """A frame that was tracked, and is not reported yet."""
+
+    frame: DepthFrame
+    state: TrackerState  # after it
+    belief: Belief  # the same as in the state
+    answered: int  # particles
+    clock: Stopwatch

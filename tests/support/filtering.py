@@ -1,0 +1,30 @@
+"""One frame of a filter on its own, without workers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.refinement import Refined
+from common.settings import FilterSettings
+from coordinator.filters.methods import METHODS
+from coordinator.filters.proposal import Proposal
+
+
+def advance(
+    method: str,
+    model: BodyModel,
+    past: Any,
+    refine: Callable[[NDArray[np.float64]], Refined],
+    settings: FilterSettings,
+    rng: np.random.Generator,
+) -> Any:
+    """The belief after a frame in which particles (N, D) are refined by a function."""
+    found: Any = METHODS[method].propose(model, past, settings, rng)
+    while isinstance(found, Proposal):
+        found = METHODS[method].update(model, found, refine(found.poses), settings, rng)
+    return found
