@@ -82,7 +82,7 @@ class BodyModel:
 
 
 def unknown_dof(name: str, known: Collection[str]) -> InputError:
-    """What to tell who names a degree of freedom that is none of the `known` ones."""
+    """The error for an unknown degree of freedom; it names close matches among the known ones."""
     near = get_close_matches(name, known, n=3)
     meant = f"did you mean {' or '.join(near)}? " if near else ""
     return InputError(f"unknown degree of freedom '{name}'; {meant}gepf model dofs lists all")

@@ -1,4 +1,4 @@
-"""Bounds within which the kernels check no index and no overflow of their own: they need not."""
+"""Bounds on what a worker accepts; within them kernels need no checks of indices and overflow."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ LARGEST_POSE = 1e5  # metres or radians
 LARGEST_PIXEL = 1e6  # of a camera's focal lengths and centre
 LARGEST_SETTING = 1e6
 LARGEST_LOG_LIKELIHOOD = 1e100
-MOST_PIXELS = 2**26  # that may be drawn to see what is in front
+MOST_PIXELS = 2**26  # that may be drawn into a depth buffer
 MOST_WORK = 1e13  # of a request: points compared, pixels drawn and products summed; some 20 minutes
 POSITIVE_SETTINGS = {"noise_depth", "noise_lateral", "likelihood_scale"}
 SMALLEST_POSITIVE = 1e-6
-LARGEST_OVER_RELAXATION = 10.0  # beyond it the descent cannot but fly apart
+LARGEST_OVER_RELAXATION = 10.0  # beyond it the descent is sure to diverge
 
 
 def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> None:
-    """ProtocolError if refining poses of shape (N, D) on so many points could take for ever."""
+    """ProtocolError if refining poses of shape (N, D) on so many points would take too long."""
     count, dofs = poses
-    looks = 2 * count * (settings.icp_iterations + 1)  # with soft correspondences
+    updates = 2 * count * (settings.icp_iterations + 1)  # with soft correspondences
     steps = count * settings.icp_iterations * settings.gauss_newton_iterations
-    work = looks * (points * vertices + MOST_PIXELS) + steps * dofs**3
+    work = updates * (points * vertices + MOST_PIXELS) + steps * dofs**3
     if work > MOST_WORK:
         raise ProtocolError(f"the request asks for up to {work:.0e} steps of work, expected {MOST_WORK:.0e}")

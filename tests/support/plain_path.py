@@ -41,15 +41,17 @@ class Factors:
     unexplained: int = 0  # observed points that count less than half
 
 
-def picture(model: BodyModel, pose: Array, camera: Intrinsics, number: int = 0) -> DepthFrame:
+def render(model: BodyModel, pose: Array, camera: Intrinsics, number: int = 0) -> DepthFrame:
     """What a depth camera sees of a body."""
     vertices = pose_vertices(model, pose[None])[0]
-    depth = draw(project(vertices, camera), vertices[:, 2], model.triangles, (camera.height, camera.width))
+    depth = rasterise(
+        project(vertices, camera), vertices[:, 2], model.triangles, (camera.height, camera.width)
+    )
     units = np.where(np.isfinite(depth), np.rint(depth * UNITS_PER_METRE), 0.0).astype(np.uint16)
     return DepthFrame(number, number / 30.0, units, UNITS_PER_METRE, camera)
 
 
-def draw(image: Array, z: Array, triangles: Indices, shape: tuple[int, int]) -> Array:
+def rasterise(image: Array, z: Array, triangles: Indices, shape: tuple[int, int]) -> Array:
     """Nearest depth (H, W) of the triangles that face the camera, infinite where there is none."""
     buffer = np.full(shape, np.inf)
     drawn = triangles[facing(image, z, triangles)]
@@ -81,7 +83,7 @@ def facing(image: Array, z: Array, triangles: Indices) -> NDArray[np.bool_]:
     return clear
 
 
-def see(model: BodyModel, pose: Array) -> tuple[Array, Indices]:
+def visible_vertices(model: BodyModel, pose: Array) -> tuple[Array, Indices]:
     """Steps 4a and 4b: vertices (V, 3) in the pose, and the indices of those that are visible."""
     posed = pose_vertices(model, pose[None])[0]
     z = posed[:, 2]
@@ -89,7 +91,7 @@ def see(model: BodyModel, pose: Array) -> tuple[Array, Indices]:
     shown = facing(image, z, model.triangles)
     corner = np.floor(image.min(axis=0))
     size = np.minimum(np.ceil(image.max(axis=0)) - corner + 1, LARGEST_SIDE).astype(int)
-    buffer = draw(image - corner, z, model.triangles, (size[1], size[0]))
+    buffer = rasterise(image - corner, z, model.triangles, (size[1], size[0]))
     front = np.unique(model.triangles[shown])
     pixels = np.floor(image[front] - corner + 0.5).astype(int)
     inside = np.all((pixels >= 0) & (pixels < size), axis=1)
@@ -103,7 +105,7 @@ def observed_points(subject: SubjectFrame) -> Array:
     return points[subject.picked].astype(np.float32).astype(np.float64)
 
 
-def correspond(points: Array, seen: Array, settings: RefineSettings) -> tuple[Indices, Array]:
+def closest_points(points: Array, seen: Array, settings: RefineSettings) -> tuple[Indices, Array]:
     """Step 4c: for each observed point (P, 3) the closest of (Q, 3); squared distance in its noise."""
     metric = np.array([1.0, 1.0, settings.noise_lateral / settings.noise_depth])
     distance, index = cKDTree(seen * metric).query(points * metric)
@@ -122,7 +124,7 @@ def robust_cost(squared: Array, settings: RefineSettings) -> Array:
     return scale * squared / (scale + squared) if scale > 0.0 else squared
 
 
-def faces(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.bool_]:
+def is_measurable(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.bool_]:
     """Which posed (V, 3) are on surfaces that the camera sees at less than 78 degrees from their normal."""
     corners = model.vertices[model.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -136,7 +138,9 @@ def faces(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.bool_]:
     return facing
 
 
-def pulled(seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame) -> tuple[Array, Array]:
+def project_onto_silhouette(
+    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame
+) -> tuple[Array, Array]:
     """For model points (Q, 3) where nothing was seen the nearest (Q, 3) on the outline; distance squared."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
@@ -153,7 +157,7 @@ def pulled(seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame) -> tup
     return seen + shift, np.sum(shift**2, axis=1)
 
 
-def collect(
+def weigh_correspondences(
     model: BodyModel,
     pose: Array,
     posed: Array,
@@ -163,19 +167,21 @@ def collect(
 ) -> Factors:
     """All that draws on the body in this pose, point by point."""
     points = observed_points(subject)
-    index, squared = correspond(points, posed[visible], settings)
+    index, squared = closest_points(points, posed[visible], settings)
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
     unexplained = int(np.count_nonzero(weights < 0.5))
     if settings.free_space_weight > 0.0:
-        outline, away = pulled(posed[visible], faces(model, pose, posed)[visible], subject)
+        outline, away = project_onto_silhouette(
+            posed[visible], is_measurable(model, pose, posed)[visible], subject
+        )
         pull = settings.free_space_weight * len(points) / len(visible) * robust_weight(away, settings)
         vertices = np.concatenate([vertices, visible[away > 0.0]])
         targets = np.concatenate([targets, outline[away > 0.0]])
         weights = np.concatenate([weights, pull[away > 0.0]])
-    return replace(split(model, pose, posed, vertices, targets, weights), unexplained=unexplained)
+    return replace(split_by_link(model, pose, posed, vertices, targets, weights), unexplained=unexplained)
 
 
-def split(
+def split_by_link(
     model: BodyModel, pose: Array, posed: Array, vertices: Indices, targets: Array, weights: Array
 ) -> Factors:
     """Each correspondence once for every link that its vertex follows."""
@@ -186,7 +192,7 @@ def split(
     )
 
 
-def carry(model: BodyModel, factors: Factors, pose: Array) -> Array:
+def move_with_links(model: BodyModel, factors: Factors, pose: Array) -> Array:
     """Where the factors' points (n, 3) are when the body has moved on to a pose (D,)."""
     still = np.eye(4)[None, :3]
     before, after = (
@@ -213,7 +219,7 @@ def equations(
     model: BodyModel, factors: Factors, pose: Array, settings: RefineSettings
 ) -> tuple[Array, Array]:
     """J^T J (D, D) and J^T r (D,) of Eq. 4 at a pose (D,), in the noise's metric."""
-    points = carry(model, factors, pose)
+    points = move_with_links(model, factors, pose)
     matrix = jacobian(model, factors, pose, points)
     residual = (points - factors.targets).ravel()
     metric = np.array([1.0, 1.0, (settings.noise_lateral / settings.noise_depth) ** 2])
@@ -227,22 +233,24 @@ def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSet
     for _ in range(settings.gauss_newton_iterations):
         gram, gradient = equations(model, factors, pose, settings)
         gram += np.eye(len(pose)) * (settings.damping + settings.damping_share * count)
-        gram, gradient = draw_to_rest(model, pose, settings.rest_weight * factors.unexplained, gram, gradient)
+        gram, gradient = add_rest_prior(
+            model, pose, settings.rest_weight * factors.unexplained, gram, gradient
+        )
         free = np.ones(len(pose), dtype=bool)
         if settings.keep_limits:
             stiffness = LIMIT_SHARE * factors.weights.sum()
-            gram, gradient = draw_into_limits(model, pose, stiffness, gram, gradient)
-            free = ~held(model, pose, gradient)
+            gram, gradient = add_limit_prior(model, pose, stiffness, gram, gradient)
+            free = ~active_limits(model, pose, gradient)
         step = np.zeros_like(pose)
         step[free] = np.linalg.solve(gram[np.ix_(free, free)], -gradient[free])
         pose = retract(model, pose[None], step[None])[0]
-        pose = clamp(model, pose) if settings.keep_limits else pose
+        pose = clamp_to_limits(model, pose) if settings.keep_limits else pose
         if np.abs(step).max() < CONVERGED:
             break
     return pose
 
 
-def draw_to_rest(
+def add_rest_prior(
     model: BodyModel, pose: Array, stiffness: float, gram: Array, gradient: Array
 ) -> tuple[Array, Array]:
     """Half the squared way from the rest pose, the root's aside, added to the equations."""
@@ -251,7 +259,7 @@ def draw_to_rest(
     return gram + np.diag(drawn), gradient + drawn * way
 
 
-def draw_into_limits(
+def add_limit_prior(
     model: BodyModel, pose: Array, stiffness: float, gram: Array, gradient: Array
 ) -> tuple[Array, Array]:
     """Half the squared excess of balls over their limits; angles change with a step as `retract` says."""
@@ -277,31 +285,31 @@ def single(model: BodyModel) -> NDArray[np.bool_]:
     return found
 
 
-def held(model: BodyModel, pose: Array, gradient: Array) -> NDArray[np.bool_]:
+def active_limits(model: BodyModel, pose: Array, gradient: Array) -> NDArray[np.bool_]:
     """Single axes (D,) at a limit that are pushed out of it."""
     low, high = model.limits.T
     pushed: NDArray[np.bool_] = ((pose <= low) & (gradient > 0.0)) | ((pose >= high) & (gradient < 0.0))
     return pushed & single(model)
 
 
-def clamp(model: BodyModel, pose: Array) -> Array:
+def clamp_to_limits(model: BodyModel, pose: Array) -> Array:
     """The pose (D,) with single axes within their limits."""
     return np.where(single(model), np.clip(pose, *model.limits.T), pose)
 
 
-def assess(
+def evaluate(
     model: BodyModel, pose: Array, before: Indices, subject: SubjectFrame, settings: RefineSettings
 ) -> tuple[float, float]:
     """Step 5: log likelihood and mean residual, by what is visible or, if that counts, was so before."""
-    posed, visible = see(model, pose)
+    posed, visible = visible_vertices(model, pose)
     if len(before) > 0 and settings.visibility_interval > 1:
         visible = before
     points = observed_points(subject)
     if len(visible) == 0:
         return -np.inf, np.inf
-    index, squared = correspond(points, posed[visible], settings)
+    index, squared = closest_points(points, posed[visible], settings)
     cost = robust_cost(squared, settings).mean()
-    _, away = pulled(posed[visible], faces(model, pose, posed)[visible], subject)
+    _, away = project_onto_silhouette(posed[visible], is_measurable(model, pose, posed)[visible], subject)
     cost += settings.free_space_weight * robust_cost(away, settings).mean()
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
@@ -311,21 +319,21 @@ def refine(
     model: BodyModel, subject: SubjectFrame, pose: Array, settings: RefineSettings
 ) -> tuple[Array, float, float]:
     """Steps 4a-4d, as often as asked, and then 5."""
-    pose = clamp(model, pose) if settings.keep_limits else pose
+    pose = clamp_to_limits(model, pose) if settings.keep_limits else pose
     visible = np.empty(0, dtype=np.int64)
     for k in range(settings.icp_iterations):
-        posed, seen = see(model, pose)
+        posed, seen = visible_vertices(model, pose)
         visible = seen if k % settings.visibility_interval == 0 else visible
         if len(visible) == 0:
             break
-        factors = collect(model, pose, posed, visible, subject, settings)
+        factors = weigh_correspondences(model, pose, posed, visible, subject, settings)
         moved = minimise(model, factors, len(subject.picked), settings)
-        pose = moved if k == settings.icp_iterations - 1 else extend(model, pose, moved, settings)
-    return pose, *assess(model, pose, visible, subject, settings)
+        pose = moved if k == settings.icp_iterations - 1 else over_relax(model, pose, moved, settings)
+    return pose, *evaluate(model, pose, visible, subject, settings)
 
 
-def extend(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
+def over_relax(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
     """The pose (D,) moved on by a share of the motion that led there from another."""
     step = settings.over_relaxation * difference(model, before[None], pose[None])
     further = retract(model, pose[None], step)[0]
-    return clamp(model, further) if settings.keep_limits else further
+    return clamp_to_limits(model, further) if settings.keep_limits else further

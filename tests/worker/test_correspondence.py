@@ -79,14 +79,14 @@ def search(observed: Points, model: Points) -> tuple[NDArray[np.uint32], Points]
     """Indices (P,) and squared distances (P,) as the kernel finds them."""
     padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
     leaves = -(-len(model) // LEAF)
-    room = make_search_buffers(len(padded), len(model) + 1, leaves + 1)
-    for array in room:
+    buffers = make_search_buffers(len(padded), len(model) + 1, leaves + 1)
+    for array in buffers:
         array.fill(7)  # whatever an earlier search left
-    room.model[: len(model)] = model
-    room.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
+    buffers.model[: len(model)] = model
+    buffers.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
     across = np.ascontiguousarray(padded.T)
-    closest_points(across, boxes_of(across, BLOCK), boxes_of(across, TILE), leaves, room)
-    return room.closest[: len(observed)], room.squared[: len(observed)]
+    closest_points(across, boxes_of(across, BLOCK), boxes_of(across, TILE), leaves, buffers)
+    return buffers.closest[: len(observed)], buffers.squared[: len(observed)]
 
 
 def search_again(
@@ -95,13 +95,13 @@ def search_again(
     """As `search`, from a guess (P,)."""
     padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
     leaves = -(-len(model) // LEAF)
-    room = make_search_buffers(len(padded), len(model), leaves)
-    room.model[:] = model
-    room.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
-    room.closest[:] = np.resize(guess, len(padded))
+    buffers = make_search_buffers(len(padded), len(model), leaves)
+    buffers.model[:] = model
+    buffers.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
+    buffers.closest[:] = np.resize(guess, len(padded))
     across = np.ascontiguousarray(padded.T)
-    closest_points_from_guess(across, boxes_of(across, TILE), leaves, room)
-    return room.closest[: len(observed)], room.squared[: len(observed)]
+    closest_points_from_guess(across, boxes_of(across, TILE), leaves, buffers)
+    return buffers.closest[: len(observed)], buffers.squared[: len(observed)]
 
 
 @given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 300), st.booleans(), st.integers(0, 2**32 - 1))

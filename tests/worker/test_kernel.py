@@ -64,7 +64,7 @@ SETTINGS = {
 @cache
 def subject(model: BodyModel | None = None) -> SubjectFrame:
     """The puppet in front of the camera, picked with padding to spare."""
-    found = isolate(plain_path.picture(model or puppet(), TRUTH, CAMERA), None, POINTS)
+    found = isolate(plain_path.render(model or puppet(), TRUTH, CAMERA), None, POINTS)
     assert found is not None
     assert len(found.picked) == POINTS
     return found
@@ -88,7 +88,7 @@ def layout(model: BodyModel) -> Indices:
     return order_vertices(model)[0]
 
 
-def used(workspace: Workspace) -> Workspace:
+def dirty(workspace: Workspace) -> Workspace:
     """A workspace in which others were before."""
     for array in (
         workspace.weighted_targets,
@@ -102,10 +102,10 @@ def used(workspace: Workspace) -> Workspace:
     return workspace
 
 
-def looked(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[Workspace, Array, Numbers]:
+def posed_in(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[Workspace, Array, Numbers]:
     """A workspace after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
     skeleton, surface = pack_model(model)
-    workspace = used(make_workspace(skeleton, surface, pack_observation(observe(subject()), settings)))
+    workspace = dirty(make_workspace(skeleton, surface, pack_observation(observe(subject()), settings)))
     visible = update_visibility(pose.copy(), skeleton, surface, workspace.transforms, workspace.visibility)
     return workspace, workspace.visibility.posed, visible
 
@@ -114,9 +114,9 @@ def correspondences(
     model: BodyModel, pose: Array, settings: RefineSettings
 ) -> tuple[Array, Indices, Array, Array]:
     """Vertices (V, 3) in a pose, and for each correspondence vertex (n,), target (n, 3), weight (n,)."""
-    posed, visible = plain_path.see(model, pose)
+    posed, visible = plain_path.visible_vertices(model, pose)
     points = plain_path.observed_points(subject())
-    index, squared = plain_path.correspond(points, posed[visible], settings)
+    index, squared = plain_path.closest_points(points, posed[visible], settings)
     return posed, visible[index], points, plain_path.robust_weight(squared, settings)
 
 
@@ -153,7 +153,7 @@ def summed_up(model: BodyModel, factors: plain_path.Factors) -> NormalEquations:
     return equations
 
 
-def test_a_body_is_laid_out_whole() -> None:
+def test_a_body_is_packed_whole() -> None:
     """The kernel's order keeps every vertex with its skin and every triangle with its corners."""
     model = person()
     skeleton, surface = pack_model(model)
@@ -186,8 +186,8 @@ def test_posing_and_visibility_match(make: Callable[[], BodyModel]) -> None:
     model = make()
     poses = starts(3) if make is puppet else np.tile([0.1, 0.0, 2.5, *[0.3, -0.4] * 10, 0.2], (1, 1))
     for pose in poses:
-        _, posed, seen = looked(model, pose, DEFAULT)
-        expected, visible = plain_path.see(model, pose)
+        _, posed, seen = posed_in(model, pose, DEFAULT)
+        expected, visible = plain_path.visible_vertices(model, pose)
         np.testing.assert_allclose(posed, expected[layout(model)], atol=1e-12)
         assert 100 < len(visible) < 0.6 * len(expected)
         np.testing.assert_array_equal(np.sort(layout(model)[seen]), visible)
@@ -199,11 +199,11 @@ def test_correspondences_match(name: str) -> None:
     model, settings = puppet(), SETTINGS[name]
     pose = near()
     packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
-    workspace, posed, visible = looked(model, pose, settings)
+    workspace, posed, visible = posed_in(model, pose, settings)
     find_correspondences(visible, 0, pack_model(model)[1], packed, parameters, workspace)
     index, squared = workspace.search.closest, workspace.search.squared
     points = packed.points[:, :POINTS].T / np.array([1.0, 1.0, parameters.stretch])
-    expected, apart = plain_path.correspond(points, posed[visible], settings)
+    expected, apart = plain_path.closest_points(points, posed[visible], settings)
     np.testing.assert_allclose(np.sqrt(squared[:POINTS]), np.sqrt(apart), atol=1e-6)
     assert np.mean(index[:POINTS] == expected) > 0.999
 
@@ -215,11 +215,13 @@ def test_moments_match(name: str) -> None:
     pose = near()
     skeleton, surface = pack_model(model)
     packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
-    workspace, _, visible = looked(model, pose, settings)
+    workspace, _, visible = posed_in(model, pose, settings)
     find_correspondences(visible, 0, surface, packed, parameters, workspace)
     unexplained = accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
     found = workspace.equations.moments, workspace.equations.crosses
-    factors = plain_path.collect(model, pose, *plain_path.see(model, pose), subject(), settings)
+    factors = plain_path.weigh_correspondences(
+        model, pose, *plain_path.visible_vertices(model, pose), subject(), settings
+    )
     assert len(factors.weights) > POINTS
     assert unexplained == factors.unexplained
     for total, expected in zip(found, summed(model, factors), strict=True):
@@ -236,13 +238,13 @@ def test_single_factors_sum_to_the_total() -> None:
     moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
     equations = make_equations(len(model.dof_names), links)
     for v, target, weight in zip(vertices, targets, weights, strict=True):
-        pulls = np.append(weight * target, weight)[None]
-        add_correspondences(surface, place[v : v + 1], posed[layout(model)], pulls, equations)
+        weighted_targets = np.append(weight * target, weight)[None]
+        add_correspondences(surface, place[v : v + 1], posed[layout(model)], weighted_targets, equations)
         one, cross = equations.moments, equations.crosses
         assert one[:, 3, 3].sum() == pytest.approx(weight)
         moments += one
         crosses += cross
-    factors = plain_path.split(model, near(), posed, vertices, targets, weights)
+    factors = plain_path.split_by_link(model, near(), posed, vertices, targets, weights)
     for total, expected in zip((moments, crosses), summed(model, factors), strict=True):
         np.testing.assert_allclose(total, expected, rtol=1e-10, atol=1e-10)
     assert np.count_nonzero(moments[:, 3, 3]) == links
@@ -256,7 +258,7 @@ def test_normal_equations_match(blended: bool, moved: float, along: float) -> No
     model = puppet(blended)
     start = near()
     settings = msgspec.structs.replace(PAPER, noise_depth=PAPER.noise_lateral / along)
-    factors = plain_path.split(model, start, *correspondences(model, start, settings))
+    factors = plain_path.split_by_link(model, start, *correspondences(model, start, settings))
     pose = retract(model, start[None], np.full((1, len(start)), moved))[0]
     gram, gradient = kernel_equations(model, factors, pose, np.array([1.0, 1.0, along**2]))
     expected_gram, expected = plain_path.equations(model, factors, pose, settings)
@@ -270,7 +272,9 @@ def test_the_gradient_is_that_of_the_cost(moved: float) -> None:
     model = puppet(blended=False)
     start = near()
     _, vertices, targets, weights = correspondences(model, start, DEFAULT)
-    factors = plain_path.split(model, start, pose_vertices(model, start[None])[0], vertices, targets, weights)
+    factors = plain_path.split_by_link(
+        model, start, pose_vertices(model, start[None])[0], vertices, targets, weights
+    )
     pose = retract(model, start[None], np.full((1, len(start)), moved))[0]
 
     def cost(at: Array) -> Array:
@@ -287,14 +291,14 @@ def test_shared_skin_leaves_the_gradient_exact_and_steps_safe() -> None:
     model = puppet()
     start = near()
     posed, vertices, targets, weights = correspondences(model, start, DEFAULT)
-    factors = plain_path.split(model, start, posed, vertices, targets, weights)
+    factors = plain_path.split_by_link(model, start, posed, vertices, targets, weights)
     rows = np.repeat(np.arange(len(vertices)), np.count_nonzero(model.skin_weights[vertices], axis=1))
     shares = factors.weights / weights[rows]
     assert np.mean(shares < 0.9) > 0.05
 
     def blend(at: Array) -> Array:
         mixed = np.zeros((len(vertices), 3))
-        np.add.at(mixed, rows, shares[:, None] * plain_path.carry(model, factors, at))
+        np.add.at(mixed, rows, shares[:, None] * plain_path.move_with_links(model, factors, at))
         return mixed
 
     def cost(at: Array) -> Array:
@@ -314,7 +318,7 @@ def test_the_gram_matrix_is_exact_where_a_vertex_has_one_link() -> None:
     start = near()
     posed, vertices, targets, weights = correspondences(model, start, DEFAULT)
     gram, _ = kernel_equations(
-        model, plain_path.split(model, start, posed, vertices, targets, weights), start, np.ones(3)
+        model, plain_path.split_by_link(model, start, posed, vertices, targets, weights), start, np.ones(3)
     )
     matrix = tangents(model, start, lambda at: pose_vertices(model, at[None])[0, vertices])
     exact = np.einsum("n,nij,nik->jk", weights, matrix, matrix)
@@ -327,8 +331,10 @@ def test_minimising_matches(name: str) -> None:
     model, settings = puppet(), SETTINGS[name]
     skeleton, _ = pack_model(model)
     for start in starts(2):
-        start = plain_path.clamp(model, start) if settings.keep_limits else start  # noqa: PLW2901
-        factors = plain_path.collect(model, start, *plain_path.see(model, start), subject(), settings)
+        start = plain_path.clamp_to_limits(model, start) if settings.keep_limits else start  # noqa: PLW2901
+        factors = plain_path.weigh_correspondences(
+            model, start, *plain_path.visible_vertices(model, start), subject(), settings
+        )
         pose = start.copy()
         along = settings.noise_lateral / settings.noise_depth
         solver = SolverParameters(
@@ -410,7 +416,7 @@ def test_what_was_refined_before_leaves_nothing_behind() -> None:
         assert list(threads.map(refine, order)) == [alone[which] for which in order]
 
 
-def test_without_iterations_poses_are_only_assessed() -> None:
+def test_without_iterations_poses_are_only_evaluated() -> None:
     """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them.
 
     That is, after one that looks anew what is visible wherever it comes.
@@ -465,7 +471,7 @@ def test_a_body_that_is_nowhere_in_sight_is_impossible() -> None:
 
 def observe_few() -> Observation:
     """Another frame: fewer points and pixels."""
-    found = isolate(plain_path.picture(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), None, 70)
+    found = isolate(plain_path.render(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), None, 70)
     assert found is not None
     return observe(found)
 
