@@ -1,0 +1,231 @@
+"""Anatomical angles: what they mean, that both sides agree, and that they do not jump."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from common.body import BodyModel
+from common.kinematics import joint_positions
+from coordinator.bodies.angles import Angles, angles_of, person_angles
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.isb import isb_angles, isb_names, isb_shoulder
+from coordinator.bodies.human.skeleton import ARM_TILT
+from coordinator.bodies.swing_twist import nearest_swing, swing_twist
+from coordinator.bodies.urdf.reading import read_urdf
+
+Array = NDArray[np.float64]
+
+DOWN, LEFT, FRONT = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
+turns = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
+
+
+@pytest.fixture(scope="module")
+def person() -> BodyModel:
+    """A person as the default preset tracks one."""
+    model, _ = choose_bodies(None, "default").tracked(1.75, 1.0, {})
+    return model
+
+
+@pytest.fixture(scope="module")
+def angles(person: BodyModel) -> Angles:
+    """Their angles."""
+    return angles_of(person)
+
+
+def posed(names: tuple[str, ...], **values: float) -> Array:
+    """A pose (1, D) with these degrees of freedom in degrees."""
+    pose = np.zeros((1, len(names)))
+    for name, value in values.items():
+        pose[0, names.index(name)] = np.radians(value)
+    return pose
+
+
+def read(angles: Angles, **values: float) -> dict[str, float]:
+    """Angles by name, degrees, of a pose in degrees."""
+    measured = np.degrees(angles.measure(posed(angles.dof_names, **values)))[0]
+    return dict(zip(angles.names, measured.tolist(), strict=True))
+
+
+@given(turns)
+def test_swing_after_twist_is_the_rotation(quaternion: tuple[float, ...]) -> None:
+    """Law: put together again, swing and twist are the rotation that they were taken from."""
+    rotation = Rotation.from_quat([quaternion])
+    swing, twist = swing_twist(rotation)
+    across = np.stack([swing[:, 0], np.zeros(1), swing[:, 1]], axis=1)
+    again = Rotation.from_rotvec(across) * Rotation.from_rotvec(twist[:, None] * DOWN)
+    assert (again * rotation.inv()).magnitude()[0] < 1e-7
+    assert abs(twist[0]) <= np.pi
+    assert np.linalg.norm(swing) <= np.pi + 1e-9
+
+
+@given(turns, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
+def test_the_nearest_swing_is_the_same_swing(quaternion: tuple[float, ...], x: float, z: float) -> None:
+    """Whatever it is to lie near, a swing turns the bone to the same place, by 270 degrees at the most."""
+    swing, _ = swing_twist(Rotation.from_quat([quaternion]))
+    near = nearest_swing(swing, np.array([[x, z]]))
+    placed = [Rotation.from_rotvec([s[0, 0], 0.0, s[0, 1]]).apply(DOWN) for s in (swing, near)]
+    assert np.allclose(placed[0], placed[1], atol=1e-6)
+    assert np.linalg.norm(near) <= np.radians(270.0) + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("dof", "angle"),
+    [
+        ("r_shoulder_twisting", "right_shoulder_rotation"),
+        ("l_hip_flexion", "left_hip_flexion"),
+        ("r_hip_abduct", "right_hip_abduction"),
+        ("l_hip_twisting", "left_hip_rotation"),
+        ("r_knee_flexion", "right_knee_flexion"),
+        ("l_ankle_flexion", "left_ankle_flexion"),
+        ("r_elbow_flexion", "right_elbow_flexion"),
+        ("vl3_tilt", "trunk_flexion"),
+        ("vl3_roll", "trunk_side_bending"),
+        ("vl3_torsion", "trunk_rotation"),
+        ("root_rx", "pelvis_forward_tilt"),
+    ],
+)
+def test_one_joint_moved_is_one_angle(angles: Angles, dof: str, angle: str) -> None:
+    """A degree of freedom that moves alone is read in its plain angle and in no other."""
+    rest, moved = read(angles), read(angles, **{dof: 30.0})
+    changed = {name for name in moved if abs(moved[name] - rest[name]) > 1e-6}
+    assert changed == {angle}
+    assert moved[angle] == pytest.approx(30.0)
+
+
+def test_the_arm_raised_sideways_is_abducted(angles: Angles) -> None:
+    """The hanging arm has the abduction of the template's rest; raised by 79 degrees more it is level."""
+    tilt = np.degrees(ARM_TILT)
+    assert read(angles)["right_shoulder_abduction"] == pytest.approx(tilt)
+    level = read(angles, r_shoulder_abduct=90.0 - tilt)
+    assert level["right_shoulder_abduction"] == pytest.approx(90.0)
+    assert level["right_shoulder_flexion"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_swings_are_where_the_bone_points(person: BodyModel, angles: Angles) -> None:
+    """In any pose, flexion and abduction turn the vertical into the line from shoulder to elbow."""
+    poses = np.random.default_rng(3).uniform(-1.2, 1.2, (40, len(person.dof_names)))
+    poses[:, :6] = 0.0
+    for name in ("vl3_tilt", "vl3_roll", "vl3_torsion"):
+        poses[:, person.dof(name)] = 0.0
+    joints, told = joint_positions(person, poses), angles.measure(poses)
+    for side, out in (("left", 1.0), ("right", -1.0)):
+        at = [person.joint_names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow")]
+        bone = joints[:, at[1]] - joints[:, at[0]]
+        flexion, abduction = (
+            told[:, angles.names.index(f"{side}_shoulder_{name}")] for name in ("flexion", "abduction")
+        )
+        swing = np.stack([-flexion, 0.0 * flexion, -abduction], axis=1)
+        pointed = Rotation.from_rotvec(swing).apply(DOWN) * [out, 1.0, 1.0]
+        assert np.allclose(bone / np.linalg.norm(bone, axis=1, keepdims=True), pointed, atol=1e-9)
+
+
+@given(st.tuples(*[st.floats(-170.0, 170.0)] * 3), st.sampled_from(["shoulder", "hip"]))
+def test_both_sides_mean_the_same(values: tuple[float, float, float], joint: str) -> None:
+    """Equal joint values left and right are equal angles, of ball joints too."""
+    motions = ("flexion", "abduct", "twisting")
+    given_ = {f"{s}_{joint}_{m}": v for s in "lr" for m, v in zip(motions, values, strict=True)}
+    told = read(person_angles(tuple(given_), {}), **given_)
+    for name in ("flexion", "abduction", "rotation"):
+        assert told[f"left_{joint}_{name}"] == pytest.approx(told[f"right_{joint}_{name}"], abs=1e-6)
+
+
+def left_arm(turned: Rotation, dof_names: tuple[str, ...]) -> Array:
+    """Poses (F, D) in which the left upper arm, hanging straight down before, has these rotations (F,)."""
+    tilt = Rotation.from_rotvec([0.0, 0.0, -ARM_TILT])
+    axes = tilt.apply([-LEFT, FRONT, DOWN])
+    inside = axes @ (turned * tilt.inv()).as_matrix() @ axes.T
+    poses = np.zeros((len(inside), len(dof_names)))
+    for a, motion in enumerate(("flexion", "abduct", "twisting")):
+        euler = -np.unwrap(Rotation.from_matrix(inside).as_euler("XYZ"), axis=0)
+        poses[:, dof_names.index(f"l_shoulder_{motion}")] = euler[:, a]
+    return poses
+
+
+def test_euler_angles_jump_where_these_do_not(angles: Angles) -> None:
+    """An abducted arm that dips by a few degrees: its Euler angles leap by 30 in a frame, these by 3."""
+    t = np.radians(np.linspace(-20.0, 20.0, 41))
+    raised = Rotation.from_rotvec((ARM_TILT + np.radians(89.7)) * FRONT)
+    poses = left_arm(Rotation.from_rotvec(t[:, None] * LEFT) * raised, angles.dof_names)
+    assert np.degrees(np.abs(np.diff(poses, axis=0)).max()) > 15.0
+    assert np.degrees(np.abs(np.diff(angles.follow(poses), axis=0)).max()) < 3.0
+
+
+def test_an_arm_swung_over_the_head_goes_on(angles: Angles) -> None:
+    """Straight through the one singular direction, flexion passes 180 degrees without a jump."""
+    t = np.radians(np.linspace(0.0, 220.0, 60))
+    told = np.degrees(angles.follow(left_arm(Rotation.from_rotvec(-t[:, None] * LEFT), angles.dof_names)))
+    assert np.abs(np.diff(told, axis=0)).max() < 4.0
+    assert told[-1, angles.names.index("left_shoulder_flexion")] == pytest.approx(220.0)
+
+
+def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None:
+    """The pelvis' turn is counted on, and forward tilt stays that of the person's own front."""
+    poses = np.zeros((100, len(angles.dof_names)))
+    poses[:, angles.dof_names.index("root_ry")] = -np.radians(np.linspace(0.0, 720.0, 100))
+    told = np.degrees(angles.follow(poses))
+    assert told[-1, angles.names.index("pelvis_turn")] == pytest.approx(720.0)
+    bent = Rotation.from_euler("YX", [[90.0, 20.0]], degrees=True).as_euler("XYZ")[0]
+    pose = np.zeros((1, len(angles.dof_names)))
+    pose[0, 3:6] = bent
+    tilted = dict(zip(angles.names, np.degrees(angles.measure(pose))[0], strict=True))
+    assert tilted["pelvis_forward_tilt"] == pytest.approx(20.0)
+    assert tilted["pelvis_turn"] == pytest.approx(-90.0)
+    assert tilted["pelvis_side_tilt"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_what_is_held_counts() -> None:
+    """With flexion held and abduction tracked, the angles are those of both moved."""
+    part = person_angles(("r_shoulder_abduct",), {"r_shoulder_flexion": 0.7})
+    values = {"r_shoulder_flexion": np.degrees(0.7), "r_shoulder_abduct": np.degrees(0.4)}
+    both = read(person_angles(tuple(values), {}), **values)
+    assert part.names == tuple(f"right_shoulder_{name}" for name in ("flexion", "abduction", "rotation"))
+    assert np.allclose(np.degrees(part.measure(np.array([[0.4]])))[0], [both[name] for name in part.names])
+
+
+def test_a_robots_angles_are_its_joints() -> None:
+    """A URDF arm has the turn of its base, and its joints by their own names and values."""
+    arm = read_urdf(Path(__file__).parents[2] / "examples" / "arm7.urdf")
+    angles, pose = angles_of(arm), np.linspace(0.0, 0.9, len(arm.dof_names))
+    told = dict(zip(angles.names, angles.measure(pose[None])[0], strict=True))
+    assert angles.names[:3] == ("base_forward_tilt", "base_side_tilt", "base_turn")
+    assert {name: told[name] for name in arm.dof_names[6:]} == dict(
+        zip(arm.dof_names[6:], pose[6:], strict=True)
+    )
+
+
+@given(turns)
+def test_isb_angles_are_the_euler_angles_y_x_y(quaternion: tuple[float, ...]) -> None:
+    """Plane, elevation and axial rotation, put together in the order Y, X, Y, are the rotation."""
+    rotation = Rotation.from_quat([quaternion])
+    swing, twist = swing_twist(rotation)
+    told = isb_shoulder(np.concatenate([-swing, twist[:, None]], axis=1))
+    plane, elevation, axial = told[0]
+    # ISB's axes of a right arm are (front, up, right); ours, mirrored, (left, down, back)
+    again = (
+        Rotation.from_rotvec(plane * DOWN)
+        * Rotation.from_rotvec([0.0, 0.0, -elevation])
+        * Rotation.from_rotvec(axial * DOWN)
+    )
+    assert (again * rotation.inv()).magnitude()[0] < 1e-7
+
+
+def test_isb_planes_are_named_as_the_paper_does() -> None:
+    """Abduction lies in plane 0, forward flexion in plane 90 degrees, whether the arm is turned or not."""
+    told = np.degrees(isb_shoulder(np.radians([[0.0, 80.0, 0.0], [80.0, 0.0, 0.0], [80.0, 0.0, 30.0]])))
+    assert np.allclose(told, [[0.0, 80.0, 0.0], [90.0, 80.0, -90.0], [90.0, 80.0, -60.0]])
+
+
+def test_both_shoulders_are_told_as_the_isb_wants(angles: Angles) -> None:
+    """A person has three ISB angles a shoulder; the hanging arm is elevated by the template's tilt."""
+    names, told = isb_names(angles.names), isb_angles(angles.names, angles.measure(posed(angles.dof_names)))
+    assert names[:3] == tuple(
+        f"right_shoulder_isb_{n}" for n in ("plane_of_elevation", "elevation", "axial_rotation")
+    )
+    assert np.allclose(told[0, [1, 4]], ARM_TILT)
