@@ -1,4 +1,7 @@
-"""Comma-separated values: one line a frame, for spreadsheets and data frames."""
+"""Comma-separated values: one line a frame, for spreadsheets and data frames.
+
+Angles come first, in degrees and with plain names; what the tracker itself moves, in radians, comes last.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,49 @@ import csv
 import io
 from typing import BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.bodies.human.isb import isb_angles, isb_names
 from coordinator.results.track import Track
+
+Columns = dict[str, NDArray[np.float64]]
 
 
 def write_csv(track: Track, file: BinaryIO) -> None:
-    """Frame, time, status, every degree of freedom (metres, radians), every joint's x, y, z (metres).
+    """Frame, time and status, then the columns of `angle_columns`, `joint_columns` and the pose.
 
     Numbers are written so that reading them gives the same float64.
     """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     writer = csv.writer(text, lineterminator="\n")
-    joints = [f"{name}_{axis}" for name in track.joint_names for axis in "xyz"]
-    writer.writerow(["frame", "time_s", "status", *track.dof_names, *joints])
+    columns = (
+        angle_columns(track) | joint_columns(track) | dict(zip(track.dof_names, track.pose.T, strict=True))
+    )
+    writer.writerow(["frame", "time_s", "status", *columns])
+    values = np.stack(list(columns.values()), axis=1)
     for f, frame in enumerate(track.frame.tolist()):
-        pose, places = track.pose[f].tolist(), track.joint_positions[f].ravel().tolist()
-        writer.writerow([frame, float(track.time_s[f]), track.status[f], *pose, *places])
+        writer.writerow([frame, float(track.time_s[f]), track.status[f], *values[f].tolist()])
     text.detach()
+
+
+def angle_columns(track: Track) -> Columns:
+    """Angles (F,) in degrees, the shoulders' as the ISB wants them, and how far each angle may be off."""
+    if track.angle is None or track.angle_names is None or track.angle_deviation is None:
+        return {}
+    told = dict(zip(track.angle_names, track.angle.T, strict=True))
+    isb = zip(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle).T, strict=True)
+    off = zip(track.angle_names, track.angle_deviation.T, strict=True)
+    radians = told | dict(isb) | {f"{name}_deviation": values for name, values in off}
+    return {f"{name}_deg": np.degrees(values) for name, values in radians.items()}
+
+
+def joint_columns(track: Track) -> Columns:
+    """Every joint's x, y, z (F,) and how far it may be off, metres, camera frame."""
+    columns: Columns = {}
+    for j, name in enumerate(track.joint_names):
+        columns |= {f"{name}_{axis}": track.joint_positions[:, j, a] for a, axis in enumerate("xyz")}
+    if track.joint_deviation is not None:
+        names = (f"{name}_deviation" for name in track.joint_names)
+        columns |= dict(zip(names, track.joint_deviation.T, strict=True))
+    return columns

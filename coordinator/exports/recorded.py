@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.results.model_file import TrackedBody, read_tracked_body
+from coordinator.bodies.angles import angles_of
+from coordinator.results.model_file import MODEL_FILE, TrackedBody, read_tracked_body
 from coordinator.results.track import Track, read_track
+from coordinator.results.uncertainty import with_angles
 
 USUAL_RATE = 30.0
 
@@ -44,5 +46,12 @@ class RecordedRun:
 
 
 def read_run(folder: Path) -> RecordedRun:
-    """The run in a folder; InputError if there is none or it is damaged."""
-    return RecordedRun(folder.resolve().name, read_track(folder), folder)
+    """The run in a folder; InputError if there is none or it is damaged.
+
+    A track that was written before tracks had angles gets them here, if the body is there.
+    """
+    track = read_track(folder)
+    if track.angle is None and (folder / MODEL_FILE).exists():
+        body = read_tracked_body(folder)
+        track = with_angles(track, angles_of(body.model, body.held))
+    return RecordedRun(folder.resolve().name, track, folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.kinematics import joint_positions
+from coordinator.bodies.angles import angles_of
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Opening, Resumed, read_records
 from coordinator.results.run_configuration import RunConfiguration
 from coordinator.results.track import Track
-from coordinator.results.uncertainty import joint_deviation
+from coordinator.results.uncertainty import joint_deviation, with_angles
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.start import Start
 from coordinator.tracking.state import TrackerState
@@ -60,8 +61,17 @@ def read_log(path: Path) -> Recorded | None:
     return Recorded(configuration, estimates, state, last.statistics, last.seconds, resumes, end)
 
 
-def assemble(model: BodyModel, estimates: Sequence[Estimate], *, timed: bool = False) -> Track:
-    """The track of a run's estimates, in their order; with a deadline (`timed`) also who was in time."""
+def assemble(
+    model: BodyModel,
+    estimates: Sequence[Estimate],
+    *,
+    held: Mapping[str, float] | None = None,
+    timed: bool = False,
+) -> Track:
+    """The track of a run's estimates, in their order; with a deadline (`timed`) also who was in time.
+
+    `held` are the values of degrees of freedom that do not move, by name; zero where there is none.
+    """
     dofs, joints = len(model.dof_names), len(model.joint_names)
     most = max((len(e.hypothesis_weight) for e in estimates), default=0)
     answered = np.array([e.particles_answered for e in estimates], dtype=np.int64)
@@ -70,7 +80,7 @@ def assemble(model: BodyModel, estimates: Sequence[Estimate], *, timed: bool = F
     for f, estimate in enumerate(estimates):
         count = len(estimate.hypothesis_weight)
         weight[f, :count], pose[f, :count] = estimate.hypothesis_weight, estimate.hypothesis_pose
-    return Track(
+    track = Track(
         frame=np.array([e.frame for e in estimates], dtype=np.int64),
         time_s=np.array([e.time_s for e in estimates], dtype=np.float64),
         dof_names=model.dof_names,
@@ -83,6 +93,7 @@ def assemble(model: BodyModel, estimates: Sequence[Estimate], *, timed: bool = F
         status=np.array([e.status for e in estimates], dtype="<U9"),
         particles_answered=answered if timed else None,
     )
+    return with_angles(track, angles_of(model, held))
 
 
 def deviation_of(model: BodyModel, estimate: Estimate) -> NDArray[np.float64]:

@@ -116,7 +116,8 @@ class Recorder:
     def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> Track:
         """Write `track.npz` and `summary.json` and return the track. An incomplete run keeps its log."""
         timed = recorded.configuration.get("deadline_ms") is not None
-        track = assemble(recorded.state.start.model, recorded.estimates, timed=timed)
+        start = recorded.state.start
+        track = assemble(start.model, recorded.estimates, held=start.held, timed=timed)
         write_atomically(self.folder / TRACK_FILE, lambda file: write_track(track, file))
         text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
         write_atomically(self.folder / SUMMARY_FILE, lambda file: file.write(text + b"\n"))

@@ -32,6 +32,9 @@ class Track:
     hypothesis_weight: NDArray[np.float64]  # (F, M)
     status: NDArray[np.str_]  # (F,) tracked, ambiguous or lost
     joint_deviation: NDArray[np.float64] | None = None  # (F, J) one standard deviation; NaN where lost
+    angle_names: tuple[str, ...] | None = None  # (A,)
+    angle: NDArray[np.float64] | None = None  # (F, A) radians, continuous from frame to frame
+    angle_deviation: NDArray[np.float64] | None = None  # (F, A) one standard deviation; NaN where lost
     particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
 
 
@@ -50,6 +53,7 @@ def read_track(folder: Path) -> Track:
         raise InputError(f"{folder} holds no {TRACK_FILE}; give the --out folder of a finished gepf track")
     arrays = read_arrays(folder / TRACK_FILE)
     dof_names, joint_names = arrays.names("dof_names"), arrays.names("joint_names")
+    angle_names = arrays.names("angle_names") if "angle_names" in arrays else None
     frame = arrays.integers("frame", (-1,))
     weight = arrays.floats("hypothesis_weight", (len(frame), -1))
     track = Track(
@@ -64,6 +68,11 @@ def read_track(folder: Path) -> Track:
         status=arrays.texts("status", (len(frame),)),
         joint_deviation=arrays.floats("joint_deviation", (len(frame), len(joint_names)))
         if "joint_deviation" in arrays
+        else None,
+        angle_names=angle_names,
+        angle=arrays.floats("angle", (len(frame), len(angle_names))) if angle_names is not None else None,
+        angle_deviation=arrays.floats("angle_deviation", (len(frame), len(angle_names)))
+        if angle_names is not None
         else None,
         particles_answered=arrays.integers("particles_answered", frame.shape)
         if "particles_answered" in arrays

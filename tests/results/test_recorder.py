@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from coordinator.exports import export_run
 from coordinator.exports.csv import write_csv
+from coordinator.exports.recorded import read_run
 from coordinator.files.atomic import write_atomically
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import frame_record, read_records
@@ -27,6 +28,8 @@ from coordinator.results.track import Track, read_track
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.start import Start
 from coordinator.tracking.state import Checkpoint, TrackerState
+from tests.support.bodies import person
+from tests.support.runs import swing, write_run
 from worker.warm_up import tiny_model
 
 MODEL = replace(
@@ -114,6 +117,9 @@ def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) ->
         "hypothesis_weight": ("<f8", (3, 3)),
         "status": ("<U9", (3,)),
         "joint_deviation": ("<f8", (3, 2)),
+        "angle_names": ("<U17", (3,)),
+        "angle": ("<f8", (3, 3)),
+        "angle_deviation": ("<f8", (3, 3)),
     }
     assert arrays["frame"].tolist() == [4, 5, 6]
     assert arrays["status"].tolist() == ["tracked", "ambiguous", "lost"]
@@ -354,6 +360,24 @@ def test_the_csv_gives_back_the_same_numbers(run: Path) -> None:
     wrist = [[float(row[f"right_wrist_{axis}"]) for axis in "xyz"] for row in rows]
     np.testing.assert_array_equal(pose, track.pose)
     np.testing.assert_array_equal(wrist, track.joint_positions[:, 1])
+    assert track.angle is not None
+    assert track.angle_names is not None
+    told = [[float(row[f"{name}_deg"]) for name in track.angle_names] for row in rows]
+    np.testing.assert_array_equal(told, np.degrees(track.angle))
+    assert list(rows[0])[3] == f"{track.angle_names[0]}_deg"
+    assert [row[f"{track.angle_names[0]}_deviation_deg"] == "nan" for row in rows] == [False, False, True]
+
+
+def test_a_track_from_before_angles_gets_them(tmp_path: Path) -> None:
+    """A run's folder without angles is read as one with them, held joints counted."""
+    body = person()
+    write_run(tmp_path / "run", body, swing(body, 3), held={"r_elbow_twisting": 0.1})
+    assert read_track(tmp_path / "run").angle is None
+    track = read_run(tmp_path / "run").track
+    assert track.angle_names is not None
+    assert track.angle is not None
+    elbow = track.angle[:, track.angle_names.index("right_elbow_flexion")]
+    np.testing.assert_array_equal(elbow, track.pose[:, track.dof_names.index("r_elbow_flexion")])
 
 
 def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:

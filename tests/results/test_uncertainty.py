@@ -9,7 +9,7 @@ from common.activation import activate
 from common.kinematics import joint_positions
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.results.recorded import assemble
-from coordinator.results.uncertainty import MISFIT, UNSEEN, joint_deviation
+from coordinator.results.uncertainty import ANGLE_MISFIT, MISFIT, UNSEEN, joint_deviation
 from coordinator.tracking.estimate import Estimate, Status
 
 
@@ -46,3 +46,27 @@ def test_a_track_says_how_sure_it_is_unless_lost() -> None:
     apart = dict(zip(track.joint_names, track.joint_deviation[0], strict=True))
     assert np.isnan(track.joint_deviation[1]).all()
     assert apart["right_wrist"] > 2.0 * apart["left_wrist"]
+
+
+def test_angles_are_as_sure_as_their_hypotheses_agree() -> None:
+    """An elbow that may be straight, at a quarter of the weight, is as unsure as that; others are not."""
+    whole = human()
+    model = activate(whole, DEFAULT_ACTIVE, np.zeros(len(whole.dof_names)))
+    straight = np.zeros(len(model.dof_names))
+    bent = straight.copy()
+    bent[model.dof("r_elbow_flexion")] = 1.5
+    joints = joint_positions(model, bent[None])[0]
+    poses, weights = np.stack([bent, straight]), np.array([0.75, 0.25])
+    statuses: tuple[Status, ...] = ("tracked", "lost")
+    track = assemble(
+        model, [Estimate(0, 0.0, status, bent, joints, poses, weights, 0.01) for status in statuses]
+    )
+    assert track.angle_names is not None
+    assert track.angle is not None
+    assert track.angle_deviation is not None
+    told = dict(zip(track.angle_names, track.angle[0], strict=True))
+    apart = dict(zip(track.angle_names, track.angle_deviation[0], strict=True))
+    assert told["right_elbow_flexion"] == pytest.approx(1.5)
+    assert apart["right_elbow_flexion"] == pytest.approx(np.hypot(ANGLE_MISFIT, UNSEEN * 0.75))
+    assert apart["left_elbow_flexion"] == pytest.approx(ANGLE_MISFIT)
+    assert np.isnan(track.angle_deviation[1]).all()
