@@ -15,8 +15,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
-from coordinator.bodies.human.anatomy import BallJoint, Hinge, anatomical_joints, hanging, whole_body
+from coordinator.bodies.human.anatomy import (
+    SIDES,
+    BallJoint,
+    Hinge,
+    anatomical_joints,
+    hanging,
+    whole_body,
+)
 from coordinator.bodies.human.mpeg4 import JOINT_ANGLES
+from coordinator.bodies.levers import SHOWN, carry_over
 from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
 
 Array = NDArray[np.float64]
@@ -70,11 +78,30 @@ class Angles:
         near[:, first:] = nearest_turn(angles[:, first:], reference[:, first:])
         return near
 
+    @property
+    def levers(self) -> dict[int, int]:
+        """Angles that are seen only where another one is bent, and that other one: upper arms' rotation."""
+        names = self.names
+        return {
+            names.index(f"{side}_shoulder_rotation"): names.index(f"{side}_elbow_flexion")
+            for side in SIDES.values()
+            if {f"{side}_shoulder_rotation", f"{side}_elbow_flexion"} <= set(names)
+        }
+
     def follow(self, poses: Array) -> Array:
-        """Angles (F, A) of the poses (F, D) of successive frames, each nearest to the frame before."""
+        """Angles (F, A) of the poses (F, D) of successive frames, each nearest to the frame before.
+
+        An upper arm's rotation is carried over where its elbow is straight (`coordinator.bodies.levers`).
+        """
         angles = self.measure(poses)
-        for f in range(1, len(angles)):
-            angles[f] = self.near(angles[f : f + 1], angles[f - 1])[0]
+        last = angles[0].copy() if len(angles) else np.empty(0)
+        for frame in angles:
+            frame[:] = self.near(frame[None], last)[0]
+            hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN]
+            seen = np.delete(np.arange(len(frame)), hidden)
+            last[seen] = frame[seen]
+        for twist, bend in self.levers.items():
+            angles[:, twist] = carry_over(angles[:, twist], angles[:, bend])
         return angles
 
     def _ball(self, ball: BallJoint, poses: Array) -> Array:

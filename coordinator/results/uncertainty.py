@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
 from coordinator.bodies.angles import Angles, is_person
+from coordinator.bodies.levers import weigh
 from coordinator.results.track import Track
 
 
@@ -58,6 +59,10 @@ ANGLE_MISFIT = np.radians(8.0)
 73 % of elbow, knee, shoulder and hip angles of the same people lie within one deviation, 93 % within two."""
 
 
+UNKNOWN = np.radians(60.0)
+"""Deviation of a rotation that nothing shows: about that of any rotation within the arm's range."""
+
+
 def with_angles(track: Track, angles: Angles) -> Track:
     """The track with its body's angles (F, A), and how far each may be off."""
     reported = angles.follow(track.pose)
@@ -77,7 +82,16 @@ def angle_deviation(track: Track, angles: Angles, reported: NDArray[np.float64])
     squares = (others.reshape(frames, most, -1) - reported[:, None]) ** 2
     weight = np.where(known, track.hypothesis_weight, 0.0)
     spread = np.einsum("fm,fma->fa", weight, squares) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
-    misfit = ANGLE_MISFIT if is_person(track.dof_names) else 0.0
-    expected: NDArray[np.float64] = np.sqrt(misfit**2 + UNSEEN**2 * spread)
+    expected: NDArray[np.float64] = np.sqrt(misfit(track, angles, reported) ** 2 + UNSEEN**2 * spread)
     expected[track.status == "lost"] = np.nan
     return expected
+
+
+def misfit(track: Track, angles: Angles, reported: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far angles (F, A) are off where all hypotheses agree; a rotation more, the straighter the arm."""
+    off = np.full(reported.shape, ANGLE_MISFIT if is_person(track.dof_names) else 0.0)
+    for twist, bend in angles.levers.items():
+        off[:, twist] = np.minimum(
+            ANGLE_MISFIT / np.sqrt(np.maximum(weigh(reported[:, bend]), 1e-9)), UNKNOWN
+        )
+    return off

@@ -229,3 +229,24 @@ def test_both_shoulders_are_told_as_the_isb_wants(angles: Angles) -> None:
         f"right_shoulder_isb_{n}" for n in ("plane_of_elevation", "elevation", "axial_rotation")
     )
     assert np.allclose(told[0, [1, 4]], ARM_TILT)
+
+
+def test_a_rotation_that_nothing_shows_is_carried_over(angles: Angles) -> None:
+    """While the elbow is straight, the upper arm's rotation is that of the frames around."""
+    poses = np.zeros((30, len(angles.dof_names)))
+    elbow, twist = (angles.dof_names.index(f"r_{name}") for name in ("elbow_flexion", "shoulder_twisting"))
+    poses[:, elbow], poses[:, twist] = np.radians(80.0), np.radians(20.0)
+    poses[10:20, elbow] = np.radians(1.0)
+    poses[10:20, twist] = np.radians(np.resize([110.0, -110.0], 10))
+    told = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
+    assert np.allclose(told, 20.0, atol=4.0)
+
+
+def test_a_rotation_that_the_elbow_shows_stays(angles: Angles) -> None:
+    """With the elbow at a right angle, a swing of the forearm keeps its peaks within a degree."""
+    poses = np.zeros((60, len(angles.dof_names)))
+    poses[:, angles.dof_names.index("r_elbow_flexion")] = np.radians(90.0)
+    swung = 40.0 * np.sin(np.linspace(0.0, 4.0 * np.pi, 60))
+    poses[:, angles.dof_names.index("r_shoulder_twisting")] = np.radians(swung)
+    told = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
+    assert np.allclose(told, swung, atol=1.0)
