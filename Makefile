@@ -37,11 +37,12 @@ fuzz: setup ## hostile messages against the decoders, a live worker and a live c
 hosts: setup ## coordinator, router and workers on network hosts that fail: the same bytes? (as root)
 	$(BIN)/python -m pytest -q -m slow tests/disturbance/test_hosts.py
 
-check: setup ## lint, format, types, walls, images' recipes
+check: setup ## lint, format, types, walls, dependencies, images' recipes
 	$(BIN)/ruff check $(PACKAGES)
 	$(BIN)/ruff format --check $(PACKAGES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/deptry common worker coordinator gepf
 	$(BIN)/hadolint docker/*.Dockerfile
 	$(BIN)/check-jsonschema --builtin-schema vendor.compose-spec docker/compose.yaml
 
