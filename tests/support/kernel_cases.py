@@ -1,0 +1,91 @@
+"""The puppet before a small camera, and stages of the kernel on it, to hold against the plain path."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROTATION, BodyModel
+from common.camera import Intrinsics
+from common.frame import SubjectFrame
+from common.settings import RefineSettings, preset
+from coordinator.tracking.subject import isolate
+from tests.support import plain_path
+from tests.support.bodies import puppet
+from worker.kernel.observation import observe
+from worker.kernel.packing import pack_observation
+from worker.kernel.surface import order_vertices, pack_model
+from worker.kernel.visibility import update_visibility
+from worker.kernel.workspace import Workspace, make_workspace
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Numbers = NDArray[np.uint32]
+
+CAMERA = Intrinsics(200, 160, 200.0, 210.0, 98.7, 81.2)
+TRUTH = np.array(
+    [0.02, -0.03, 2.0, 0.1, 0.4, -0.1, 0.1, -0.2, 0.15, 0.3, 0.2, 0.4, -0.4, 0.5, 0.4, 0.2, -0.5, 0.03, 0.2]
+)  # of the puppet
+POINTS = 1500
+PAPER, DEFAULT = preset("paper").refine, preset("default").refine
+SETTINGS = {
+    "paper": PAPER,
+    "default": DEFAULT,
+    "other noise along than across": msgspec.structs.replace(DEFAULT, noise_depth=0.015, noise_lateral=0.008),
+    "free space, not robust": msgspec.structs.replace(PAPER, free_space_weight=0.7, noise_depth=0.004),
+    "limits and rest": msgspec.structs.replace(
+        PAPER, keep_limits=True, rest_weight=0.05, damping_share=0.01, outlier_distance=0.03
+    ),
+}
+
+
+@cache
+def subject(model: BodyModel | None = None) -> SubjectFrame:
+    """The puppet in front of the camera, picked with padding to spare."""
+    found = isolate(plain_path.render(model or puppet(), TRUTH, CAMERA), None, POINTS)
+    assert found is not None
+    assert len(found.picked) == POINTS
+    return found
+
+
+def starts(count: int) -> Array:
+    """Poses (count, 19) around the truth, some of them out of limits."""
+    rng = np.random.default_rng(0)
+    spread = np.where(puppet().kinds == ROTATION, 0.3, 0.03)
+    poses: Array = TRUTH + rng.normal(size=(count, len(TRUTH))) * spread
+    return poses
+
+
+def near() -> Array:
+    """A pose (19,) so near the truth that all links have correspondences."""
+    return TRUTH + np.where(puppet().kinds == ROTATION, 0.1, 0.01) * np.random.default_rng(1).normal(size=19)
+
+
+def layout(model: BodyModel) -> Indices:
+    """The model's vertex at each place of the kernel's layout."""
+    return order_vertices(model)[0]
+
+
+def dirty(workspace: Workspace) -> Workspace:
+    """A workspace in which others were before."""
+    for array in (
+        workspace.weighted_targets,
+        workspace.silhouette_points,
+        workspace.silhouette_squared,
+        *workspace.visibility,
+        *workspace.search,
+        *workspace.equations,
+    ):
+        array.fill(7)
+    return workspace
+
+
+def posed_in(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[Workspace, Array, Numbers]:
+    """A workspace after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
+    skeleton, surface = pack_model(model)
+    workspace = dirty(make_workspace(skeleton, surface, pack_observation(observe(subject()), settings)))
+    visible = update_visibility(pose.copy(), skeleton, surface, workspace.transforms, workspace.visibility)
+    return workspace, workspace.visibility.posed, visible

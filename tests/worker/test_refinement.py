@@ -1,0 +1,162 @@
+"""The whole descent: as the plain path has it, and the same bytes in any batch and after anything else."""
+
+from __future__ import annotations
+
+import gc
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+from common.camera import Intrinsics
+from common.kinematics import retract
+from coordinator.tracking.subject import isolate
+from tests.support import plain_path
+from tests.support.bodies import person, puppet
+from tests.support.kernel_cases import (
+    DEFAULT,
+    PAPER,
+    POINTS,
+    SETTINGS,
+    TRUTH,
+    starts,
+    subject,
+)
+from worker.kernel import icp
+from worker.kernel.observation import BLOCK, Observation, observe
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_refinement_matches(name: str) -> None:
+    """The whole descent and its likelihood match to 1e-6, as a rule.
+
+    Where two model points are equally close, single against double precision may choose another one, which
+    moves a pose by a thousandth at the most.
+    """
+    model, settings = puppet(), SETTINGS[name]
+    poses = starts(3)
+    found = icp.refine(model, observe(subject()), poses, settings)
+    expected = [plain_path.refine(model, subject(), pose, settings) for pose in poses]
+    off = np.abs(found.poses - np.array([pose for pose, _, _ in expected])).max(axis=1)
+    assert np.median(off) < 1e-6
+    assert off.max() < 1e-3
+    matching = off < 1e-6
+    log_likelihood, residual = np.array([rest for _, *rest in expected]).T
+    np.testing.assert_allclose(found.log_likelihood[matching], log_likelihood[matching], rtol=1e-5)
+    np.testing.assert_allclose(found.residual[matching], residual[matching], rtol=1e-5)
+    assert np.abs(found.poses - poses).max() > 0.1
+
+
+def test_a_batch_is_its_particles_one_by_one() -> None:
+    """Poses, likelihoods and residuals have the same bytes in any batch, in any order."""
+    model, observation, poses = puppet(), observe(subject()), starts(5)
+    together = icp.refine(model, observation, poses, DEFAULT)
+    backward = icp.refine(model, observation, np.asfortranarray(poses[::-1]), DEFAULT)
+    for n in range(len(poses)):
+        alone = icp.refine(model, observation, poses[n : n + 1], DEFAULT)
+        for field in ("poses", "log_likelihood", "residual"):
+            mine = getattr(alone, field)[0].tobytes()
+            assert getattr(together, field)[n].tobytes() == mine
+            assert getattr(backward, field)[len(poses) - 1 - n].tobytes() == mine
+    assert len(np.unique(together.log_likelihood)) == len(poses)
+
+
+def test_what_was_refined_before_leaves_nothing_behind() -> None:
+    """After other frames, settings and bodies, and in threads side by side, results have the same bytes."""
+    asked = [
+        (model, observation, starts(2), settings)
+        for model in (puppet(), replace(puppet(), vertices=1.1 * puppet().vertices))
+        for observation in (observe(subject()), observe_few())
+        for settings in (DEFAULT, PAPER)
+    ]
+
+    def refine(which: int) -> bytes:
+        found = icp.refine(*asked[which])
+        return found.poses.tobytes() + found.log_likelihood.tobytes() + found.residual.tobytes()
+
+    alone = [refine(which) for which in range(len(asked))]
+    assert len(set(alone)) == len(alone)
+    order = np.random.default_rng(0).integers(len(asked), size=40)
+    with ThreadPoolExecutor(3) as threads:
+        assert list(threads.map(refine, order)) == [alone[which] for which in order]
+
+
+def test_without_iterations_poses_are_only_evaluated() -> None:
+    """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them.
+
+    That is, after one that looks anew what is visible wherever it comes.
+    """
+    model, observation = puppet(), observe(subject())
+    looking = msgspec.structs.replace(DEFAULT, visibility_interval=1)
+    refined = icp.refine(model, observation, starts(3), looking)
+    assess = msgspec.structs.replace(looking, icp_iterations=0)
+    assessed = icp.refine(model, observation, refined.poses, assess)
+    np.testing.assert_array_equal(assessed.poses, refined.poses)
+    np.testing.assert_array_equal(assessed.log_likelihood, refined.log_likelihood)
+    np.testing.assert_array_equal(assessed.residual, refined.residual)
+
+
+def test_what_is_asked_for_is_not_changed() -> None:
+    """The poses of a request stay as they were, and need not be writable."""
+    poses = starts(2)
+    poses.setflags(write=False)
+    refined = icp.refine(puppet(), observe(subject()), poses, DEFAULT)
+    assert refined.poses.flags.writeable
+    np.testing.assert_array_equal(poses, starts(2))
+
+
+def test_padding_does_not_count() -> None:
+    """Whatever stands in the observation beyond its count leaves every result as it is."""
+    observation = observe(subject())
+    assert len(observation.points) % BLOCK == 0
+    assert observation.count == POINTS < len(observation.points)
+    points = observation.points.copy()
+    points[POINTS:] = points[:1] + np.float32(0.5)
+    for settings in (PAPER, DEFAULT):
+        one = icp.refine(puppet(), observation, starts(2), settings)
+        other = icp.refine(puppet(), replace(observation, points=points), starts(2), settings)
+        np.testing.assert_allclose(other.poses, one.poses, atol=1e-9)
+        np.testing.assert_allclose(other.log_likelihood, one.log_likelihood, rtol=1e-9)
+        np.testing.assert_allclose(other.residual, one.residual, rtol=1e-9)
+
+
+def test_a_body_that_is_nowhere_in_sight_is_impossible() -> None:
+    """Behind the camera nothing is visible: the pose stays, its likelihood is zero, its residual infinite."""
+    behind = TRUTH.copy()
+    behind[2] = -3.0
+    model = puppet()
+    model = replace(
+        model, vertices=model.vertices - (model.skin_links[:, :1] == 0) * np.array([0.0, 0.0, 9.0])
+    )
+    found = icp.refine(model, observe(subject()), behind[None], PAPER)
+    np.testing.assert_array_equal(found.poses[0], behind)
+    assert found.log_likelihood[0] == -np.inf
+    assert found.residual[0] == np.inf
+
+
+def observe_few() -> Observation:
+    """Another frame: fewer points and pixels."""
+    found = isolate(plain_path.render(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), None, 70)
+    assert found is not None
+    return observe(found)
+
+
+def test_nothing_compiles_in_mid_run() -> None:
+    """After the first particle no kernel is compiled for other bodies, frames, batches or settings."""
+    icp.refine(puppet(), observe(subject()), starts(1), PAPER)
+    kernels = [
+        k for k in gc.get_objects()
+        if isinstance(k, Dispatcher) and k.py_func.__module__.partition(".")[0] in {"worker", "common"}
+    ]  # fmt: skip
+    before = {k.py_func.__qualname__: len(k.signatures) for k in kernels}
+    assert len(before) > 20
+    pose = np.zeros((2, len(person().dof_names)))
+    pose[:, 2] = 2.0
+    for settings in SETTINGS.values():
+        icp.refine(person(), observe_few(), pose, settings)
+    retract(person(), pose, pose)
+    assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
+    assert len(icp.refine_batch.signatures) == 1

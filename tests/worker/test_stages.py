@@ -1,0 +1,81 @@
+"""Layout, posing, visibility and correspondences of the kernel against the plain path, stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from common.body import ROOT_DOFS, BodyModel
+from tests.support import plain_path
+from tests.support.bodies import person, puppet
+from tests.support.kernel_cases import (
+    DEFAULT,
+    POINTS,
+    SETTINGS,
+    layout,
+    near,
+    posed_in,
+    starts,
+    subject,
+)
+from worker.kernel.observation import observe
+from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.surface import pack_model, weights_first
+from worker.kernel.warm_start import find_correspondences
+
+
+def test_a_body_is_packed_whole() -> None:
+    """The kernel's order keeps every vertex with its skin and every triangle with its corners."""
+    model = person()
+    skeleton, surface = pack_model(model)
+    order = layout(model)
+    drawn, expected = (body.vertices[body.triangles].reshape(-1, 9) for body in (surface, model))
+    np.testing.assert_array_equal(np.unique(drawn, axis=0), np.unique(expected, axis=0))
+    assert len(drawn) == len(expected)
+    np.testing.assert_array_equal(surface.vertices, model.vertices[order])
+    used = surface.skin_links.shape[1]  # of four: no vertex has more
+    np.testing.assert_array_equal(surface.skin_links, model.skin_links[order, :used])
+    np.testing.assert_array_equal(surface.skin_weights, model.skin_weights[order, :used])
+    assert np.all(model.skin_weights[:, used:] == 0.0)
+    assert [name for name, root in zip(model.dof_names, skeleton.root, strict=True) if root] == list(
+        ROOT_DOFS
+    )
+
+
+def test_links_of_no_weight_come_last() -> None:
+    """Wherever a vertex lists a link without weight, the others keep their order and their weights."""
+    links = np.array([[4, 5, 6], [1, 2, 3], [7, 8, 9]])
+    weights = np.array([[0.0, 0.4, 0.6], [1.0, 0.0, 0.0], [0.7, 0.0, 0.3]])
+    found, shares = weights_first(links, weights)
+    np.testing.assert_array_equal(shares, [[0.4, 0.6], [1.0, 0.0], [0.7, 0.3]])
+    np.testing.assert_array_equal(found, [[5, 6], [1, 2], [7, 9]])
+
+
+@pytest.mark.parametrize("make", [puppet, person])
+def test_posing_and_visibility_match(make: Callable[[], BodyModel]) -> None:
+    """Steps 4a and 4b: vertices to 1e-12 m, and the very same ones visible."""
+    model = make()
+    poses = starts(3) if make is puppet else np.tile([0.1, 0.0, 2.5, *[0.3, -0.4] * 10, 0.2], (1, 1))
+    for pose in poses:
+        _, posed, seen = posed_in(model, pose, DEFAULT)
+        expected, visible = plain_path.visible_vertices(model, pose)
+        np.testing.assert_allclose(posed, expected[layout(model)], atol=1e-12)
+        assert 100 < len(visible) < 0.6 * len(expected)
+        np.testing.assert_array_equal(np.sort(layout(model)[seen]), visible)
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_correspondences_match(name: str) -> None:
+    """Step 4c in the noise's metric: the same model points as scipy's tree finds, distances to 1e-6 m."""
+    model, settings = puppet(), SETTINGS[name]
+    pose = near()
+    packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
+    workspace, posed, visible = posed_in(model, pose, settings)
+    find_correspondences(visible, 0, pack_model(model)[1], packed, parameters, workspace)
+    index, squared = workspace.search.closest, workspace.search.squared
+    points = packed.points[:, :POINTS].T / np.array([1.0, 1.0, parameters.stretch])
+    expected, apart = plain_path.closest_points(points, posed[visible], settings)
+    np.testing.assert_allclose(np.sqrt(squared[:POINTS]), np.sqrt(apart), atol=1e-6)
+    assert np.mean(index[:POINTS] == expected) > 0.999
