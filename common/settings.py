@@ -56,7 +56,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 PRESETS = {
-    "paper": Settings(preset="paper", refine=RefineSettings(keep_limits=True)),  # which the paper leaves open
     "default": Settings(
         preset="default",
         points=4_000,
@@ -75,6 +74,7 @@ PRESETS = {
         ),
         filter=FilterSettings(particles=20, velocity_share=0.75, explore=True),
     ),
+    "paper": Settings(preset="paper", refine=RefineSettings(keep_limits=True)),  # which the paper leaves open
 }
 
 

@@ -15,6 +15,7 @@ from common.errors import GepfError, InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
 from coordinator.bodies.human.measures import Measures
+from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.sources import ArraySource, Source, open_source
 from coordinator.tracking.estimate import Estimate
@@ -35,4 +36,5 @@ __all__ = [
     "Tracker",
     "open_source",
     "preset",
+    "settings_for",
 ]

@@ -3,53 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import msgspec
 
 from common.errors import InputError
-from common.settings import Settings, preset
+from common.settings import Settings
 from common.transport.access import COORDINATOR
 from common.transport.session import Security
 from coordinator.commands.arguments import SecurityOptions
-from coordinator.filters.methods import METHODS
+from coordinator.filters.methods import find_method, settings_for
 from coordinator.pool.options import Pool
 from coordinator.security.tls import TlsFiles, choose_security
 
 LARGEST_NOISE = 1.0  # metres
-BASELINES = {"condensation": 1_000, "annealed": 100}  # particles by default; of `annealed` in each layer
-LONE_POINTS = 10_000  # for a single particle, which has time for all: few of 4 000 are on an arm
-LONE_ITERATIONS = 6  # and has nobody who may be nearer
 
 
 def choose_settings(
     method: str, preset_name: str, particles: int | None, points: int | None, seed: int
 ) -> Settings:
     """A preset's settings with what the user asked for instead."""
-    settings = preset(preset_name)
-    one_of("method", method, METHODS)
     if not 0 <= seed < 2**63:
         raise InputError(f"--seed {seed} is out of range; give 0 to {2**63 - 1}")
-    if points is not None:
-        settings = msgspec.structs.replace(settings, points=at_least(1, "--points", points))
-    if particles is not None:
-        at_least(1, "--particles", particles)
-    if method == "gradient":
-        if particles not in (None, 1):
-            raise InputError("method gradient follows a single particle; leave --particles out")
-        particles = 1
-        if points is None:
-            settings = msgspec.structs.replace(settings, points=max(settings.points, LONE_POINTS))
-        thorough = msgspec.structs.replace(settings.refine, icp_iterations=LONE_ITERATIONS)
-        settings = msgspec.structs.replace(settings, refine=thorough)
-    if method in BASELINES:
-        particles = BASELINES[method] if particles is None else particles
-        assess = msgspec.structs.replace(settings.refine, icp_iterations=0)
-        settings = msgspec.structs.replace(settings, refine=assess)
-    if particles is not None:
-        chosen = msgspec.structs.replace(settings.filter, particles=particles)
-        settings = msgspec.structs.replace(settings, filter=chosen)
-    return msgspec.structs.replace(settings, method=method, seed=seed)
+    for option, number in (("--particles", particles), ("--points", points)):
+        if number is not None:
+            at_least(1, option, number)
+    return msgspec.structs.replace(settings_for(method, preset_name, particles, points), seed=seed)
 
 
 def set_noise(settings: Settings, depth: float | None, lateral: float | None) -> Settings:
@@ -96,7 +74,7 @@ def choose_deadline(milliseconds: float | None, method: str) -> float | None:
     """Seconds for a frame; None for as many as it takes."""
     if milliseconds is None:
         return None
-    if method in BASELINES:
+    if not find_method(method).descends:
         raise InputError(f"method {method} needs an answer for every particle; leave --deadline out")
     if not 0 < milliseconds < math.inf:
         raise InputError(f"--deadline {milliseconds:g} is no time for a frame; give milliseconds above 0")
@@ -111,13 +89,6 @@ def choose_dofs(names: str | None) -> tuple[str, ...] | None:
     if not listed:
         raise InputError("--dof names nothing; give names between commas, such as r_elbow_flexion")
     return listed
-
-
-def one_of(kind: str, name: str, choices: Iterable[str]) -> str:
-    """`name`, if it is a choice; InputError names them all."""
-    if name not in choices:
-        raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(choices)}")
-    return name
 
 
 def at_least(least: int, option: str, number: int) -> int:

@@ -1,4 +1,8 @@
-"""The methods of tracking, by the name that the command line gives them."""
+"""The methods of tracking by name, and the settings that make each of them.
+
+The command line and the library choose settings here, and the tracker applies them: so a method is the same
+whoever asks for it.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.errors import InputError
 from common.refinement import Refined
-from common.settings import FilterSettings
+from common.settings import FilterSettings, Settings, preset
 from coordinator.filters import annealed, condensation, gradient_enhanced
 from coordinator.filters.belief import Belief
 from coordinator.filters.proposal import Proposal
@@ -22,9 +28,12 @@ Propose = Callable[[BodyModel, Any, FilterSettings, np.random.Generator], Propos
 Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator], Belief | Proposal[Any]]
 
 
+LONE_POINTS = 10_000  # for a single particle, which has time for all: few of 4 000 are on an arm
+
+
 @dataclass(frozen=True, slots=True)
 class Method:
-    """The steps of a filter, whose beliefs and proposals are of its own kind.
+    """The steps of a filter, whose beliefs and proposals are of its own kind, and what makes the method.
 
     `begin` gives the belief at an initial pose (D,). Then, frame by frame: `propose` gives particles,
     `update` the belief after they were refined, or, where a method needs it, more particles to refine.
@@ -33,13 +42,65 @@ class Method:
     begin: Begin
     propose: Propose
     update: Update
+    particles: int | None = None  # unless the user wants another number; None for the preset's
+    lone: bool = False  # follows a single particle, always
+    icp_iterations: int | None = None  # of every particle, always; None for what the settings say
+
+    @property
+    def descends(self) -> bool:
+        """Whether particles are moved by their refinement; else only their likelihood is asked for."""
+        return self.icp_iterations != 0
 
 
 _GRADIENT = gradient_enhanced.begin, gradient_enhanced.propose, gradient_enhanced.update
+_CONDENSATION = condensation.begin, condensation.propose, condensation.update
+_ANNEALED = condensation.begin, annealed.propose, annealed.update
 
 METHODS = {
     "gepf": Method(*_GRADIENT),
-    "gradient": Method(*_GRADIENT),  # one particle, without noise
-    "condensation": Method(condensation.begin, condensation.propose, condensation.update),
-    "annealed": Method(condensation.begin, annealed.propose, annealed.update),
+    "gradient": Method(*_GRADIENT, particles=1, lone=True, icp_iterations=6),  # nobody else may be nearer
+    "condensation": Method(*_CONDENSATION, particles=1_000, icp_iterations=0),
+    "annealed": Method(*_ANNEALED, particles=100, icp_iterations=0),  # in each layer
 }
+
+
+def find_method(name: str) -> Method:
+    """The method of a name; InputError names the valid ones."""
+    if name not in METHODS:
+        raise InputError(f"unknown method '{name}'; choose from {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def settings_for(
+    method: str, preset_name: str = "default", particles: int | None = None, points: int | None = None
+) -> Settings:
+    """A preset's settings for a method, with as many particles and points as the method needs.
+
+    Args:
+        method: One of METHODS.
+        preset_name: One of PRESETS.
+        particles: How many, of `annealed` in each layer; None for the method's own number.
+        points: How many observed points at the most; None for the method's own number.
+
+    Raises InputError for a name that is unknown or a number that the method cannot have.
+    """
+    settings, chosen = preset(preset_name), find_method(method)
+    if chosen.lone and particles not in (None, 1):
+        raise InputError(f"method {method} follows a single particle; leave --particles out")
+    if points is None:
+        points = max(settings.points, LONE_POINTS) if chosen.lone else settings.points
+    if particles is None:
+        particles = chosen.particles or settings.filter.particles
+    of_filter = msgspec.structs.replace(settings.filter, particles=particles)
+    return apply_method(msgspec.structs.replace(settings, method=method, points=points, filter=of_filter))
+
+
+def apply_method(settings: Settings) -> Settings:
+    """Settings with what makes their method, whatever else they say: its descent and its lone particle."""
+    method = find_method(settings.method)
+    refine, of_filter = settings.refine, settings.filter
+    if method.icp_iterations is not None:
+        refine = msgspec.structs.replace(refine, icp_iterations=method.icp_iterations)
+    if method.lone:
+        of_filter = msgspec.structs.replace(of_filter, particles=1)
+    return msgspec.structs.replace(settings, refine=refine, filter=of_filter)

@@ -20,7 +20,7 @@ from common.kinematics import bounding_box, joint_positions, natural_angles
 from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
-from coordinator.filters.methods import METHODS
+from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.refiner import Refiner
@@ -42,7 +42,7 @@ class Tracker:
 
     Args:
         refiner: Has particles refined, here or elsewhere.
-        settings: What to compute.
+        settings: What to compute. What makes their method holds whatever else they say.
         bodies: Gives the body that is tracked, by its measures.
         start: Values of degrees of freedom in the first frame, metres and radians; None to find
             them, which can be done for people only.
@@ -59,7 +59,7 @@ class Tracker:
     ) -> None:
         require_start(start, bodies)
         self._refiner = refiner
-        self._settings = settings
+        self._settings = settings = apply_method(settings)
         self._method = METHODS[settings.method]
         self._bodies = bodies
         self._given = start

@@ -1,0 +1,85 @@
+"""A method is the same through the library as through the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import gepf
+from coordinator.cli import main
+from coordinator.filters.methods import METHODS
+from coordinator.results.track import read_track
+from tests.support.small_sequence import MOVING, write_small_sequence
+
+FRAMES = 2
+POINTS = 200
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two frames of the arm."""
+    folder = tmp_path_factory.mktemp("arm") / "seq"
+    write_small_sequence(folder, FRAMES)
+    return folder
+
+
+def follow(recording: Path, settings: gepf.Settings) -> list[gepf.Estimate]:
+    """What the library finds in this process."""
+    source = gepf.open_source(recording)
+    tracker = gepf.Tracker(settings=settings, start=source.init, active=tuple(MOVING.split(",")))
+    return list(tracker.follow(source))
+
+
+def as_bytes(estimates: list[gepf.Estimate]) -> list[bytes]:
+    """Poses and hypotheses of every frame."""
+    return [part.tobytes() for e in estimates for part in (e.pose, e.hypothesis_pose, e.hypothesis_weight)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_a_method_is_the_same_whoever_asks_for_it(method: str, recording: Path, tmp_path: Path) -> None:
+    """`gepf track --method` with a worker, and the library without: the same bytes, by the same settings."""
+    options = ("--method", method, "--points", str(POINTS), "--dof", MOVING, "--workers", "1", "--quiet")
+    assert main(["track", str(recording), "--out", str(tmp_path / "run"), *options]) == 0
+    track = read_track(tmp_path / "run")
+    found = follow(recording, gepf.settings_for(method, points=POINTS))
+    assert len(found) == FRAMES
+    for f, estimate in enumerate(found):
+        count = len(estimate.hypothesis_weight)
+        assert estimate.pose.tobytes() == track.pose[f].tobytes()
+        assert estimate.hypothesis_pose.tobytes() == track.hypothesis_pose[f, :count].tobytes()
+        assert estimate.hypothesis_weight.tobytes() == track.hypothesis_weight[f, :count].tobytes()
+        assert not np.nan_to_num(track.hypothesis_weight[f, count:]).any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_makes_a_method_holds_whatever_the_settings_say(method: str, recording: Path) -> None:
+    """A preset under another method's name: the baselines do not descend, gradient follows one particle."""
+    preset = msgspec.structs.replace(gepf.preset("default"), points=POINTS)
+    renamed = follow(recording, msgspec.structs.replace(preset, method=method))
+    particles = 1 if METHODS[method].lone else preset.filter.particles
+    assert as_bytes(renamed) == as_bytes(
+        follow(recording, gepf.settings_for(method, "default", particles, POINTS))
+    )
+    assert all(estimate.particles_answered == particles for estimate in renamed)
+
+
+def test_numbers_of_a_method_are_its_own_unless_asked_for() -> None:
+    """Particles, iterations and points by method; what the user asks for is kept."""
+    of = {method: gepf.settings_for(method) for method in METHODS}
+    numbers = {m: (s.filter.particles, s.refine.icp_iterations, s.points) for m, s in of.items()}
+    assert numbers == {
+        "gepf": (20, 3, 4_000),
+        "gradient": (1, 6, 10_000),
+        "condensation": (1_000, 0, 4_000),
+        "annealed": (100, 0, 4_000),
+    }
+    asked = gepf.settings_for("gradient", "paper", particles=1, points=500)
+    assert (asked.method, asked.preset, asked.filter.particles, asked.points) == ("gradient", "paper", 1, 500)
+    with pytest.raises(gepf.InputError, match="follows a single particle"):
+        gepf.settings_for("gradient", particles=2)
+    with pytest.raises(gepf.InputError, match="unknown method 'magic'"):
+        gepf.Tracker(settings=msgspec.structs.replace(gepf.preset("default"), method="magic"))
