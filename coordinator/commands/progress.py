@@ -119,7 +119,11 @@ class TerminalShow(ConsoleShow):
 
 
 class PlainShow(ConsoleShow):
-    """A line now and then, for logs."""
+    """A line now and then, for logs: every `quiet_seconds` at the most."""
+
+    def __init__(self, console: Console, quiet_seconds: float = QUIET_SECONDS) -> None:
+        super().__init__(console)
+        self.quiet_seconds = quiet_seconds
 
     @contextmanager
     def steps(self, text: str) -> Iterator[Advance]:
@@ -128,7 +132,7 @@ class PlainShow(ConsoleShow):
 
         def advance(done: int, total: int) -> None:
             nonlocal last
-            if time.monotonic() - last > QUIET_SECONDS:
+            if time.monotonic() - last > self.quiet_seconds:
                 last = time.monotonic()
                 self.say(f"{text}: {done} of {total}")
 
@@ -169,7 +173,7 @@ class _PlainMeter(FrameMeter):
         """Write a line if there was none for a while."""
         of_total = "" if self.total is None else f" of {self.total}"
         self._text = f"frame {self.done}{of_total}: {text}"
-        if time.monotonic() - self._said > QUIET_SECONDS:
+        if time.monotonic() - self._said > self._show.quiet_seconds:
             self.close()
 
     def close(self) -> None:

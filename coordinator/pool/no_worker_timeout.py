@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from common.errors import NoWorkers
 
-NOTICE = 5.0  # seconds without a worker until it is reported
+PATIENCE = 5.0  # seconds without a worker until it is reported
 
 
 class NoWorkerTimeout:
@@ -14,12 +14,16 @@ class NoWorkerTimeout:
         seconds: Without a worker until the wait is over; None for never.
         notice: What is reported after a while.
         invitation: The command that starts a worker.
+        patience: Seconds without a worker until it is reported.
     """
 
-    def __init__(self, seconds: float | None, notice: str, invitation: str) -> None:
+    def __init__(
+        self, seconds: float | None, notice: str, invitation: str, patience: float = PATIENCE
+    ) -> None:
         self._seconds = seconds
         self._notice = notice
         self._invitation = invitation
+        self._patience = patience
         self._since: float | None = None
         self._reported = False
 
@@ -34,7 +38,7 @@ class NoWorkerTimeout:
         if self._seconds is not None and alone > self._seconds:
             self.reset()
             raise NoWorkers(f"no worker came within {self._seconds:g} s; start one with {self._invitation}")
-        if alone > NOTICE and not self._reported:
+        if alone > self._patience and not self._reported:
             self._reported = True
             return self._notice
         return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from common.transport.session import Security
 from coordinator.pool.local_workers import COMMAND
-from coordinator.pool.no_worker_timeout import NoWorkerTimeout
+from coordinator.pool.no_worker_timeout import PATIENCE, NoWorkerTimeout
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +22,7 @@ class Pool:
     deadline: float | None = None  # seconds from publishing a frame until unanswered particles are left out
     run: str | None = None  # None to invent a name
     worker_command: tuple[str, ...] = COMMAND
+    patience: float = PATIENCE  # seconds without any worker until that is reported
 
     @property
     def workers_started(self) -> int:
@@ -45,7 +46,7 @@ def no_worker_timeout(pool: Pool) -> NoWorkerTimeout:
     if pool.workers_started:
         missing = "the local workers are not ready yet; the first time they compile for a minute or so"
     invitation = f"gepf-worker --connect {pool.listen or pool.connect or 'ENDPOINT'}"
-    return NoWorkerTimeout(pool.worker_timeout, missing, invitation)
+    return NoWorkerTimeout(pool.worker_timeout, missing, invitation, pool.patience)
 
 
 def count_cores() -> int:

@@ -66,6 +66,7 @@ class Fitter:
         build: The tracked body of measures; all have the same degrees of freedom.
         refiner: Has poses refined.
         settings: How to refine them.
+        fitted: Names of the measures that are fitted.
     """
 
     def __init__(
@@ -74,7 +75,9 @@ class Fitter:
         build: Callable[[Measures], BodyModel],
         refiner: Refiner,
         settings: RefineSettings,
+        fitted: Sequence[str] = FITTED,
     ) -> None:
+        self._fitted = fitted
         self._frames = frames
         self._build = cache(build)
         self._refiner = refiner
@@ -85,12 +88,12 @@ class Fitter:
     ) -> tuple[Fit, Fit]:
         """How well the given measures fit, and the best that was found from there."""
         (before,) = self._assess([measures], [frame.pose for frame in self._frames])
-        best, total = before, len(STEPS) * len(FITTED)
+        best, total = before, len(STEPS) * len(self._fitted)
         for sweep, step in enumerate(STEPS):
-            for n, name in enumerate(FITTED):
+            for n, name in enumerate(self._fitted):
                 candidates = [change(best.measures, name, factor) for factor in (1.0, 1 - step, 1 + step)]
                 best = better(*self._assess(candidates, best.poses))
-                advance(sweep * len(FITTED) + n + 1, total)
+                advance(sweep * len(self._fitted) + n + 1, total)
         return before, best
 
     def _assess(self, candidates: Sequence[Measures], poses: Sequence[Array]) -> list[Fit]:

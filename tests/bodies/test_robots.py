@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 
-import coordinator.commands.workers
 from coordinator.cli import main
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.track import read_track
@@ -39,9 +38,8 @@ class Direct(DirectRefiner):
 
 
 @pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def robot(tmp_path: Path) -> Path:
     """A stand, an arm in millimetres and a flag, as .stl and .obj beside the file and below it."""
-    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", lambda *_: nullcontext(Direct()))
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box((0.2, 0.16, 0.5)).export(tmp_path / "stand.stl")
     trimesh.creation.box((300.0, 60.0, 40.0)).export(tmp_path / "meshes" / "arm.obj")
@@ -59,7 +57,8 @@ def test_a_robot_of_meshes_is_tracked(
     seq, run = robot.parent / "seq", robot.parent / "run"
     model = ("--model", str(robot))
     assert main(["synth", "roam", *model, *noise, "--frames", FRAMES, "--out", str(seq), "-q"]) == 0
-    assert main(["track", str(seq), *model, "--dof", "joints", "--out", str(run), "-q"]) == 0
+    tracking = ["track", str(seq), *model, "--dof", "joints", "--out", str(run), "-q"]
+    assert main(tracking, lambda *_: nullcontext(Direct())) == 0
     assert main(["evaluate", str(run), "--truth", str(seq / "truth.npz")]) == 0
     score = json.loads(capsys.readouterr().out)
     assert set(score["mean_angle_error_deg_by_dof"]) == {"lift", "wave"}

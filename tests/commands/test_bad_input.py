@@ -14,7 +14,6 @@ import pytest
 from PIL import Image
 from scipy.io import savemat
 
-import coordinator.commands.workers
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from coordinator.results.recorder import Recorder
@@ -29,14 +28,13 @@ Damage = Callable[[Path], object]
 
 
 @pytest.fixture(autouse=True)
-def _no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No worker is ever started for input that is at fault."""
-
-    def refuse(*_: object) -> NoReturn:
-        raise AssertionError("workers were asked for")
-
-    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", refuse)
+def _no_traces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("GEPF_DEBUG", raising=False)
+
+
+def no_workers(*_: object) -> NoReturn:
+    """No worker is ever started for input that is at fault."""
+    raise AssertionError("workers were asked for")
 
 
 @pytest.fixture
@@ -57,7 +55,7 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[...,
 
     def run(*arguments: object) -> str:
         before = contents(tmp_path)
-        assert main([str(each) for each in arguments]) == 2
+        assert main([str(each) for each in arguments], no_workers) == 2
         out, err = capsys.readouterr()
         assert out == ""
         assert err.count("\n") == 1

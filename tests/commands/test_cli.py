@@ -38,7 +38,7 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Tracked:
     assert workers.asked == Pool()
 
     def run(*options: str) -> tuple[Track, dict[str, object]]:
-        assert main(["track", str(sequence), "--out", str(tmp_path / "out"), *options]) == 0
+        assert main(["track", str(sequence), "--out", str(tmp_path / "out"), *options], workers.connect) == 0
         return read_track(tmp_path / "out"), summary_of(tmp_path / "out")
 
     return run
@@ -93,9 +93,16 @@ def test_quiet_and_json_leave_a_program_what_it_reads(
     assert err == ""
 
 
-def test_quiet_keeps_errors(sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_keeps_errors(
+    sequence: Path, tmp_path: Path, workers: StillWorkers, capsys: pytest.CaptureFixture[str]
+) -> None:
     """One line says why, as ever."""
-    assert main(["track", str(sequence), "--out", str(tmp_path / "x"), "-q", "--particles", "0"]) == 2
+    assert (
+        main(
+            ["track", str(sequence), "--out", str(tmp_path / "x"), "-q", "--particles", "0"], workers.connect
+        )
+        == 2
+    )
     assert capsys.readouterr().err == "gepf: --particles 0 is too small; give 1 or more\n"
 
 
@@ -160,7 +167,10 @@ def test_the_seed_decides_the_bytes(sequence: Path, tmp_path: Path, workers: Sti
     assert workers.asked == Pool()
     written = []
     for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
-        assert main(["track", str(sequence), "--out", str(tmp_path / name), "--seed", seed]) == 0
+        assert (
+            main(["track", str(sequence), "--out", str(tmp_path / name), "--seed", seed], workers.connect)
+            == 0
+        )
         written.append((tmp_path / name / "track.npz").read_bytes())
     assert written[0] == written[1]
     assert written[0] != written[2]
@@ -233,7 +243,7 @@ def test_what_was_tracked_is_kept_however_a_run_ends(
 ) -> None:
     """Stopped by the user, the bus or a defect: two frames are there, and one line says why."""
     workers.fail_at, workers.failure = 2, failure
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")]) == code
+    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], workers.connect) == code
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == says
     assert lines[-2].startswith("ended early with 2 of 5 frames in ")
@@ -246,7 +256,7 @@ def test_a_run_that_ends_before_its_first_frame_leaves_nothing(
 ) -> None:
     """No folder, one line."""
     workers.fail_at, workers.failure = 0, BusError("nobody came")
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")]) == 1
+    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], workers.connect) == 1
     assert not (tmp_path / "out").exists()
     assert capsys.readouterr().err.splitlines()[-1] == "gepf: nobody came"
 
@@ -261,7 +271,7 @@ def test_debugging_shows_where_an_error_arose(
     """The trace comes before the line, and only if asked for."""
     monkeypatch.setenv("GEPF_DEBUG", "1")
     workers.fail_at, workers.failure = 0, RuntimeError("a defect")
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")]) == 1
+    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], workers.connect) == 1
     err = capsys.readouterr().err
     assert "Traceback" in err
     assert err.splitlines()[-1].startswith("gepf: RuntimeError: a defect")

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-import coordinator.commands.progress
-from coordinator.commands.progress import FrameMeter, describe, show_on
+from coordinator.commands.progress import FrameMeter, PlainShow, describe, show_on
 from coordinator.tracking.estimate import Estimate
 
 
@@ -48,7 +47,7 @@ def test_a_terminal_shows_a_bar_and_lines_above_it() -> None:
     assert "3 hypotheses" in screen.getvalue()
 
 
-def test_a_log_gets_lines_now_and_then_and_the_last_state(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_gets_lines_now_and_then_and_the_last_state() -> None:
     """No control characters; one line for frames that come fast, one more for each few seconds."""
     log = io.StringIO()
     show = show_on(Console(file=log, force_terminal=False, width=40))
@@ -59,7 +58,7 @@ def test_a_log_gets_lines_now_and_then_and_the_last_state(monkeypatch: pytest.Mo
     lines = log.getvalue().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("frame 9 of 9: ")
-    monkeypatch.setattr(coordinator.commands.progress, "QUIET_SECONDS", 0.0)
+    show = PlainShow(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
     with show.frames(2) as meter, show.steps("counting") as advance:
         meter.advance(estimate())
         advance(1, 2)

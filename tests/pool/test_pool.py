@@ -143,20 +143,30 @@ def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
                 assert list(results) == [expected(number), expected(number + 1)]
 
 
-def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+class FetchingLate:
+    """A bus on which fetching is in vain as often as `in_vain` yields."""
+
+    def __init__(self, bus: Bus, in_vain: Iterator[int]) -> None:
+        self._bus = bus
+        self._in_vain = in_vain
+
+    def fetch(self, key: str, timeout: float) -> bytes | None:
+        """What is stored under a key, or nothing."""
+        return self._bus.fetch(key, timeout) if next(self._in_vain, None) is None else None
+
+    def __getattr__(self, name: str) -> Any:
+        """All else is the bus's own."""
+        return getattr(self._bus, name)
+
+
+def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     """Workers that ask for a body in vain, as when all have just lost and found each other, ask again."""
     told: list[str] = []
     in_vain = iter(range(2 * REFUSALS_LEAST))
-    fetch = Bus.fetch
-
-    def fetch_later(bus: Bus, key: str, timeout: float) -> bytes | None:
-        return fetch(bus, key, timeout) if next(in_vain, None) is None else None
-
-    monkeypatch.setattr(Bus, "fetch", fetch_later)
     with (
         ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0), told.append) as refiner,
-        serving(endpoint, "one"),
-        serving(endpoint, "two"),
+        serving(endpoint, "one", through=lambda bus: FetchingLate(bus, in_vain)),
+        serving(endpoint, "two", through=lambda bus: FetchingLate(bus, in_vain)),
     ):
         refiner.wait_for(2)
         assert refined_bytes(refiner, 1) == expected(1)
@@ -223,11 +233,10 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
             assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
 
 
-def test_run_says_that_it_waits(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_says_that_it_waits(endpoint: str) -> None:
     """Who waits for workers is told so, once."""
-    monkeypatch.setattr("coordinator.pool.no_worker_timeout.NOTICE", 0.1)
     told: list[str] = []
-    options = Pool(workers=0, listen=endpoint, worker_timeout=0.6)
+    options = Pool(workers=0, listen=endpoint, worker_timeout=0.6, patience=0.1)
     with ZenohRefiner(options, told.append) as refiner, pytest.raises(NoWorkers):
         refined_bytes(refiner, 1)
     assert told == ["no worker is there; waiting for one"]

@@ -9,7 +9,6 @@ from pathlib import Path
 import msgspec
 import pytest
 
-import coordinator.commands.workers
 from common.errors import NoWorkers
 from common.settings import preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
@@ -17,6 +16,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.cli import main
 from coordinator.commands.options import choose_settings
 from coordinator.filters.methods import METHODS
+from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_records
 from coordinator.tracking.estimate import Estimate
@@ -85,9 +85,9 @@ def test_all_that_a_tracker_changes_is_in_its_state() -> None:
 OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3")
 
 
-def track(sequence: Path, out: Path, *options: str) -> int:
+def track(workers: StillWorkers, sequence: Path, out: Path, *options: str) -> int:
     """`gepf track` in this process."""
-    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *options])
+    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *options], workers.connect)
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
@@ -108,17 +108,17 @@ def test_an_interrupted_run_says_how_to_go_on_and_does(
 ) -> None:
     """Stopped twice, it ends with the bytes of a calm run; counts and times are of all three goes."""
     out = tmp_path / "out"
-    assert track(sequence, tmp_path / "calm") == 0
+    assert track(workers, sequence, tmp_path / "calm") == 0
     interrupt(workers, 1)
-    assert track(sequence, out) == 130
+    assert track(workers, sequence, out) == 130
     lines = said(capsys)
     assert lines[-2] == f"ended early with 1 of 5 frames in {out}; the same command with --resume goes on"
     assert lines[-1] == "gepf: stopped"
     interrupt(workers, 4, NoWorkers("nobody came"))
-    assert track(sequence, out, "--resume", "--workers", "7") == 1
+    assert track(workers, sequence, out, "--resume", "--workers", "7") == 1
     assert "going on with frame 1; 1 of 5 are recorded" in said(capsys)
     interrupt(workers, None)
-    assert track(sequence, out, "--resume") == 0
+    assert track(workers, sequence, out, "--resume") == 0
     assert any("frame 5 of 5" in line for line in said(capsys))
     assert (out / "track.npz").read_bytes() == (tmp_path / "calm" / "track.npz").read_bytes()
     assert not (out / "frames.log").exists()
@@ -136,10 +136,10 @@ def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(
     """The same command may be given until it is done, and then again."""
     assert workers.failure is None
     out = tmp_path / "out"
-    assert track(sequence, out, "--resume") == 0
+    assert track(workers, sequence, out, "--resume") == 0
     assert f"nothing to resume in {out}; beginning anew" in said(capsys)
     before = {path: path.read_bytes() for path in out.iterdir()}
-    assert track(sequence, out, "--resume") == 0
+    assert track(workers, sequence, out, "--resume") == 0
     assert said(capsys) == [f"all 5 frames are in {out} already"]
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 
@@ -149,19 +149,19 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
     tmp_path: Path,
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """All frames are there, no worker is asked, and the files come to be as ever."""
     out = tmp_path / "out"
-    assert track(sequence, tmp_path / "calm") == 0
-    with monkeypatch.context() as patched:
-        patched.setattr("coordinator.commands.track.write_csv", lambda *_: 1 / 0)
-        assert track(sequence, out) == 1
+    assert track(workers, sequence, tmp_path / "calm") == 0
+    workers.before = lambda number: (out / "poses.csv").mkdir() if number == 4 else None
+    assert track(workers, sequence, out) == 1
+    (out / "poses.csv").rmdir()
     (out / "track.npz").unlink()
-    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", None)
-    assert workers.failure is None
+    interrupt(workers, 0)
+    workers.asked = Pool(run="nobody")
     capsys.readouterr()
-    assert track(sequence, out, "--resume") == 0
+    assert track(workers, sequence, out, "--resume") == 0
+    assert workers.asked == Pool(run="nobody")
     assert said(capsys)[0] == f"all 5 frames are recorded in {out}; writing the results"
     assert (out / "track.npz").read_bytes() == (tmp_path / "calm" / "track.npz").read_bytes()
 
@@ -193,10 +193,10 @@ def test_other_options_are_named(
 ) -> None:
     """One line that names what is not as it was, whether the run had ended or not, and nothing is touched."""
     interrupt(workers, None if complete else 2)
-    track(sequence, tmp_path / "out")
+    track(workers, sequence, tmp_path / "out")
     before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
     capsys.readouterr()
-    assert track(sequence, tmp_path / "out", "--resume", *options) == 2
+    assert track(workers, sequence, tmp_path / "out", "--resume", *options) == 2
     (line,) = [each for each in said(capsys) if each.startswith("gepf: ")]
     assert f"was recorded with other options: {says}" in line
     assert line.endswith("; give the same or choose another --out")
@@ -213,14 +213,14 @@ def test_a_body_that_was_changed_is_noticed(
     person = tmp_path / "person.json"
     person.write_text('{"stature": 1.8}')
     interrupt(workers, 2)
-    track(sequence, tmp_path / "out", "--model", str(person))
+    track(workers, sequence, tmp_path / "out", "--model", str(person))
     (tmp_path / "moved").mkdir()
     moved = person.rename(tmp_path / "moved" / person.name)
     interrupt(workers, 4)
-    assert track(sequence, tmp_path / "out", "--model", str(moved), "--resume") == 130
+    assert track(workers, sequence, tmp_path / "out", "--model", str(moved), "--resume") == 130
     moved.write_text('{"stature": 1.7}')
     capsys.readouterr()
-    assert track(sequence, tmp_path / "out", "--model", str(moved), "--resume") == 2
+    assert track(workers, sequence, tmp_path / "out", "--model", str(moved), "--resume") == 2
     assert "other options: the content of --model (recorded" in said(capsys)[-1]
 
 
@@ -232,13 +232,13 @@ def test_another_sequence_of_the_same_name_is_refused(
 ) -> None:
     """The first frame tells it; a sequence that was moved is the same one."""
     interrupt(workers, 2)
-    track(sequence, tmp_path / "out")
+    track(workers, sequence, tmp_path / "out")
     (tmp_path / "moved").mkdir()
     moved = sequence.rename(tmp_path / "moved" / sequence.name)
     interrupt(workers, 4)
-    assert track(moved, tmp_path / "out", "--resume") == 130
+    assert track(workers, moved, tmp_path / "out", "--resume") == 130
     camera = json.loads((moved / "camera_intrinsic.json").read_text()) | {"depth_scale": 999}
     (moved / "camera_intrinsic.json").write_text(json.dumps(camera))
     capsys.readouterr()
-    assert track(moved, tmp_path / "out", "--resume") == 2
+    assert track(workers, moved, tmp_path / "out", "--resume") == 2
     assert "the sequence's first frame (recorded" in said(capsys)[-1]

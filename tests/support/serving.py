@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -15,7 +15,7 @@ from common.frame import SubjectFrame
 from common.protocol.messages import RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.transport.bus import open_worker
+from common.transport.bus import Bus, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.instant_worker import KERNEL, observe, refine
@@ -45,10 +45,12 @@ def as_bytes(refined: Refined) -> bytes:
 
 
 @contextmanager
-def serving(endpoint: str, name: str, kernel: Kernel[Any] = KERNEL) -> Iterator[None]:
-    """A worker in a thread."""
+def serving(
+    endpoint: str, name: str, kernel: Kernel[Any] = KERNEL, through: Callable[[Bus], Any] = lambda bus: bus
+) -> Iterator[None]:
+    """A worker in a thread, which reaches the bus `through` something."""
     with open_worker([endpoint]) as bus:
-        service = Service(bus, name, kernel)
+        service = Service(through(bus), name, kernel)
         thread = threading.Thread(target=service.run)
         thread.start()
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import coordinator.bodies.choice
-import coordinator.commands.workers
 import coordinator.pictures.run
 from common.body import BodyModel
 from common.frame import SubjectFrame
@@ -44,9 +43,11 @@ class StillWorkers:
         self.fail_at = fail_at
         self.failure = failure
         self.asked = Pool()
+        self.before: Callable[[int], object] = lambda _: None  # a frame
 
     def publish(self, subject: SubjectFrame) -> None:
         """Fail if it is time to."""
+        self.before(subject.frame.number)
         if subject.frame.number == self.fail_at and self.failure is not None:
             raise self.failure
 
@@ -76,11 +77,9 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def workers(monkeypatch: pytest.MonkeyPatch) -> StillWorkers:
+def workers() -> StillWorkers:
     """Workers for whoever calls `gepf track`."""
-    still = StillWorkers()
-    monkeypatch.setattr(coordinator.commands.workers, "connect_workers", still.connect)
-    return still
+    return StillWorkers()
 
 
 @pytest.fixture

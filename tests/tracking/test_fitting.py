@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import coordinator.commands.workers
 import coordinator.tracking.fitting
 from common.body import BodyModel
 from common.camera import Intrinsics
@@ -65,11 +64,11 @@ def seen(measures: Measures) -> tuple[list[Posed], Array]:
 
 
 @pytest.mark.slow
-def test_a_person_of_other_proportions_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_person_of_other_proportions_is_measured() -> None:
     """Short upper arms and long thighs are found, and the joints come nearer to the truth."""
-    monkeypatch.setattr(coordinator.tracking.fitting, "FITTED", ("upper_arm", "thigh"))
     frames, truth = seen(OTHER)
-    before, after = Fitter(frames, build, DirectRefiner(), preset("default").refine).fit(USUAL)
+    fitter = Fitter(frames, build, DirectRefiner(), preset("default").refine, ("upper_arm", "thigh"))
+    before, after = fitter.fit(USUAL)
     assert after.measures.upper_arm < 0.96 * USUAL.upper_arm
     assert after.measures.thigh > 1.04 * USUAL.thigh
     assert after.residual.mean() < before.residual.mean()
@@ -169,13 +168,11 @@ def test_the_command_writes_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`gepf fit SEQ --out FILE` writes measures that --model reads, and tells the residuals."""
-    monkeypatch.setattr(
-        coordinator.commands.workers, "connect_workers", lambda *_: nullcontext(DirectRefiner())
-    )
     monkeypatch.setattr(coordinator.tracking.fitting, "FITTED", ("girth",))
     monkeypatch.setattr(coordinator.tracking.fitting, "STEPS", (0.05,))
     write_small_sequence(tmp_path / "seq", 2)
-    assert main(["fit", str(tmp_path / "seq"), "--out", str(tmp_path / "person.json"), "--json"]) == 0
+    fitting = ["fit", str(tmp_path / "seq"), "--out", str(tmp_path / "person.json"), "--json"]
+    assert main(fitting, lambda *_: nullcontext(DirectRefiner())) == 0
     out, err = capsys.readouterr()
     assert out == (tmp_path / "person.json").read_text()
     said = " ".join(err.split())
