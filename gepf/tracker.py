@@ -129,7 +129,7 @@ class Tracker:
     def _frame_of(self, depth: NDArray[np.generic], time_s: float | None) -> DepthFrame:
         """An array as the next frame."""
         if self._camera is None:
-            raise InputError("an array does not tell its camera; give Tracker(camera=...) its matrix")
+            raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
         if depth.ndim != 2 or 0 in depth.shape:
             raise InputError(f"depth has shape {depth.shape}; give rows of columns (H, W)")
         units, scale = whole_depth(depth, self._depth_scale, "depth")

@@ -43,13 +43,13 @@ class Bodies:
 
     Args:
         build: Full model from stature and girth.
-        usual: Degrees of freedom that a start is sought with.
+        start_dofs: Degrees of freedom that a start is searched in.
         active: Those that are tracked.
         measures: Stature and girth, where they are known.
         dof_names: All degrees of freedom that there are; None to see by the body.
     """
 
-    found = True
+    finds_start = True
     """Whether a start can be found, so that none need be given."""
 
     content: str | None = None
@@ -58,7 +58,7 @@ class Bodies:
     def __init__(
         self,
         build: Callable[[float, float], BodyModel],
-        usual: tuple[str, ...],
+        start_dofs: tuple[str, ...],
         active: tuple[str, ...],
         measures: tuple[float, float] | None = None,
         dof_names: tuple[str, ...] | None = None,
@@ -66,7 +66,7 @@ class Bodies:
         self._dof_names = dof_names
         self._build = build
         self._full: dict[float, BodyModel] = {}
-        self.usual = usual
+        self.start_dofs = start_dofs
         self.active = active
         self.measures = measures
 
@@ -81,10 +81,10 @@ class Bodies:
             self._full[girth] = self._build(REFERENCE_STATURE, girth)
         return scaled(self._full[girth], stature / REFERENCE_STATURE)
 
-    def sought(self, stature: float, girth: float) -> BodyModel:
-        """The body as a start is sought with it."""
+    def for_start(self, stature: float, girth: float) -> BodyModel:
+        """The body with the degrees of freedom that a start is searched in."""
         full = self.full(stature, girth)
-        return activate(full, self.usual, np.zeros(len(full.dof_names)))
+        return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
 
     def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The body as it is tracked, what is not active held at `values`, and its pose (D,) there."""
@@ -99,7 +99,7 @@ class OneBody(Bodies):
 
     Args:
         model: The body with all its degrees of freedom.
-        usual: Degrees of freedom that a start is sought with.
+        start_dofs: Degrees of freedom that a start is searched in.
         active: Those that are tracked.
         measures: Stature and girth of a person, whose start can be found; None for anything else.
     """
@@ -107,13 +107,13 @@ class OneBody(Bodies):
     def __init__(
         self,
         model: BodyModel,
-        usual: tuple[str, ...],
+        start_dofs: tuple[str, ...],
         active: tuple[str, ...],
         measures: tuple[float, float] | None = None,
     ) -> None:
-        super().__init__(lambda *_: model, usual, active, measures or (np.nan, np.nan))
+        super().__init__(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan))
         self._model = model
-        self.found = measures is not None
+        self.finds_start = measures is not None
         self.content = model.hash
 
     def full(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one

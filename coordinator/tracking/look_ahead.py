@@ -30,7 +30,7 @@ class Lookahead:
         return frame
 
     def peek(self) -> DepthFrame | None:
-        """The frame that comes next; None after the last, or if it cannot be read: its turn will tell."""
+        """The frame that comes next; None at the end, or where it cannot be read: its turn raises that."""
         if not self._peeked:
             try:
                 self._next = next(self._frames, None)

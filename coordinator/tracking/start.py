@@ -64,7 +64,7 @@ class Start:
 
 def require_start(given: Mapping[str, float] | None, bodies: Bodies) -> None:
     """InputError where a start is neither given nor can be found."""
-    if given is None and not bodies.found:
+    if given is None and not bodies.finds_start:
         raise InputError(
             "only a person's start is found automatically; give --init FILE with the body's pose in the "
             "first frame, {degree of freedom: radians or metres}"
@@ -115,14 +115,14 @@ def postures(points: Array, bodies: Bodies) -> list[Start]:
             "root_ty": float(top + above * share * stature),
             "root_tz": float(middle[2] + BODY_RADIUS),
         }
-        model = bodies.sought(stature, girth)
+        model = bodies.for_start(stature, girth)
         candidates.append(Start(model, name_pose(model, pelvis | angles), stature, girth))
     return candidates
 
 
 def resize(start: Start, bodies: Bodies, stature: float, girth: float) -> Start:
     """The same pose on a body of other measures."""
-    return replace(start, model=bodies.sought(stature, girth), stature=stature, girth=girth)
+    return replace(start, model=bodies.for_start(stature, girth), stature=stature, girth=girth)
 
 
 def descend(start: Start, refiner: Refiner, settings: RefineSettings) -> Start:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from errno import ENOSPC
 from functools import cache
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -212,6 +214,18 @@ def test_what_was_tracked_is_told_before_a_frame_that_cannot_be_read() -> None:
     with pytest.raises(InputError, match="torn"):
         note(told, follow(tracker(), torn()))
     assert told == [0, 1]
+
+
+def test_a_recorder_that_fails_raises_where_it_was_called() -> None:
+    """A full disk ends the loop over the estimates, and passes through neither tracker nor refiner."""
+
+    def record() -> None:
+        for _ in follow(tracker(), shown("standing").frames):
+            raise OSError(ENOSPC, "no space left on device")
+
+    with pytest.raises(OSError, match="no space") as caught:
+        record()
+    assert {Path(entry.path).name for entry in caught.traceback} == {"test_tracker.py"}
 
 
 def test_an_empty_frame_is_lost_and_it_goes_on() -> None:
