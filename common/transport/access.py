@@ -32,7 +32,7 @@ def access_control(workers: Sequence[str]) -> Rules:
     rules = [
         allow(everything[0], (IN, OUT), (*READ, *SERVE, *PUBLISH), keys.ALL),
         allow("ask a run", (IN,), READ, keys.READABLE),
-        allow("be told by a run", (OUT,), (*SERVE, *PUBLISH), keys.READABLE),
+        allow("be sent to by a run", (OUT,), (*SERVE, *PUBLISH), keys.READABLE),
     ]
     subjects = [
         {"id": "our own", "link_protocols": ["unixsock-stream"]},
@@ -45,7 +45,7 @@ def access_control(workers: Sequence[str]) -> Rules:
         rules.append(allow(be, (IN,), (*SERVE, "declare_liveliness_subscriber", "liveliness_query"), own))
         rules.append(allow(hear, (OUT,), ("query", "liveliness_token", "reply"), own))
         subjects.append({"id": worker, "cert_common_names": [worker]})
-        policies.append({"rules": [be, hear, "ask a run", "be told by a run"], "subjects": [worker]})
+        policies.append({"rules": [be, hear, "ask a run", "be sent to by a run"], "subjects": [worker]})
     return {
         "enabled": True,
         "default_permission": "deny",

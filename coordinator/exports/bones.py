@@ -130,7 +130,7 @@ def motion_of(model: BodyModel, bones: tuple[Bone, ...], poses: Array) -> tuple[
 
 
 def in_parents(bones: tuple[Bone, ...], rotations: Array, places: Array) -> tuple[Array, Array]:
-    """Motion in the world, told in the parent's axes and from the parent's origin."""
+    """Motion in the world, in the parent's axes and from the parent's origin."""
     local_turns, local_places = rotations.copy(), places.copy()
     for b, bone in enumerate(bones):
         if bone.parent >= 0:

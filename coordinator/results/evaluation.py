@@ -22,7 +22,7 @@ LOST_DEG = 30.0
 
 
 class Evaluation(msgspec.Struct, frozen=True):
-    """Errors over all frames that track and truth share; None where the truth does not tell."""
+    """Errors over all frames that track and truth share; None where the truth does not say."""
 
     frames: int
     mean_angle_error_deg: float | None  # of the reported pose

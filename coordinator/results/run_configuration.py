@@ -91,7 +91,7 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
 
 
 def digest_frame(frame: DepthFrame) -> str:
-    """Tells a frame from another one, its depth and its camera."""
+    """A hash of a frame: of its depth and its camera."""
     camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
     return digest(camera.encode() + frame.depth.tobytes())
 

@@ -16,7 +16,7 @@ from coordinator.results.track import Track
 def deviation(track: Track) -> NDArray[np.float64]:
     """Root mean square distance (F, D) of the hypotheses from the reported pose, by weight; metres, radians.
 
-    Zero where a frame ended with one hypothesis: it tells where else the body may be, not how exactly the
+    Zero where a frame ended with one hypothesis: it says where else the body may be, not how exactly the
     reported pose is known.
     """
     away = track.hypothesis_pose - track.pose[:, None, :]

@@ -1,4 +1,4 @@
-"""Depth frames that some other process publishes while they are tracked: docs/live.md tells their form."""
+"""Depth frames that some other process publishes while they are tracked: docs/live.md has their form."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class LiveCounts:
 class LiveFrames:
     """The newest frame whenever one is asked for; iterates until the stream ends.
 
-    Messages are received on a thread of the bus. `tell` is called with a line for people when the stream
+    Messages are received on a thread of the bus. `report` is called with a line for people when the stream
     is silent, and at the first message that makes no sense.
     """
 
-    def __init__(self, key: str, tell: Callable[[str], None], notice: float = NOTICE) -> None:
+    def __init__(self, key: str, report: Callable[[str], None], notice: float = NOTICE) -> None:
         self._key = key
         self._notice = notice
-        self._tell = tell
+        self._report = report
         self._changed = threading.Condition()
         self._newest: DepthFrame | None = None
         self._ended = False
@@ -81,7 +81,7 @@ class LiveFrames:
         """The newest frame as soon as there is one; None at the end."""
         with self._changed:
             if not self._changed.wait_for(self._is_ready, self._notice):
-                self._tell(f"no frame comes on {self._key}; waiting for one")
+                self._report(f"no frame comes on {self._key}; waiting for one")
                 self._changed.wait_for(self._is_ready)
             frame, self._newest = self._newest, None
             return frame
@@ -94,7 +94,7 @@ class LiveFrames:
             malformed = self._counts.malformed + 1
             self._counts = replace(self._counts, malformed=malformed)
         if malformed == 1:
-            self._tell(f"a message on {self._key} makes no sense: {error}")
+            self._report(f"a message on {self._key} makes no sense: {error}")
 
 
 def from_first_seen(frames: Iterator[DepthFrame]) -> Iterator[DepthFrame]:

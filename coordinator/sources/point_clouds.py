@@ -1,7 +1,7 @@
 """A folder of point clouds, one file a frame: PLY or PCD, metres, in the camera's frame (z forward).
 
 Each cloud is projected into a depth image: the nearest point of a pixel counts. The camera is that of
-camera_intrinsic.json; without one an organised cloud (PCD with rows and columns) tells its own, and an
+camera_intrinsic.json; without one an organised cloud (PCD with rows and columns) has its own, and an
 unorganised one is seen by a nominal camera of 640 x 480.
 """
 

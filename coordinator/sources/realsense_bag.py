@@ -1,6 +1,6 @@
 """A `.bag` file of Intel RealSense cameras (a ROS 1 bag as librealsense records it), read without ROS.
 
-Depth comes as 16-bit images in units that the recording tells, with the intrinsics of its stream. Other
+Depth comes as 16-bit images in units that the recording names, with the intrinsics of its stream. Other
 ROS 1 bags are read too if they hold 16-bit depth images with their camera_info beside them, in millimetres
 unless they say otherwise. Lens distortion is not undone.
 """

@@ -29,7 +29,7 @@ class Source(Protocol):
 
     @property
     def fps(self) -> float:
-        """Frames per second: frame n was taken at n / fps seconds, or at the time that it tells."""
+        """Frames per second: frame n was taken at n / fps seconds, or at its recorded time."""
         ...
 
     @property

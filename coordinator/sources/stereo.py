@@ -31,7 +31,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff")
 SHAPES = {"M1": (3, 3), "M2": (3, 3), "R": (3, 3), "T": (3, 1)}
 NEAREST_M = 0.7  # what is nearer is not matched
 BLOCK = 5  # pixels
-FRACTION = 16.0  # of a pixel, in which disparities are told
+FRACTION = 16.0  # of a pixel, in which OpenCV gives disparities
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -80,7 +80,7 @@ def load_pyrender() -> Any:
 
 
 def missing_opengl(cause: Exception) -> GepfError:
-    """What to tell the user."""
+    """What to report to the user."""
     return GepfError(
         "cannot render without a display: OpenGL through EGL does not start "
         f"({type(cause).__name__}: {cause}); on Debian or Ubuntu: apt install libegl1 libgl1"

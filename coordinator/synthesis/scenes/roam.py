@@ -14,6 +14,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.kinematics import pose_vertices
 from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.view_fitting import fit_in_view
 
 Array = NDArray[np.float64]
 
@@ -24,8 +25,7 @@ WIDEST, SLIDE_M = np.radians(40.0), 0.15  # to either side, where limits are wid
 WITHIN = 0.4  # of the range between limits, to either side of its middle
 STAND = {"root_rx": 0.2, "root_ry": 0.5}  # seen from above and from the side
 CARRIED_M, TURNED = 0.08, np.radians(35.0)
-FILLS = 0.85  # of the image
-NEAREST_M, FARTHEST_M = 0.8, 6.0
+FARTHEST_M = 6.0
 
 
 def roam(model: BodyModel, seed: int = 0, frames: int = FRAMES) -> Scene:
@@ -64,12 +64,3 @@ def place_in_view(model: BodyModel, poses: Array) -> Array:
         size = np.ptp(seen, axis=0).max()
         raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
     return shift
-
-
-def fit_in_view(points: Array, camera: Intrinsics) -> Array:
-    """Shift (3,) that brings points (n, 3) into the middle of the image, as near as they fit."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    wide = np.max((high - low)[:2] / (camera.width / camera.fx, camera.height / camera.fy))
-    front = max(NEAREST_M, float(wide) / FILLS)
-    middle: Array = np.array([*(0.5 * (low + high)[:2]), low[2] - front])
-    return -middle
