@@ -6,14 +6,18 @@ For sequences of `tests.support.small_sequence`. Importing it imports all that a
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import coordinator.bodies.choice
 import coordinator.commands.track
-import coordinator.commands.workers
 from common.protocol.messages import decode_model
 from coordinator.cli import main
+from coordinator.commands.progress import Show
+from coordinator.commands.workers import connect_workers
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.small_sequence import BODY, OPTIONS
 
 
@@ -25,4 +29,9 @@ def track(sequence: Path, out: Path, endpoint: str, *options: str) -> int:
     vars(pictures)["draw_run"] = lambda *_: []
     sys.modules[pictures.__name__] = pictures
     pool = ("--workers", "0", "--listen", endpoint)
-    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *pool, *options])
+    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *pool, *options], connect)
+
+
+def connect(pool: Pool, show: Show) -> ZenohRefiner:
+    """As ever, but that nobody is there is reported soon."""
+    return connect_workers(replace(pool, patience=0.5), show)
