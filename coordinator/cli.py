@@ -21,6 +21,7 @@ import typer
 from common.errors import GepfError, InputError
 from coordinator.commands.arguments import (
     CertificateOptions,
+    ExportOptions,
     FitOptions,
     Model,
     PublishOptions,
@@ -190,17 +191,12 @@ def evaluate(
 
 
 @app.command(rich_help_panel=LOOKING)
-def export(
-    run: Run,
-    form: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="bap, bvh, csv, glb, gltf, json or trc.")
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write.")],
-) -> None:
-    """Write a run's poses for other programs."""
-    from coordinator.exports import export_run
+@grouped
+def export(options: ExportOptions, quiet: Quiet = False) -> None:
+    """Write a run's angles and poses for other programs."""
+    from coordinator.commands.export import run_export
 
-    export_run(run, form, out)
+    run_export(options, on_stderr(quiet=quiet))
 
 
 @model_app.callback(invoke_without_command=True)

@@ -87,6 +87,23 @@ class PublishOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """All options of `gepf export`."""
+
+    run: Run
+    form: Annotated[
+        str,
+        typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf, bap or json."),
+    ]
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
+    smooth: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Low pass without delay, e.g. 6 (default: as tracked)."),
+    ] = None
+    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")] = False
+
+
+@dataclass(frozen=True, slots=True)
 class RouterOptions:
     """Where a router is reached."""
 

@@ -3,38 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO
 
 from common.errors import InputError
-from coordinator.exports.bap import write_bap
-from coordinator.exports.bvh import write_bvh
-from coordinator.exports.csv import write_csv
-from coordinator.exports.gltf import write_glb, write_gltf
-from coordinator.exports.json import write_json
 from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.exports.trc import write_trc
 from coordinator.files.atomic import write_atomically
 
 Export = Callable[[RecordedRun, BinaryIO], None]
 
-EXPORTS: dict[str, Export] = {
-    "bap": write_bap,
-    "bvh": write_bvh,
-    "csv": lambda run, file: write_csv(run.track, file),
-    "glb": write_glb,
-    "gltf": write_gltf,
-    "json": lambda run, file: write_json(run.track, file),
-    "trc": write_trc,
+EXPORTS = {
+    "bap": "bap.write_bap",
+    "bvh": "bvh.write_bvh",
+    "c3d": "c3d.write_c3d",
+    "csv": "csv.export_csv",
+    "glb": "gltf.write_glb",
+    "gltf": "gltf.write_gltf",
+    "json": "json.export_json",
+    "mot": "mot.write_mot",
+    "trc": "trc.write_trc",
 }
+"""Format -> the module and function here that write it, loaded when they are asked for."""
 
 
-def export_run(folder: Path, form: str, path: Path) -> None:
-    """Write a run in the format named `form`; InputError names the valid choices."""
+def export_run(
+    folder: Path, form: str, path: Path, *, smooth_hz: float | None = None, force: bool = True
+) -> RecordedRun:
+    """Write a run in the format named `form` and return what was written.
+
+    Args:
+        folder: The run's.
+        form: One of `EXPORTS`; InputError names them all.
+        path: File to write.
+        smooth_hz: Cut-off of a low pass, Hz; None for the values as they were tracked.
+        force: Whether a file that is there may be replaced; else InputError.
+    """
     if form not in EXPORTS:
         raise InputError(f"unknown format '{form}'; choose from {', '.join(EXPORTS)}")
-    run = read_run(folder)
+    if path.exists() and not force:
+        raise InputError(f"{path} is there already; replace it with --force, or choose another --out")
+    run = read_run(folder, smooth_hz)
+    module, _, name = EXPORTS[form].partition(".")
+    write: Export = getattr(import_module(f"coordinator.exports.{module}"), name)
     try:
-        write_atomically(path, lambda file: EXPORTS[form](run, file))
+        write_atomically(path, lambda file: write(run, file))
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}; choose another --out") from error
+    return run

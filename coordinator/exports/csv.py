@@ -13,21 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coordinator.bodies.human.isb import isb_angles, isb_names
+from coordinator.exports.recorded import RecordedRun
 from coordinator.results.track import Track
 
 Columns = dict[str, NDArray[np.float64]]
 
 
-def write_csv(track: Track, file: BinaryIO) -> None:
-    """Frame, time and status, then the columns of `angle_columns`, `joint_columns` and the pose.
+def export_csv(run: RecordedRun, file: BinaryIO) -> None:
+    """A run's CSV; of a low-passed one also the angles as they were tracked, in columns `..._raw_deg`."""
+    raw = {f"{name}_raw": values for name, values in named(run.raw.angle_names, run.raw.angle).items()}
+    write_csv(run.track, file, in_degrees(raw) if run.smoothed_hz else {})
+
+
+def write_csv(track: Track, file: BinaryIO, more: Columns | None = None) -> None:
+    """Frame, time and status, then the columns of `angle_columns`, `joint_columns`, the pose, and `more`.
 
     Numbers are written so that reading them gives the same float64.
     """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     writer = csv.writer(text, lineterminator="\n")
-    columns = (
-        angle_columns(track) | joint_columns(track) | dict(zip(track.dof_names, track.pose.T, strict=True))
-    )
+    columns = angle_columns(track) | joint_columns(track) | named(track.dof_names, track.pose) | (more or {})
     writer.writerow(["frame", "time_s", "status", *columns])
     values = np.stack(list(columns.values()), axis=1)
     for f, frame in enumerate(track.frame.tolist()):
@@ -37,12 +42,21 @@ def write_csv(track: Track, file: BinaryIO) -> None:
 
 def angle_columns(track: Track) -> Columns:
     """Angles (F,) in degrees, the shoulders' as the ISB wants them, and how far each angle may be off."""
-    if track.angle is None or track.angle_names is None or track.angle_deviation is None:
-        return {}
-    told = dict(zip(track.angle_names, track.angle.T, strict=True))
-    isb = zip(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle).T, strict=True)
-    off = zip(track.angle_names, track.angle_deviation.T, strict=True)
-    radians = told | dict(isb) | {f"{name}_deviation": values for name, values in off}
+    told = named(track.angle_names, track.angle)
+    off = named(track.angle_names, track.angle_deviation)
+    isb = {}
+    if track.angle_names is not None and track.angle is not None:
+        isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))
+    return in_degrees(told | isb | {f"{name}_deviation": values for name, values in off.items()})
+
+
+def named(names: tuple[str, ...] | None, values: NDArray[np.float64] | None) -> Columns:
+    """Columns (F,) of values (F, N) by their names; none where they are not known."""
+    return {} if names is None or values is None else dict(zip(names, values.T, strict=True))
+
+
+def in_degrees(radians: Columns) -> Columns:
+    """The same columns in degrees, and named so."""
     return {f"{name}_deg": np.degrees(values) for name, values in radians.items()}
 
 

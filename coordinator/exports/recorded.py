@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
+from coordinator.exports.smoothing import smooth_track
 from coordinator.results.model_file import MODEL_FILE, TrackedBody, read_tracked_body
 from coordinator.results.track import Track, read_track
 from coordinator.results.uncertainty import with_angles
@@ -18,14 +19,35 @@ USUAL_RATE = 30.0
 CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""
 
+CAMERA_TO_OPENSIM = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""OpenSim's axes: x to the front of a person who faces the camera, y up, z to their right."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedRun:
-    """A run: its name, its track, and its body, read when an export asks for it."""
+    """A run: its name, its track, low-passed or not, and its body, read when an export asks for it."""
 
     name: str
     track: Track
     folder: Path
+    raw: Track  # as it was tracked
+    smoothed_hz: float | None = None
+
+    @property
+    def angle_names(self) -> tuple[str, ...]:
+        """What the angles (A,) are called; none where the body is not known."""
+        return self.track.angle_names or ()
+
+    @property
+    def angle(self) -> NDArray[np.float64]:
+        """Angles (F, A), radians."""
+        return np.empty((len(self.track.frame), 0)) if self.track.angle is None else self.track.angle
+
+    @property
+    def remark(self) -> str:
+        """Where the values come from, for formats that have room to say so."""
+        how = f"low pass {self.smoothed_hz:g} Hz, no delay" if self.smoothed_hz else "as tracked"
+        return f"gepf; {how}; camera at the origin"
 
     def body(self) -> TrackedBody:
         """The body that was tracked; InputError if the run's folder does not hold it."""
@@ -45,8 +67,8 @@ class RecordedRun:
         return lost
 
 
-def read_run(folder: Path) -> RecordedRun:
-    """The run in a folder; InputError if there is none or it is damaged.
+def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
+    """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged.
 
     A track that was written before tracks had angles gets them here, if the body is there.
     """
@@ -54,4 +76,5 @@ def read_run(folder: Path) -> RecordedRun:
     if track.angle is None and (folder / MODEL_FILE).exists():
         body = read_tracked_body(folder)
         track = with_angles(track, angles_of(body.model, body.held))
-    return RecordedRun(folder.resolve().name, track, folder)
+    shown = track if smooth_hz is None else smooth_track(track, read_tracked_body(folder).model, smooth_hz)
+    return RecordedRun(folder.resolve().name, shown, folder, track, smooth_hz)

@@ -9,12 +9,9 @@ from __future__ import annotations
 import io
 from typing import BinaryIO
 
-import numpy as np
-
-from coordinator.exports.recorded import RecordedRun
+from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
 
 MILLIMETRES = 1000.0
-CAMERA_TO_OPENSIM = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
 HEAD = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame",
         "OrigNumFrames")  # fmt: skip
 

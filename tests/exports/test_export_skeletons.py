@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from coordinator.exports import export_run
-from coordinator.exports.recorded import CAMERA_TO_Y_UP
-from coordinator.exports.trc import CAMERA_TO_OPENSIM
+from coordinator.exports.recorded import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
 from tests.support.bodies import hinges, person, puppet, random_body
 from tests.support.runs import RATE, swing, write_run
 

@@ -37,13 +37,15 @@ def write_run(
     poses: Array,
     lost: tuple[int, ...] = (),
     held: Mapping[str, float] | None = None,
+    frames: NDArray[np.int64] | None = None,
 ) -> Track:
-    """A run's folder with these poses (F, D); one hypothesis a frame."""
+    """A run's folder with these poses (F, D); one hypothesis a frame; `frames` (F,) count from 100."""
     folder.mkdir(parents=True)
     count = len(poses)
+    numbers = 100 + (np.arange(count, dtype=np.int64) if frames is None else frames)
     track = Track(
-        frame=np.arange(100, 100 + count, dtype=np.int64),
-        time_s=np.arange(100, 100 + count) / RATE,
+        frame=numbers,
+        time_s=numbers / RATE,
         dof_names=model.dof_names,
         pose=poses,
         joint_names=model.joint_names,

@@ -1,0 +1,81 @@
+"""C3D: joints as points and angles beside them, for motion capture programs. Written by ezc3d.
+
+Points are in millimetres, OpenSim's axes (x forward, y up, z to the person's right), and carry how far each
+may be off, one standard deviation in millimetres, as their residual. Angles, in degrees, follow the custom of
+the format: a point for each joint with flexion, abduction and rotation as its three values, listed under
+ANGLES. The format has one frame rate: frames that are missing in between, or lost, have no values.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from ezc3d import c3d
+from numpy.typing import NDArray
+
+from coordinator.bodies.angles import angles_of
+from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+
+Array = NDArray[np.float64]
+
+MILLIMETRES = 1000.0
+MISSING = -1.0  # the residual of a point without a place
+
+
+def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
+    """All frames from the first to the last, at the run's rate."""
+    slots, count = even_slots(run)
+    joints = run.track.joint_positions @ CAMERA_TO_OPENSIM.T * MILLIMETRES
+    names, angles = angle_points(run)
+    points = np.full((3, len(run.track.joint_names) + len(names), count), np.nan)
+    points[:, : joints.shape[1], slots] = joints[~run.lost].transpose(2, 1, 0)
+    points[:, joints.shape[1] :, slots] = angles[~run.lost].transpose(2, 1, 0)
+    residuals = np.full((1, points.shape[1], count), MISSING)
+    residuals[:, :, slots] = 0.0
+    if run.track.joint_deviation is not None:
+        off = run.track.joint_deviation[~run.lost] * MILLIMETRES
+        residuals[0, : joints.shape[1], slots] = np.nan_to_num(off)
+
+    content = c3d()
+    content["parameters"]["POINT"]["RATE"]["value"] = [run.rate]
+    content["parameters"]["POINT"]["LABELS"]["value"] = [*run.track.joint_names, *names]
+    content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    for key, value in {
+        "ANGLES": names,
+        "ANGLE_UNITS": ["deg"],
+        "X_SCREEN": ["+Z"],
+        "Y_SCREEN": ["+Y"],
+    }.items():
+        content.add_parameter("POINT", key, value)
+    content.add_parameter("MANUFACTURER", "SOFTWARE", ["gepf"])
+    content.add_parameter("MANUFACTURER", "REMARK", [run.remark])
+    homogeneous = np.concatenate([points, np.ones((1, *points.shape[1:]))])
+    content["data"]["points"] = homogeneous
+    content["data"]["meta_points"]["residuals"] = residuals
+    with tempfile.TemporaryDirectory() as folder:  # ezc3d writes to a path only
+        draft = Path(folder) / "run.c3d"
+        content.write(str(draft))
+        file.write(draft.read_bytes())
+
+
+def even_slots(run: RecordedRun) -> tuple[NDArray[np.int64], int]:
+    """Which of the evenly spaced frames each kept one is, and how many there are."""
+    times = run.track.time_s - run.track.time_s[0]
+    slots = np.rint(times * run.rate).astype(np.int64)
+    return slots[~run.lost], int(slots[-1]) + 1
+
+
+def angle_points(run: RecordedRun) -> tuple[list[str], Array]:
+    """Names, and values (F, N, 3) in degrees: all three of a ball joint; one and zeros of a hinge."""
+    if not run.angle_names:
+        return [], np.empty((len(run.track.frame), 0, 3))
+    body = run.body()
+    angles, values = angles_of(body.model, body.held), np.degrees(run.angle)
+    first = 3 * len(angles.balls)
+    balls = values[:, :first].reshape(len(values), -1, 3)
+    hinges = np.stack([values[:, first:], *[np.zeros_like(values[:, first:])] * 2], axis=-1)
+    names = [f"{ball.names[-1].rpartition('_')[0]}_angles" for ball in angles.balls]
+    return names + [hinge.name for hinge in angles.hinges], np.concatenate([balls, hinges], axis=1)

@@ -1,0 +1,108 @@
+"""A run without its tremor: a low pass that shifts nothing in time.
+
+A Butterworth filter of second order, run forward and backward, as movement laboratories use it (Winter,
+"Biomechanics and Motor Control of Human Movement"): of fourth order in effect, with half the power left at
+the cut-off. Frames that are lost do not count: they are bridged first, and so are frames that are missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, filtfilt
+from scipy.spatial.transform import Rotation
+
+from common.body import BodyModel
+from common.errors import InputError
+from coordinator.bodies.swing_twist import nearest_turn
+from coordinator.results.track import Track
+
+Array = NDArray[np.float64]
+
+ORDER, PASSES = 2, 2
+
+
+def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
+    """The track with angles, joints and pose low-passed; deviations, hypotheses and status stay.
+
+    InputError for a cut-off that the frame rate cannot have, and for tracks that are too short.
+    """
+    low_pass = LowPass(track, cutoff_hz)
+    return replace(
+        track,
+        angle=None if track.angle is None else low_pass(track.angle),
+        joint_positions=low_pass(track.joint_positions),
+        pose=smooth_pose(model, track.pose, low_pass),
+    )
+
+
+class LowPass:
+    """Smooths values of a track's frames; they are taken at its rate, and given back at its times."""
+
+    def __init__(self, track: Track, cutoff_hz: float) -> None:
+        kept = track.status != "lost"
+        self._times = track.time_s
+        self._kept = kept if kept.sum() > 1 else np.ones_like(kept)
+        steps = np.diff(self._times)
+        if len(self._times) < 3 or not np.all(steps > 0.0):
+            raise InputError("a run of less than three frames cannot be smoothed; leave --smooth out")
+        rate = 1.0 / float(np.median(steps))
+        if not 0.0 < cutoff_hz < 0.5 * rate:
+            raise InputError(
+                f"--smooth {cutoff_hz:g} is not between 0 and half of the {rate:.3g} frames a second; "
+                "laboratories use 6"
+            )
+        count = max(3, round((self._times[-1] - self._times[0]) * rate) + 1)
+        self._even = np.linspace(self._times[0], self._times[-1], count)
+        warped = np.tan(np.pi * cutoff_hz / rate) / (2.0 ** (1.0 / PASSES) - 1.0) ** (
+            0.5 / ORDER
+        )  # one of two
+        self._filter = butter(ORDER, np.arctan(warped) / np.pi * rate, fs=rate)
+
+    def __call__(self, values: Array) -> Array:
+        """Values (F, ...) low-passed over the frames."""
+        columns = values.reshape(len(values), -1)
+        even = np.stack([self._at(self._even, column) for column in columns.T], axis=1)
+        padding = min(3 * (ORDER + 1), len(even) - 1)
+        smooth = filtfilt(*self._filter, even, axis=0, padlen=padding)
+        back = [np.interp(self._times, self._even, column) for column in smooth.T]
+        return np.stack(back, axis=1).reshape(values.shape)
+
+    def _at(self, times: Array, column: Array) -> Array:
+        """A column at other times, without what was reported in lost frames."""
+        bridged: Array = np.interp(times, self._times[self._kept], column[self._kept])
+        return bridged
+
+
+def smooth_pose(model: BodyModel, poses: Array, low_pass: LowPass) -> Array:
+    """Poses (F, D) low-passed: balls as quaternions, all else value by value, angles without their jumps."""
+    turned = np.unwrap(poses, axis=0)
+    turned[:, model.kinds == 0] = poses[:, model.kinds == 0]
+    smooth = low_pass(turned)
+    for first in model.balls.tolist():
+        ball = slice(first, first + 3)
+        smooth[:, ball] = smooth_ball(model.axes[ball], poses[:, ball], low_pass)
+    return smooth
+
+
+def smooth_ball(axes: Array, angles: Array, low_pass: LowPass) -> Array:
+    """Angles (F, 3) about a ball's axes (3, 3), low-passed by way of quaternions that keep their side."""
+    turns = [Rotation.from_rotvec(angles[:, a, None] * axis) for a, axis in enumerate(axes)]
+    quaternions = (turns[0] * turns[1] * turns[2]).as_quat()
+    flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0))
+    quaternions[1:] *= flips[:, None]
+    return angles_about(axes, Rotation.from_quat(low_pass(quaternions)), angles)
+
+
+def angles_about(axes: Array, rotations: Rotation, near: Array) -> Array:
+    """Angles (F, 3) about a ball's axes of rotations (F,), on the branch nearest to `near` (F, 3)."""
+    handed = np.sign(np.linalg.det(axes))
+    inside = handed * axes @ rotations.as_matrix() @ (handed * axes).T
+    one = handed * Rotation.from_matrix(inside).as_euler("XYZ", suppress_warnings=True)
+    other = one * [1.0, -1.0, 1.0] + np.pi
+    branches = np.stack([nearest_turn(branch, near) for branch in (one, other)])
+    chosen = np.argmin(np.sum((branches - near) ** 2, axis=-1), axis=0)
+    picked: Array = np.take_along_axis(branches, chosen[None, :, None], axis=0)[0]
+    return picked

@@ -1,0 +1,196 @@
+"""MOT and C3D, opened by OpenSim and by a C3D reader that is not ours; and the low pass."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import c3d
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from common.errors import InputError
+from common.kinematics import joint_positions
+from coordinator.cli import main
+from coordinator.exports import export_run
+from coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
+from coordinator.exports.smoothing import angles_about, smooth_track
+from tests.support.bodies import hinges, person
+from tests.support.runs import RATE, swing, write_run
+
+Array = NDArray[np.float64]
+
+
+def opensim_table(path: Path) -> tuple[list[str], Array, Array]:
+    """Labels, times (F,) and values (F, C) of a motion file as OpenSim reads it."""
+    opensim = pytest.importorskip("opensim", reason="OpenSim's package exists for Linux on x86-64 only")
+    table = opensim.TimeSeriesTable(str(path))
+    labels = list(table.getColumnLabels())
+    assert table.getTableMetaDataString("inDegrees") == "yes"
+    values = np.stack([table.getDependentColumn(name).to_numpy() for name in labels], axis=1)
+    return labels, np.array(table.getIndependentColumn()), values
+
+
+def c3d_points(path: Path) -> tuple[list[str], Array, float]:
+    """Labels, points with residuals (F, N, 4) and the rate of a C3D file, by the package `c3d`."""
+    with path.open("rb") as file, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="No analog data")
+        reader = c3d.Reader(file)
+        points = np.stack([points for _, points, _ in reader.read_frames()])
+        return [label.strip() for label in reader.point_labels], points[..., :4], reader.point_rate
+
+
+def test_opensim_reads_the_angles(tmp_path: Path) -> None:
+    """Every angle is there in degrees under its plain name, at its frame's time; lost frames are not."""
+    body = person()
+    write_run(tmp_path / "run", body, swing(body, 20), lost=(3,))
+    export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
+    labels, times, values = opensim_table(tmp_path / "run.mot")
+    run, kept = read_run(tmp_path / "run"), np.arange(20) != 3
+    assert labels[: len(run.angle_names)] == list(run.angle_names)
+    assert np.allclose(times, run.track.time_s[kept])
+    assert np.allclose(values[:, : len(run.angle_names)], np.degrees(run.angle)[kept], atol=1e-6)
+
+
+def test_opensims_coordinates_turn_as_its_model_does(tmp_path: Path) -> None:
+    """Put together about Z, X, Y along its chain, OpenSim's coordinates point both thighs where they are."""
+    body = person()
+    track = write_run(tmp_path / "run", body, swing(body, 20))
+    export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
+    labels, _, values = opensim_table(tmp_path / "run.mot")
+    joints = joint_positions(body, track.pose) @ CAMERA_TO_OPENSIM.T
+
+    def turn(*names: str) -> Rotation:
+        return Rotation.from_euler("ZXY", values[:, [labels.index(name) for name in names]], degrees=True)
+
+    pelvis = turn("pelvis_tilt", "pelvis_list", "pelvis_rotation")
+    for side, s, out in (("right", "r", 1.0), ("left", "l", -1.0)):
+        hip = turn(f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}")
+        rest = joint_positions(body, np.zeros_like(track.pose[:1]))[0] @ CAMERA_TO_OPENSIM.T
+        at = [body.joint_names.index(f"{side}_{name}") for name in ("hip", "knee")]
+        thigh = hip.apply((rest[at[1]] - rest[at[0]]) * [1.0, 1.0, out])
+        found = pelvis.apply(thigh * [1.0, 1.0, out])
+        assert np.allclose(found, joints[:, at[1]] - joints[:, at[0]], atol=1e-6)
+
+
+def test_a_c3d_reader_finds_joints_and_angles(tmp_path: Path) -> None:
+    """Joints in millimetres with their deviation as residual, angles beside them, gaps without values."""
+    body = person()
+    poses = swing(body, 12)
+    track = write_run(tmp_path / "run", body, poses, lost=(4,))
+    with_gap = np.arange(12) != 7
+    write_run(tmp_path / "gap", body, poses[with_gap], lost=(4,), frames=np.flatnonzero(with_gap))
+    export_run(tmp_path / "gap", "c3d", tmp_path / "run.c3d")
+    labels, points, rate = c3d_points(tmp_path / "run.c3d")
+    assert labels[: len(track.joint_names)] == list(track.joint_names)
+    assert rate == RATE
+    assert len(points) == 12
+    seen = np.setdiff1d(np.arange(12), [4, 7])
+    places = track.joint_positions[seen] @ CAMERA_TO_OPENSIM.T * 1000.0
+    assert np.allclose(points[seen, : len(track.joint_names), :3], places, atol=0.01)
+    assert np.all(points[[4, 7], :, 3] == -1.0)
+    elbow = points[seen, labels.index("right_elbow_flexion"), 0]
+    assert np.allclose(elbow, np.degrees(track.pose[seen, body.dof("r_elbow_flexion")]), atol=1e-3)
+    whole = read_run(tmp_path / "run")
+    hip = whole.angle[seen][
+        :, [whole.angle_names.index(f"left_hip_{n}") for n in ("flexion", "abduction", "rotation")]
+    ]
+    assert np.allclose(points[seen, labels.index("left_hip_angles"), :3], np.degrees(hip), atol=1e-3)
+
+
+def test_a_robot_has_mot_and_c3d_too(tmp_path: Path) -> None:
+    """A body without anatomy has its joints' own angles in both, and no coordinates of a person's model."""
+    body = hinges()
+    track = write_run(tmp_path / "run", body, swing(body, 5))
+    export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
+    export_run(tmp_path / "run", "c3d", tmp_path / "run.c3d")
+    labels, _, values = opensim_table(tmp_path / "run.mot")
+    assert labels == ["upper", "lower"]
+    assert np.allclose(values, np.degrees(track.pose), atol=1e-6)
+    assert set(labels) < set(c3d_points(tmp_path / "run.c3d")[0])
+
+
+def tremor(frames: int = 200) -> tuple[Array, Array]:
+    """A slow elbow (1 Hz) and a tremor of 10 Hz (F,), radians, at the rate of `write_run`."""
+    t = np.arange(frames) / RATE
+    return 0.8 + 0.5 * np.sin(2.0 * np.pi * t), 0.05 * np.sin(2.0 * np.pi * 10.0 * t)
+
+
+def test_a_low_pass_takes_the_tremor_and_shifts_nothing(tmp_path: Path) -> None:
+    """The slow motion stays within half a degree, in phase; the tremor of 3 degrees is gone; raw is kept."""
+    body = person()
+    slow, fast = tremor()
+    poses = np.zeros((len(slow), len(body.dof_names)))
+    poses[:, body.dof("root_tz")] = 2.0
+    poses[:, body.dof("r_elbow_flexion")] = slow + fast
+    write_run(tmp_path / "run", body, poses)
+    run = read_run(tmp_path / "run", smooth_hz=4.0)
+    elbow = run.angle[:, run.angle_names.index("right_elbow_flexion")]
+    inner = slice(20, -20)
+    assert np.abs(np.degrees(elbow - slow))[inner].max() < 0.5
+    assert np.array_equal(run.raw.pose, poses)
+    same = run.track.pose[:, body.dof("r_elbow_flexion")]
+    assert np.allclose(same, elbow, atol=1e-9)
+
+
+def test_the_cut_off_is_where_half_the_power_is_left(tmp_path: Path) -> None:
+    """Both passes together leave 71 % of a sine at the cut-off, as laboratories mean it."""
+    body = hinges()
+    t = np.arange(400) / RATE
+    poses = np.stack([np.sin(2.0 * np.pi * 3.0 * t), np.zeros_like(t)], axis=1)
+    write_run(tmp_path / "run", body, poses)
+    left = read_run(tmp_path / "run", smooth_hz=3.0).angle[100:300, 0]
+    assert np.ptp(left) / 2.0 == pytest.approx(np.sqrt(0.5), rel=0.02)
+
+
+def test_lost_frames_do_not_bend_their_neighbours(tmp_path: Path) -> None:
+    """What a lost frame reported counts for nothing: its neighbours are as if it had gone on."""
+    body = hinges()
+    poses = np.full((60, 2), 0.3)
+    poses[30] = 3.0
+    write_run(tmp_path / "run", body, poses, lost=(30,))
+    smooth = read_run(tmp_path / "run", smooth_hz=5.0)
+    assert np.allclose(smooth.angle[:, 0], 0.3, atol=1e-6)
+
+
+def test_balls_are_low_passed_as_rotations() -> None:
+    """A ball that stands still at an Euler singularity, told on either branch, stays where it is."""
+    body = person()
+    first = body.dof("l_shoulder_flexion")
+    axes = body.axes[first : first + 3]
+    angles = np.radians([[10.0, 88.0, 20.0], [190.0, 92.0, 200.0]] * 10)
+    turns = [Rotation.from_rotvec(angles[:, a, None] * axis) for a, axis in enumerate(axes)]
+    again = angles_about(axes, turns[0] * turns[1] * turns[2], angles)
+    assert np.allclose(again, angles, atol=1e-6)
+
+
+def test_a_cut_off_that_cannot_be_is_one_line(tmp_path: Path) -> None:
+    """Above half the rate there is nothing to cut, and two frames are no motion."""
+    body = hinges()
+    write_run(tmp_path / "run", body, swing(body, 9))
+    run = read_run(tmp_path / "run")
+    with pytest.raises(InputError, match="half of the 25 frames a second; laboratories use 6"):
+        smooth_track(run.track, body, 20.0)
+    short = replace(run.track, time_s=run.track.time_s * 0.0)
+    with pytest.raises(InputError, match="cannot be smoothed"):
+        smooth_track(short, body, 6.0)
+
+
+def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file in the way is an error that names --force; with it, what was written is said."""
+    body = hinges()
+    write_run(tmp_path / "run", body, swing(body, 9), lost=(2,))
+    out = tmp_path / "angles.csv"
+    out.write_text("mine")
+    command = ["export", str(tmp_path / "run"), "--to", "csv", "--out", str(out)]
+    assert main(command) == 2
+    assert "is there already; replace it with --force" in capsys.readouterr().err
+    assert out.read_text() == "mine"
+    assert main([*command, "--smooth", "6", "--force"]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "9 frames, 1 of them lost, low pass 6 Hz" in told
+    head = out.read_text().splitlines()[0].split(",")
+    assert {"upper_deg", "upper_raw_deg"} <= set(head)
