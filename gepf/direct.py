@@ -11,7 +11,7 @@ from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from worker.kernel.icp import refine
+from worker.kernel.job import refine
 from worker.kernel.observation import Observation, observe
 
 

@@ -12,22 +12,27 @@ import threading
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 
+from common.cores import usable_cores
 from common.errors import GepfError, InputError
 from common.protocol.keys import check_name
-from common.transport.bus import open_worker
 from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
 from common.transport.endpoints import check_endpoint
 from common.transport.session import Security
+from worker.activity import StatusLine, counted
 from worker.admission import check_admission
+from worker.connection import Destination, checked_timeout, connect_to
 from worker.health import check_alive
 from worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
+
+MOST_LANES = 1024
 
 Connect = Annotated[
     list[str], typer.Option(metavar="ENDPOINT", help="Where a coordinator or router listens: tls/HOST:PORT.")
@@ -48,6 +53,15 @@ Check = Annotated[
     bool,
     typer.Option("--check", help="Only check whether this worker is connected; exit code 0 if so, 1 if not."),
 ]
+LanesOption = Annotated[
+    int | None,
+    typer.Option("--lanes", metavar="N", help="Particles refined at once (default: the cores it may use)."),
+]
+ConnectTimeout = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="Give up when nobody answers for so long (default: try for ever)."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only, show no line.")]
 Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
 
 
@@ -58,44 +72,58 @@ def main() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Where a worker connects, under which name, and with which certificate."""
+    """A worker's name, and where it works."""
 
-    connect: tuple[str, ...]
     name: str
-    security: Security | None = None
+    at: Destination
 
 
-def work(
+def work(  # noqa: PLR0913 one parameter an option
     connect: Connect,
     *,
+    lanes: LanesOption = None,
     name: Name = None,
+    connect_timeout: ConnectTimeout = None,
     tls_ca: TlsCa = None,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     check: Check = False,
+    quiet: Quiet = False,
     tied: Tied = False,
 ) -> None:
-    """Refine particles for any coordinator that is connected, until stopped."""
+    """Refine particles for any coordinator that is connected, until stopped. A host needs one worker."""
 
     def job() -> None:
-        identity = choose_identity(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
+        credentials = read_credentials(tls_ca, tls_cert, tls_key)
+        identity = choose_identity(connect, name, credentials, checked_timeout(connect_timeout))
+        count = choose_lanes(lanes)
         if check:
-            check_alive(identity.name, identity.connect, identity.security)
+            check_alive(identity.name, identity.at.connect, identity.at.security)
         else:
-            serve(identity, load_kernel, tied=tied)
+            serve(identity, partial(load_kernel, count), quiet=quiet, tied=tied)
 
     exit_with(job)
 
 
-def choose_identity(connect: list[str], name: str | None, credentials: Credentials | None) -> Identity:
+def choose_identity(
+    connect: list[str], name: str | None, credentials: Credentials | None, timeout: float | None = None
+) -> Identity:
     """A worker's identity from its options, checked; a certificate also gives its name."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
     if credentials is None:
-        return Identity(tuple(connect), check_name("worker name", name or invent_name()))
+        name = check_name("worker name", name or invent_name())
+        return Identity(name, Destination(tuple(connect), timeout=timeout))
     name = check_name("worker name", name or holder_of(credentials))
     check_holder(credentials, name)
-    return Identity(tuple(connect), name, Security(credentials))
+    return Identity(name, Destination(tuple(connect), Security(credentials), timeout))
+
+
+def choose_lanes(lanes: int | None) -> int:
+    """How many particles to refine at once; by default as many as there are cores."""
+    if lanes is not None and not 1 <= lanes <= MOST_LANES:
+        raise InputError(f"--lanes {lanes} cannot work; give 1 to {MOST_LANES}, or none for all cores")
+    return lanes or usable_cores()
 
 
 def exit_with(job: Callable[[], None]) -> NoReturn:
@@ -111,30 +139,36 @@ def exit_with(job: Callable[[], None]) -> NoReturn:
     raise SystemExit(0)
 
 
-def serve(identity: Identity, load: Callable[[], Kernel[Any]], *, tied: bool) -> None:
+def serve(
+    identity: Identity, load: Callable[[], Kernel[Any]], *, quiet: bool = False, tied: bool = False
+) -> None:
     """Get ready, then serve until SIGTERM or SIGINT, or, if tied, until standard input ends."""
+    if quiet:
+        logging.getLogger().setLevel(logging.WARNING)
     if tied:
         threading.Thread(target=end_with_parent, daemon=True).start()
     kernel = load()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal
-    with open_worker(identity.connect, identity.security) as bus:
-        if identity.security is not None:
-            check_admission(bus, identity.name, identity.connect, identity.security)
+    with connect_to(identity.at) as bus:
+        if identity.at.security is not None:
+            check_admission(bus, identity.name, identity.at.connect, identity.at.security)
         service = Service(bus, identity.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, end)
-        log.info("%s serves %s", identity.name, ", ".join(identity.connect))
-        service.run()
+        log.info("%s serves %s with %s", identity.name, identity.at.name, counted(kernel.lanes, "lane"))
+        with StatusLine(service.activity.line, quiet=quiet):
+            service.run()
 
 
-def load_kernel() -> Kernel[Any]:
-    """The kernel, compiled and loaded."""
-    from worker.kernel.icp import refine
+def load_kernel(lanes: int = 1) -> Kernel[Any]:
+    """The kernel, compiled and loaded, on so many lanes."""
     from worker.kernel.observation import observe
+    from worker.lanes import Lanes
+    from worker.side_by_side import SideBySide
     from worker.warm_up import warm_up
 
-    kernel = Kernel(observe, refine)
+    kernel = Kernel(observe, SideBySide(Lanes(lanes)).refine, lanes)
     warm_up(kernel)
     return kernel
 

@@ -31,6 +31,7 @@ from common.protocol.messages import (
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus, Request, Requests
+from worker.activity import Activity
 from worker.fair_queue import FairQueue
 from worker.store import Memory, RunMemory
 
@@ -49,6 +50,7 @@ class Kernel(Generic[O]):
 
     observe: Callable[[SubjectFrame], O]
     refine: Refine[O]
+    lanes: int = 1  # particles that it refines at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,7 @@ class Service(Generic[O]):
         self._bus = bus
         self._name = name
         self._kernel = kernel
+        self.activity = Activity(kernel.lanes)
         self._memory: Memory[O] = Memory()
         self._queue: FairQueue[Batch] = FairQueue()
         self._ended_runs: SimpleQueue[str] = SimpleQueue()
@@ -77,6 +80,7 @@ class Service(Generic[O]):
         self._bus.follow_frames(keys.ANY_RUN_FRAMES, self._keep_frame)
         self._bus.watch(keys.ANY_RUN_ALIVE, self._notice_run)
         self._requests = self._bus.requests(keys.worker_refine(self._name))
+        self._bus.announce(keys.worker_lanes(self._name, self._kernel.lanes))
         self._bus.announce(keys.worker_alive(self._name))  # last: from now on there will be requests
         if self._stopped:
             return
@@ -157,7 +161,9 @@ class Service(Generic[O]):
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
             )
         observation = memory.observations.find(request.frame, lambda: self._observe(request))
-        return encode_refined(self._kernel.refine(model, observation, request.poses, request.settings))
+        refined = self._kernel.refine(model, observation, request.poses, request.settings)
+        self.activity.refined(request.run, len(request.poses))
+        return encode_refined(refined)
 
     def _keep_frame(self, key: str, number: int, payload: bytes) -> None:
         """Store a published frame; called from a thread of the bus."""

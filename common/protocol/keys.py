@@ -11,6 +11,7 @@ GUARDED = "gepf/live/"
 STREAM = re.compile(rf"{NAME.pattern}(/{NAME.pattern}){{0,15}}")
 
 ANY_WORKER_ALIVE = "gepf/worker/*/alive"
+ANY_WORKER_LANES = "gepf/worker/*/lanes/*"
 ANY_RUN_FRAMES = "gepf/run/*/frame"
 ANY_RUN_ALIVE = "gepf/run/*/alive"
 
@@ -52,6 +53,17 @@ def worker_refine(worker: str) -> str:
 def worker_alive(worker: str) -> str:
     """Liveliness token of one worker, declared when it is ready for work."""
     return f"gepf/worker/{worker}/alive"
+
+
+def worker_lanes(worker: str, lanes: int) -> str:
+    """Liveliness token that says how many particles a worker refines at once; declared before the other."""
+    return f"gepf/worker/{worker}/lanes/{lanes}"
+
+
+def lanes_of(key: str) -> int:
+    """The number of lanes that a worker's token says; 1 for one that makes no sense."""
+    number = last_of(key)
+    return max(1, int(number)) if re.fullmatch("[0-9]{1,4}", number) else 1
 
 
 def worker_admission(worker: str) -> str:

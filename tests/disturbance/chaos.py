@@ -30,6 +30,7 @@ from typing import Any
 from tests.support.warm_processes import Workers, coordinate, start
 
 WORKERS = tuple(f"w{k}" for k in range(4))
+LANES = dict(zip(WORKERS, (1, 1, 2, 3), strict=True))
 FRAMES = 300
 BOUND = 300.0  # seconds for either run
 EVERY = 0.5  # seconds between two acts
@@ -106,7 +107,7 @@ def run(sequence: Path, out: Path, seed: int | None, bound: float) -> dict[str, 
     began = time.monotonic()
     process = start(coordinate, sequence, out, endpoint, log=log)
     try:
-        with Workers((endpoint,), log.with_suffix(".workers.txt")) as workers:
+        with Workers((endpoint,), log.with_suffix(".workers.txt"), LANES) as workers:
             for name in WORKERS:
                 workers.start(name)
             chaos = Chaos(workers, random.Random(seed))

@@ -49,7 +49,7 @@ from tests.support.instant_worker import KERNEL
 from tests.support.kinds import KINDS
 from tests.support.mutator import Mutator
 from tests.support.serving import MODEL, POSES, expected, refined_bytes, serving
-from worker.kernel.icp import refine
+from worker.kernel.job import refine
 from worker.kernel.observation import observe
 from worker.service import Batch, Kernel, Service
 from worker.warm_up import tiny_frame, warm_up

@@ -95,7 +95,7 @@ def try_all(kills: int, frames: int, seed: int, longest: float = LONGEST) -> lis
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="gepf-kills-") as name:
         place = Place(Path(name), frames)
-        with Workers((place.endpoint,), place.log) as workers:
+        with Workers((place.endpoint,), place.log, {"b": 2}) as workers:
             workers.start("a")
             workers.start("b")
             if place.finish(place.folder / "calm") != 0:

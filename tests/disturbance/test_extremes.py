@@ -21,7 +21,8 @@ from tests.disturbance.fuzz import fuzz_kernel
 from tests.support.extremes import Extremes
 from tests.support.filtering import advance
 from tests.support.serving import MODEL, POSES
-from worker.kernel.icp import refine, reject_diverged
+from worker.kernel.icp import reject_diverged
+from worker.kernel.job import refine
 from worker.kernel.observation import observe
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import LARGEST_SIDE, make_visibility_buffers, rasterise_front

@@ -41,6 +41,7 @@ def work_slowly(endpoint: str, name: str) -> None:
     """`gepf-worker`, with a long task in each batch; says when it has done one."""
     from tests.support.warm_kernel import KERNEL
     from worker.cli import Identity, exit_with, serve
+    from worker.connection import Destination
     from worker.service import Kernel
 
     def refine(*asked: Any) -> Any:
@@ -49,7 +50,7 @@ def work_slowly(endpoint: str, name: str) -> None:
         sys.stderr.write(f"{DONE}\n")
         return refined
 
-    exit_with(lambda: serve(Identity((endpoint,), name), lambda: Kernel(KERNEL.observe, refine), tied=False))
+    exit_with(lambda: serve(Identity(name, Destination((endpoint,))), lambda: Kernel(KERNEL.observe, refine)))
 
 
 class Site:

@@ -45,7 +45,7 @@ from tests.support.serving import (
     refined_bytes,
     serving,
 )
-from worker.kernel.icp import refine as real_refine
+from worker.kernel.job import refine as real_refine
 from worker.kernel.observation import observe as real_observe
 from worker.service import Kernel
 from worker.store import Memory, Recent

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
+from functools import partial
 
 import numpy as np
 import typer
@@ -14,7 +16,19 @@ from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.credentials import read_credentials
-from worker.cli import Connect, Name, Tied, TlsCa, TlsCert, TlsKey, choose_identity, exit_with, serve
+from worker.cli import (
+    Connect,
+    LanesOption,
+    Name,
+    Tied,
+    TlsCa,
+    TlsCert,
+    TlsKey,
+    choose_identity,
+    choose_lanes,
+    exit_with,
+    serve,
+)
 from worker.service import Kernel
 
 
@@ -24,10 +38,10 @@ def observe(subject: SubjectFrame) -> float:
 
 
 def refine(
-    model: BodyModel, observation: float, poses: NDArray[np.float64], settings: RefineSettings
+    model: BodyModel, observation: float, poses: NDArray[np.float64], settings: RefineSettings, lanes: int = 1
 ) -> Refined:
     """Something that depends on all that a result may depend on, particle by particle."""
-    time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * len(poses))
+    time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * math.ceil(len(poses) / lanes))
     moved = np.sin(poses * settings.damping + observation) + model.vertices.sum()
     return Refined(moved, -np.abs(moved).sum(axis=1), np.abs(moved - poses).mean(axis=1))
 
@@ -38,6 +52,7 @@ KERNEL = Kernel(observe, refine)
 def work(
     connect: Connect,
     *,
+    lanes: LanesOption = None,
     name: Name = None,
     tls_ca: TlsCa = None,
     tls_cert: TlsCert = None,
@@ -48,7 +63,8 @@ def work(
 
     def job() -> None:
         identity = choose_identity(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
-        serve(identity, lambda: KERNEL, tied=tied)
+        count = choose_lanes(lanes)
+        serve(identity, lambda: Kernel(observe, partial(refine, lanes=count), count), tied=tied)
 
     exit_with(job)
 

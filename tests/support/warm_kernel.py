@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from worker.cli import load_kernel
+from worker.lanes import Lanes
+from worker.service import Kernel
+from worker.side_by_side import SideBySide
 
 KERNEL = load_kernel()
+
+
+def kernel_on(lanes: int) -> Kernel[Any]:
+    """The kernel on lanes of this process: threads of a process do not live on in those forked from it."""
+    return Kernel(KERNEL.observe, SideBySide(Lanes(lanes)).refine, lanes)

@@ -6,11 +6,11 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 import typer
@@ -41,12 +41,13 @@ def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
     sys.exit(track(sequence, out, endpoint, *options))
 
 
-def work(endpoints: tuple[str, ...], name: str) -> None:
+def work(endpoints: tuple[str, ...], name: str, lanes: int = 1) -> None:
     """`gepf-worker`."""
-    from tests.support.warm_kernel import KERNEL
+    from tests.support.warm_kernel import kernel_on
     from worker.cli import Identity, exit_with, serve
+    from worker.connection import Destination
 
-    exit_with(lambda: serve(Identity(endpoints, name), lambda: KERNEL, tied=False))
+    exit_with(lambda: serve(Identity(name, Destination(endpoints)), lambda: kernel_on(lanes)))
 
 
 def work_instantly(*arguments: str) -> None:
@@ -60,9 +61,12 @@ def work_instantly(*arguments: str) -> None:
 class Workers:
     """Worker processes by name, each of which can be killed, frozen, and started again; a context manager."""
 
-    def __init__(self, endpoints: tuple[str, ...], log: Path) -> None:
+    def __init__(
+        self, endpoints: tuple[str, ...], log: Path, lanes: Mapping[str, int] = MappingProxyType({})
+    ) -> None:
         self._endpoints = endpoints
         self._log = log
+        self._lanes = lanes  # by name; one for who is not named
         self._processes: dict[str, list[BaseProcess]] = {}
 
     def __enter__(self) -> Self:
@@ -76,7 +80,9 @@ class Workers:
 
     def start(self, name: str) -> None:
         """Start a worker; one of the same name may be there already."""
-        self._processes.setdefault(name, []).append(start(work, self._endpoints, name, log=self._log))
+        self._processes.setdefault(name, []).append(
+            start(work, self._endpoints, name, self._lanes.get(name, 1), log=self._log)
+        )
 
     def kill(self, name: str) -> None:
         """End all workers of a name, at once, whatever they are at."""

@@ -25,7 +25,7 @@ from tests.support.kernel_cases import (
     starts,
     subject,
 )
-from worker.kernel import icp
+from worker.kernel import icp, job
 from worker.kernel.observation import BLOCK, Observation, observe
 
 
@@ -38,7 +38,7 @@ def test_refinement_matches(name: str) -> None:
     """
     model, settings = puppet(), SETTINGS[name]
     poses = starts(3)
-    found = icp.refine(model, observe(subject()), poses, settings)
+    found = job.refine(model, observe(subject()), poses, settings)
     expected = [plain_path.refine(model, subject(), pose, settings) for pose in poses]
     off = np.abs(found.poses - np.array([pose for pose, _, _ in expected])).max(axis=1)
     assert np.median(off) < 1e-6
@@ -53,10 +53,10 @@ def test_refinement_matches(name: str) -> None:
 def test_a_batch_is_its_particles_one_by_one() -> None:
     """Poses, likelihoods and residuals have the same bytes in any batch, in any order."""
     model, observation, poses = puppet(), observe(subject()), starts(5)
-    together = icp.refine(model, observation, poses, DEFAULT)
-    backward = icp.refine(model, observation, np.asfortranarray(poses[::-1]), DEFAULT)
+    together = job.refine(model, observation, poses, DEFAULT)
+    backward = job.refine(model, observation, np.asfortranarray(poses[::-1]), DEFAULT)
     for n in range(len(poses)):
-        alone = icp.refine(model, observation, poses[n : n + 1], DEFAULT)
+        alone = job.refine(model, observation, poses[n : n + 1], DEFAULT)
         for field in ("poses", "log_likelihood", "residual"):
             mine = getattr(alone, field)[0].tobytes()
             assert getattr(together, field)[n].tobytes() == mine
@@ -74,7 +74,7 @@ def test_what_was_refined_before_leaves_nothing_behind() -> None:
     ]
 
     def refine(which: int) -> bytes:
-        found = icp.refine(*asked[which])
+        found = job.refine(*asked[which])
         return found.poses.tobytes() + found.log_likelihood.tobytes() + found.residual.tobytes()
 
     alone = [refine(which) for which in range(len(asked))]
@@ -91,9 +91,9 @@ def test_without_iterations_poses_are_only_evaluated() -> None:
     """
     model, observation = puppet(), observe(subject())
     looking = msgspec.structs.replace(DEFAULT, visibility_interval=1)
-    refined = icp.refine(model, observation, starts(3), looking)
+    refined = job.refine(model, observation, starts(3), looking)
     assess = msgspec.structs.replace(looking, icp_iterations=0)
-    assessed = icp.refine(model, observation, refined.poses, assess)
+    assessed = job.refine(model, observation, refined.poses, assess)
     np.testing.assert_array_equal(assessed.poses, refined.poses)
     np.testing.assert_array_equal(assessed.log_likelihood, refined.log_likelihood)
     np.testing.assert_array_equal(assessed.residual, refined.residual)
@@ -103,7 +103,7 @@ def test_what_is_asked_for_is_not_changed() -> None:
     """The poses of a request stay as they were, and need not be writable."""
     poses = starts(2)
     poses.setflags(write=False)
-    refined = icp.refine(puppet(), observe(subject()), poses, DEFAULT)
+    refined = job.refine(puppet(), observe(subject()), poses, DEFAULT)
     assert refined.poses.flags.writeable
     np.testing.assert_array_equal(poses, starts(2))
 
@@ -116,8 +116,8 @@ def test_padding_does_not_count() -> None:
     points = observation.points.copy()
     points[POINTS:] = points[:1] + np.float32(0.5)
     for settings in (PAPER, DEFAULT):
-        one = icp.refine(puppet(), observation, starts(2), settings)
-        other = icp.refine(puppet(), replace(observation, points=points), starts(2), settings)
+        one = job.refine(puppet(), observation, starts(2), settings)
+        other = job.refine(puppet(), replace(observation, points=points), starts(2), settings)
         np.testing.assert_allclose(other.poses, one.poses, atol=1e-9)
         np.testing.assert_allclose(other.log_likelihood, one.log_likelihood, rtol=1e-9)
         np.testing.assert_allclose(other.residual, one.residual, rtol=1e-9)
@@ -131,7 +131,7 @@ def test_a_body_that_is_nowhere_in_sight_is_impossible() -> None:
     model = replace(
         model, vertices=model.vertices - (model.skin_links[:, :1] == 0) * np.array([0.0, 0.0, 9.0])
     )
-    found = icp.refine(model, observe(subject()), behind[None], PAPER)
+    found = job.refine(model, observe(subject()), behind[None], PAPER)
     np.testing.assert_array_equal(found.poses[0], behind)
     assert found.log_likelihood[0] == -np.inf
     assert found.residual[0] == np.inf
@@ -146,7 +146,7 @@ def observe_few() -> Observation:
 
 def test_nothing_compiles_in_mid_run() -> None:
     """After the first particle no kernel is compiled for other bodies, frames, batches or settings."""
-    icp.refine(puppet(), observe(subject()), starts(1), PAPER)
+    job.refine(puppet(), observe(subject()), starts(1), PAPER)
     kernels = [
         k for k in gc.get_objects()
         if isinstance(k, Dispatcher) and k.py_func.__module__.partition(".")[0] in {"worker", "common"}
@@ -156,7 +156,7 @@ def test_nothing_compiles_in_mid_run() -> None:
     pose = np.zeros((2, len(person().dof_names)))
     pose[:, 2] = 2.0
     for settings in SETTINGS.values():
-        icp.refine(person(), observe_few(), pose, settings)
+        job.refine(person(), observe_few(), pose, settings)
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
-    assert len(icp.refine_batch.signatures) == 1
+    assert len(icp.refine_next.signatures) == 1

@@ -22,7 +22,8 @@ from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.tracking.sensor_noise import SensorNoise
 from coordinator.tracking.subject import isolate
-from worker.kernel.icp import refine, sample_pose
+from worker.kernel.icp import sample_pose
+from worker.kernel.job import refine
 from worker.kernel.likelihood import mean_log_density
 from worker.kernel.observation import Observation, observe
 from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters

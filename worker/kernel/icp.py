@@ -13,67 +13,50 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
-from common.bounds import LARGEST_POSE, check_work
+from common.bounds import LARGEST_POSE
 from common.kinematics.chain import forward_kinematics, motion_axes
-from common.refinement import Refined
-from common.settings import RefineSettings
 from worker.kernel.likelihood import evaluate
-from worker.kernel.observation import Observation
-from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters
+from worker.kernel.packing import KernelParameters, PackedObservation
+from worker.kernel.shared_counter import take_next
 from worker.kernel.soft.fisher_scoring import fisher_scoring_step
 from worker.kernel.soft.responsibilities import sample_distance
 from worker.kernel.soft.samples import SampleGrid, sample
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
 from worker.kernel.solver.priors import clamp_to_limits
-from worker.kernel.surface import Skeleton, Surface, pack_model
+from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_surface, repose_visible, update_visibility
 from worker.kernel.warm_start import find_correspondences
 from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import Workspace, make_workspace
+from worker.kernel.workspace import Workspace
 
 Array = NDArray[np.float64]
 
-BATCH_SIZE = 16  # particles refined in one call, so that a worker can react to signals in between
 
+@numba.njit(cache=True, nogil=True)
+def refine_next(  # noqa: PLR0913 compiled code takes arrays
+    counter: NDArray[np.int64],
+    most: int,
+    poses: Array,
+    skeleton: Skeleton,
+    surface: Surface,
+    observed: PackedObservation,
+    parameters: KernelParameters,
+    workspace: Workspace,
+    log_likelihood: Array,
+    residual: Array,
+) -> bool:
+    """Refine those of poses (N, D) in place that the shared counter gives out, `most` of them at the most.
 
-def refine(
-    model: BodyModel, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
-) -> Refined:
-    """Refine particles.
-
-    Args:
-        model: The body.
-        observation: The frame's observed points, camera frame, metres.
-        poses: Particles (N, D) before their descent, metres and radians.
-        settings: How to refine.
-
-    Returns:
-        Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order given.
-
-    Raises:
-        ProtocolError: The work would not end within any sensible time.
+    Fills log_likelihood (N,) and residual (N,) in metres. Returns whether the counter may give out more.
     """
-    check_work(settings, poses.shape, observation.count, len(model.vertices))
-    skeleton, surface = pack_model(model)
-    observed, parameters = pack_observation(observation, settings), pack_parameters(settings)
-    workspace = make_workspace(skeleton, surface, observed)
-    before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
-    refined, log_likelihood, residual = before.copy(), np.empty(len(poses)), np.empty(len(poses))
-    for first in range(0, len(poses), BATCH_SIZE):
-        some = slice(first, first + BATCH_SIZE)
-        refine_batch(
-            refined[some],
-            skeleton,
-            surface,
-            observed,
-            parameters,
-            workspace,
-            log_likelihood[some],
-            residual[some],
+    for _ in range(most):
+        n: int = take_next(counter)  # type: ignore[call-arg]
+        if n >= len(poses):
+            return False
+        log_likelihood[n], residual[n] = refine_particle(
+            poses[n], skeleton, surface, observed, parameters, workspace
         )
-    reject_diverged(before, refined, log_likelihood, residual)
-    return Refined(refined, log_likelihood, residual)
+    return True
 
 
 @numba.njit(cache=True, nogil=True)
@@ -85,24 +68,6 @@ def reject_diverged(before: Array, poses: Array, log_likelihood: Array, residual
             computed &= abs(poses[n, j]) <= LARGEST_POSE
         if not computed:
             poses[n], log_likelihood[n], residual[n] = before[n], -np.inf, np.inf
-
-
-@numba.njit(cache=True, nogil=True)
-def refine_batch(
-    poses: Array,
-    skeleton: Skeleton,
-    surface: Surface,
-    observed: PackedObservation,
-    parameters: KernelParameters,
-    workspace: Workspace,
-    log_likelihood: Array,
-    residual: Array,
-) -> None:
-    """Refine poses (N, D) in place; fills log_likelihood (N,) and residual (N,) in metres."""
-    for n in range(len(poses)):
-        log_likelihood[n], residual[n] = refine_particle(
-            poses[n], skeleton, surface, observed, parameters, workspace
-        )
 
 
 @numba.njit(cache=True, nogil=True)

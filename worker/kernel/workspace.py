@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worker.kernel.correspondence import SearchBuffers, make_search_buffers
+from worker.kernel.observation import TILE
 from worker.kernel.packing import PackedObservation
 from worker.kernel.soft.responsibilities import SoftBuffers, make_soft_buffers
 from worker.kernel.soft.samples import SampleBuffers, make_sample_buffers
@@ -48,4 +49,17 @@ def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObserva
         make_equations(dofs, len(skeleton.link_dofs)),
         make_sample_buffers(),
         make_soft_buffers(dofs, len(skeleton.link_dofs)),
+    )
+
+
+def narrow(workspace: Workspace, points: int) -> Workspace:
+    """The same workspace for fewer observed points (padded) than it was allocated for."""
+    search = workspace.search
+    return workspace._replace(
+        search=search._replace(
+            closest=search.closest[:points],
+            squared=search.squared[:points],
+            largest=search.largest[: points // TILE],
+            weights=search.weights[:points],
+        )
     )

@@ -1,0 +1,111 @@
+"""The particles of one request, which any number of lanes refine together.
+
+Every lane takes particles one by one from a counter that all share, so that none idles while another has two
+left. A particle's result depends on its own pose, the model, the observation and the settings; never on the
+lane that took it, or on who came with it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.bounds import check_work
+from common.refinement import Refined
+from common.settings import RefineSettings
+from worker.kernel.icp import refine_next, reject_diverged
+from worker.kernel.observation import Observation
+from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters
+from worker.kernel.surface import Skeleton, Surface, pack_model
+from worker.kernel.workspace import Workspace, make_workspace
+
+Array = NDArray[np.float64]
+
+MOST_AT_ONCE = 16  # particles that a lane refines in one call, so that it can react to signals in between
+
+
+class Job(NamedTuple):
+    """What lanes share."""
+
+    skeleton: Skeleton
+    surface: Surface
+    observed: PackedObservation
+    parameters: KernelParameters
+    before: Array  # (N, D)
+    poses: Array  # (N, D) refined in place
+    log_likelihood: Array  # (N,)
+    residual: Array  # (N,) metres
+    counter: NDArray[np.int64]  # (1,) the next particle that nobody has taken
+
+
+def refine(
+    model: BodyModel, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
+) -> Refined:
+    """Refine particles, one after another.
+
+    Args:
+        model: The body.
+        observation: The frame's observed points, camera frame, metres.
+        poses: Particles (N, D) before their descent, metres and radians.
+        settings: How to refine.
+
+    Returns:
+        Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order given.
+
+    Raises:
+        ProtocolError: The work would not end within any sensible time.
+    """
+    job = make_job(model, observation, poses, settings)
+    work_on(job, make_workspace(job.skeleton, job.surface, job.observed))
+    return finish(job)
+
+
+def make_job(
+    model: BodyModel, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
+) -> Job:
+    """Pack the particles of a request; arguments and errors as of `refine`."""
+    check_work(settings, poses.shape, observation.count, len(model.vertices))
+    skeleton, surface = pack_model(model)
+    before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
+    return Job(
+        skeleton,
+        surface,
+        pack_observation(observation, settings),
+        pack_parameters(settings),
+        before,
+        before.copy(),
+        np.empty(len(poses)),
+        np.empty(len(poses)),
+        np.zeros(1, dtype=np.int64),
+    )
+
+
+def work_on(job: Job, workspace: Workspace) -> None:
+    """Refine particles that no other lane has taken, until there are no more."""
+    while refine_next(
+        job.counter,
+        MOST_AT_ONCE,
+        job.poses,
+        job.skeleton,
+        job.surface,
+        job.observed,
+        job.parameters,
+        workspace,
+        job.log_likelihood,
+        job.residual,
+    ):
+        pass
+
+
+def abandon(job: Job) -> None:
+    """Have all lanes stop after the particle that they are at."""
+    job.counter[0] = len(job.poses)
+
+
+def finish(job: Job) -> Refined:
+    """What came out, when every lane has returned."""
+    reject_diverged(job.before, job.poses, job.log_likelihood, job.residual)
+    return Refined(job.poses, job.log_likelihood, job.residual)
