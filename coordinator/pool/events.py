@@ -10,6 +10,7 @@ class JobStarted:
     """Refine `particles` particles; whatever is left of the job before is given up."""
 
     particles: int
+    in_parts: bool = False  # what is refined by a deadline counts, so a worker's share comes in parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +18,14 @@ class WorkerJoined:
     """A worker is there."""
 
     worker: str
+
+
+@dataclass(frozen=True, slots=True)
+class LanesCounted:
+    """A worker, that is there or will be, refines so many particles at once."""
+
+    worker: str
+    lanes: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +71,9 @@ class Ticked:
     """Time has passed."""
 
 
-Event = JobStarted | WorkerJoined | WorkerLeft | Replied | Refused | Unavailable | Ended | Ticked
+Event = (
+    JobStarted | WorkerJoined | LanesCounted | WorkerLeft | Replied | Refused | Unavailable | Ended | Ticked
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from coordinator.pool.events import (
     Fail,
     Instruction,
     JobStarted,
+    LanesCounted,
     Refused,
     Replied,
     Send,
@@ -57,13 +58,23 @@ class Exchange:
         worker = keys.worker_of(key)
         self._inbox.put(WorkerJoined(worker) if alive else WorkerLeft(worker))
 
+    def notice_lanes(self, key: str, alive: bool) -> None:
+        """A worker has said how many lanes it has; may be called from any thread."""
+        if alive:
+            self._inbox.put(LanesCounted(keys.worker_of(key), keys.lanes_of(key)))
+
+    @property
+    def lanes(self) -> int:
+        """Lanes of all workers that are there."""
+        return sum(worker.lanes for worker in self.scheduler.workers.values())
+
     def begin(self, refinement: Refinement) -> None:
         """Send all batches of a refinement; what is left of the one before is given up."""
         if self.scheduler.batches:
             self._handle(JobStarted(0))
         self._catch_up()
         self._refinement = refinement
-        self._handle(JobStarted(refinement.particles))
+        self._handle(JobStarted(refinement.particles, in_parts=refinement.due < math.inf))
 
     def finish(self, refinement: Refinement) -> None:
         """Wait until the refinement that was begun last is complete, or due and answered in part."""

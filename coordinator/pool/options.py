@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
+from common.cores import usable_cores
 from common.transport.session import Security
 from coordinator.pool.local_workers import COMMAND
 from coordinator.pool.no_worker_timeout import PATIENCE, NoWorkerTimeout
@@ -14,7 +14,7 @@ from coordinator.pool.no_worker_timeout import PATIENCE, NoWorkerTimeout
 class Pool:
     """The workers of a run."""
 
-    workers: int | None = None  # local ones that are started; None for one per core
+    workers: int | None = None  # lanes of the local worker; None for one per core, 0 for no local worker
     listen: str | None = None  # endpoint at which others may join
     connect: str | None = None  # endpoint of a router where others are
     security: Security | None = None
@@ -25,9 +25,9 @@ class Pool:
     patience: float = PATIENCE  # seconds without any worker until that is reported
 
     @property
-    def workers_started(self) -> int:
-        """Number of local workers."""
-        return count_cores() if self.workers is None else self.workers
+    def lanes(self) -> int:
+        """Lanes of the local worker; 0 for none."""
+        return usable_cores() if self.workers is None else self.workers
 
     @property
     def listen_endpoints(self) -> tuple[str, ...]:
@@ -43,12 +43,7 @@ class Pool:
 def no_worker_timeout(pool: Pool) -> NoWorkerTimeout:
     """What to report while no worker is there, and when to give up."""
     missing = "no worker is there; waiting for one"
-    if pool.workers_started:
-        missing = "the local workers are not ready yet; the first time they compile for a minute or so"
+    if pool.lanes:
+        missing = "the local worker is not ready yet; the first time it compiles for a minute or so"
     invitation = f"gepf-worker --connect {pool.listen or pool.connect or 'ENDPOINT'}"
     return NoWorkerTimeout(pool.worker_timeout, missing, invitation, pool.patience)
-
-
-def count_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))

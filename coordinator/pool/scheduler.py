@@ -1,10 +1,11 @@
 """Who refines what: events in, instructions out; no clock, no socket.
 
-A job is split into batches of particles, larger ones for faster workers. A worker has at most `WINDOW` of
-them in flight, so that it never idles between two and a faster one gets more. A batch that ends without a
-result goes back to those that wait. When nothing waits, batches that take long are sent again to idle
-workers. The first result of a batch counts, later ones are ignored. A worker that fails again and again
-rests for a while; a batch that every worker refuses fails the job.
+A job is split into one batch of particles for each worker, larger ones for those with more lanes and for
+faster ones; or, where what is refined by a deadline counts, into several of them. A worker has at most
+`WINDOW` of them in flight. A batch that ends without a result is split among the workers that are left. When
+nothing waits, batches that take long are sent again to idle workers. The first result of a batch counts,
+later ones are ignored. A worker that fails again and again rests for a while; a batch that every worker
+refuses fails the job.
 
 Every request has a ticket. It stays in flight, and in its worker's window, until it is answered or over,
 even when its job is done: a worker that is still busy with it cannot do other work.
@@ -12,6 +13,7 @@ even when its job is done: a worker that is still busy with it cannot do other w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
@@ -24,6 +26,7 @@ from coordinator.pool.events import (
     Fail,
     Instruction,
     JobStarted,
+    LanesCounted,
     Refused,
     Replied,
     Send,
@@ -69,19 +72,24 @@ class Scheduler:
     flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
     batches: list[Batch] = field(default_factory=list)  # of the job; none when there is no job
     counts: Counts = field(default_factory=Counts)
-    usual_seconds: float | None = None  # from request to result
+    lanes: dict[str, int] = field(default_factory=dict)  # by worker, there or not
+    usual_seconds: float | None = None  # from request to result, for each particle of a lane
     next_ticket: int = 0
     may_wait: bool = False  # whether there may be batches that wait; to look costs time with many
 
     def handle(self, event: Event, now: float) -> list[Instruction]:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
-            case JobStarted(particles):
-                self.batches = [Batch(*ends) for ends in split(particles, self._speeds(now))]
+            case JobStarted(particles, in_parts):
+                ranges = split(particles, self._speeds(self._in_turn(now)), in_parts=in_parts)
+                self.batches = [Batch(*ends) for ends in ranges]
                 self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
             case WorkerJoined(name):
-                self.workers.setdefault(name, Worker(name))
+                self.workers.setdefault(name, Worker(name, self.lanes.get(name, 1)))
+                outcome = []
+            case LanesCounted(name, lanes):
+                self._count_lanes(name, lanes)
                 outcome = []
             case WorkerLeft(name):
                 self._forget(name)
@@ -107,10 +115,15 @@ class Scheduler:
         flying = {id(flight.batch) for flight in self.flights.values()}
         return [batch for batch in self.batches if not batch.done and id(batch) not in flying]
 
+    def _count_lanes(self, name: str, lanes: int) -> None:
+        self.lanes[name] = lanes
+        if name in self.workers:
+            self.workers[name].lanes = lanes
+
     def _forget(self, name: str) -> None:
         worker = self.workers.pop(name, None)
         for ticket in worker.flights if worker else ():
-            del self.flights[ticket]
+            self.flights.pop(ticket).batch.came_back = True
         self.may_wait = True
 
     def _land(self, ticket: int) -> Flight | None:
@@ -138,22 +151,27 @@ class Scheduler:
 
     def _learn(self, flight: Flight, at: float) -> None:
         worker, batch = flight.worker, flight.batch
-        seconds = at - flight.sent_at
+        seconds = (at - flight.sent_at) / flight.load
         usual = seconds if self.usual_seconds is None else self.usual_seconds
         self.usual_seconds = usual + SMOOTHING * (seconds - usual)
-        worker.paces.append((at - max(flight.sent_at, worker.answered_at)) / (batch.stop - batch.start))
+        lanes = min(worker.lanes, batch.stop - batch.start)
+        took = at - max(flight.sent_at, worker.answered_at)
+        worker.paces.append(lanes * took / (batch.stop - batch.start))
         worker.answered_at = at
 
-    def _speeds(self, now: float) -> list[float]:
-        """How fast each worker is, in the order in which they get batches; the usual one is 1.
+    def _in_turn(self, now: float) -> list[Worker]:
+        """All workers in the order in which they get batches: those that rest come last."""
+        ready = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
+        return ready + [worker for worker in self.workers.values() if worker.rests_until > now]
 
-        So is one of which little is known.
-        """
-        workers = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
-        workers += [worker for worker in self.workers.values() if worker.rests_until > now]
+    def _speeds(self, workers: Sequence[Worker]) -> list[float]:
+        """How fast each worker is; a usual lane is 1, and so is a lane of which little is known."""
         paces = [median(w.paces) if len(w.paces) == PACES else None for w in workers]
         usual = max(SHORTEST, median([pace for pace in paces if pace is not None] or [SHORTEST]))
-        return [1.0 if pace is None else clip(usual / max(SHORTEST, pace)) for pace in paces]
+        return [
+            worker.lanes * (1.0 if pace is None else clip(usual / max(SHORTEST, pace)))
+            for worker, pace in zip(workers, paces, strict=True)
+        ]
 
     def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:
         current = self.is_current(ticket)
@@ -178,6 +196,7 @@ class Scheduler:
         flight = self._land(ticket)
         if flight is not None:
             self.may_wait = True
+            flight.batch.came_back = True
             strike(flight.worker, now)
             flight.worker.rests_until = max(flight.worker.rests_until, now + PAUSE)
 
@@ -188,6 +207,7 @@ class Scheduler:
     def _hand_out(self, now: float) -> list[Instruction]:
         """Send what waits to who is free."""
         sends: list[Instruction] = []
+        self._split_what_came_back(now)
         waiting, ranks = self.waiting(), rank(self.workers.values(), now)
         for batch in waiting:
             worker = self._pick(batch, now) if batch.refusals else least_busy(ranks)
@@ -195,6 +215,17 @@ class Scheduler:
                 sends.append(self._send(batch, worker, now))
         self.may_wait = len(sends) < len(waiting)
         return sends
+
+    def _split_what_came_back(self, now: float) -> None:
+        """Split batches that ended without a result among the workers, lest one does it all alone."""
+        speeds = self._speeds([worker for *_, worker in sorted(rank(self.workers.values(), now))])
+        for batch in [batch for batch in self.waiting() if batch.came_back and not batch.refusals]:
+            parts = [
+                Batch(batch.start + start, batch.start + stop, sent=batch.sent)
+                for start, stop in split(batch.stop - batch.start, speeds)
+            ]
+            place = self.batches.index(batch)
+            self.batches[place : place + 1] = parts
 
     def _pick(self, batch: Batch, now: float) -> Worker | None:
         """The least busy worker for a batch that was refused: one that refused it only if all have."""
@@ -206,7 +237,7 @@ class Scheduler:
     def _assign_again(self, now: float) -> list[Instruction]:
         """Send what takes long again to workers that have nothing to do."""
         sends: list[Instruction] = []
-        if not self.flights or next(iter(self.flights.values())).sent_at > self._late_since(now):
+        if not self.flights or now < next(iter(self.flights.values())).sent_at + LATE_LEAST:
             return sends  # the first of all flights is the oldest
         for worker in self.workers.values():
             late = None if worker.flights or worker.rests_until > now else self._latest(worker, now)
@@ -216,7 +247,6 @@ class Scheduler:
 
     def _latest(self, worker: Worker, now: float) -> Batch | None:
         """The batch that has been in flight for longest, and longer than usual, and only once."""
-        since = self._late_since(now)
         flying: dict[int, list[Flight]] = {}
         for flight in self.flights.values():
             flying.setdefault(id(flight.batch), []).append(flight)
@@ -224,18 +254,19 @@ class Scheduler:
             flights[0]
             for flights in flying.values()
             if len(flights) == 1
-            and flights[0].sent_at <= since
+            and self._is_late(flights[0], now)
             and flights[0].batch in self.batches
             and not flights[0].batch.done
             and worker.name not in {name for name, _ in flights[0].batch.refusals}
         ]
         return min(late, key=lambda flight: flight.sent_at).batch if late else None
 
-    def _late_since(self, now: float) -> float:
-        """What was sent by then takes longer than usual."""
+    def _is_late(self, flight: Flight, now: float) -> bool:
+        """Whether a request takes much longer than usual for what it asks for."""
         if self.usual_seconds is None:
-            return float("-inf")
-        return now - max(LATE_LEAST, LATE_FACTOR * self.usual_seconds)
+            return False
+        patience = max(LATE_LEAST, LATE_FACTOR * self.usual_seconds * flight.load)
+        return now >= flight.sent_at + patience
 
     def _send(self, batch: Batch, worker: Worker, now: float) -> Instruction:
         ticket, self.next_ticket = self.next_ticket, self.next_ticket + 1

@@ -22,6 +22,7 @@ class Batch:
     stop: int
     done: bool = False
     sent: int = 0
+    came_back: bool = False  # without a result, and was not split since
     refusals: list[tuple[str, str]] = field(default_factory=list)  # worker, reason
 
 
@@ -30,6 +31,7 @@ class Worker:
     """A worker that is there."""
 
     name: str
+    lanes: int = 1  # particles that it refines at once
     flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
     paces: deque[float] = field(default_factory=lambda: deque(maxlen=PACES))  # seconds a particle, lately
     answered_at: float = float("-inf")  # last
@@ -45,6 +47,11 @@ class Flight:
     worker: Worker
     batch: Batch
     sent_at: float
+
+    @property
+    def load(self) -> int:
+        """Particles for each lane of the worker."""
+        return -(-(self.batch.stop - self.batch.start) // self.worker.lanes)
 
 
 Rank = tuple[int, int, Worker]  # how busy, and its place among all

@@ -71,17 +71,19 @@ class ZenohRefiner:
             folder = Path(stack.enter_context(private_folder()))
             local = f"unixsock-stream/{folder / 'bus'}"
             pool = self._pool
-            own = [local] if pool.workers_started else []
+            own = [local] if pool.lanes else []
             self._bus = stack.enter_context(
                 open_coordinator([*own, *pool.listen_endpoints], pool.connect_endpoints, pool.security)
             )
             self._publication = Publication(self._bus, self.run)
             self._bus.announce(keys.run_alive(self.run))
-            names = [f"{self.run}-{k}" for k in range(pool.workers_started)]
-            ours = LocalWorkers(names, local, folder, pool.worker_command)
+            names = [f"{self.run}-0"] if pool.lanes else []
+            command = (*pool.worker_command, "--lanes", str(pool.lanes))
+            ours = LocalWorkers(names, local, folder, command)
             stack.callback(ours.stop)
             self._workers = WorkerRegistry(self._bus, ours, no_worker_timeout(pool), self._report)
             self._exchange = Exchange(self._workers, self._report)
+            self._bus.watch(keys.ANY_WORKER_LANES, self._exchange.notice_lanes)
             self._bus.watch(keys.ANY_WORKER_ALIVE, self._exchange.notice)
             self._stack = stack.pop_all()
         return self
@@ -110,9 +112,9 @@ class ZenohRefiner:
         """Process ids of our own workers by name."""
         return {worker.name: worker.process.pid for worker in self._workers.local.workers.values()}
 
-    def wait_for(self, workers: int) -> None:
-        """Wait until so many workers are there. Raises as the result of `submit` does."""
-        while len(self._workers) < workers:
+    def wait_for(self, lanes: int) -> None:
+        """Wait until there are workers with so many lanes. Raises as the result of `submit` does."""
+        while self._exchange.lanes < lanes:
             self._exchange.step()
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:

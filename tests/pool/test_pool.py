@@ -295,6 +295,7 @@ def test_bad_worker_does_not_spoil_the_result(
     with pool(endpoint) as refiner, answering(endpoint, "a-liar", answer):
         refiner.wait_for(1)  # the liar is known, and gets work first
         with serving(endpoint, "good"):
+            refiner.wait_for(2)
             for number in range(3):
                 assert refined_bytes(refiner, number) == expected(number)
         assert (refiner.statistics.replies_malformed > 0) == malformed

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,25 @@ from tests.support.processes import INSTANT, is_alive, started, wait_until
 from tests.support.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
 
 
-def local(workers: int, tell: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
-    """A coordinator with worker processes of its own."""
+def local(lanes: int, tell: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
+    """A coordinator with a worker process of its own, of so many lanes."""
     options = {"worker_command": INSTANT, **options}
-    return ZenohRefiner(Pool(workers=workers, **options), tell)
+    return ZenohRefiner(Pool(workers=lanes, **options), tell)
+
+
+@contextmanager
+def local_and_outside(
+    lanes: int, outside: int, folder: Path, tell: Callable[[str], None] = lambda _: None
+) -> Iterator[ZenohRefiner]:
+    """The same, and a worker process from elsewhere, if that is to have lanes; all are there."""
+    endpoint = f"unixsock-stream/{folder / 'outside'}"
+    with ExitStack() as stack:
+        refiner = stack.enter_context(local(lanes, tell, listen=endpoint))
+        if outside:
+            asked = ("--connect", endpoint, "--lanes", str(outside))
+            stack.enter_context(started(*asked, command=INSTANT))
+        refiner.wait_for(lanes + outside)
+        yield refiner
 
 
 @pytest.fixture
@@ -34,14 +49,16 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.01")
 
 
-def test_two_processes_give_the_bytes_of_the_kernel() -> None:
-    """Local workers serve frame after frame, and all end with the run, quickly."""
-    with local(2) as refiner:
-        refiner.wait_for(2)
+@pytest.mark.parametrize("lanes", [1, 2, 8])
+def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int) -> None:
+    """One process serves frame after frame, whatever its lanes, and ends with the run, quickly."""
+    with local(lanes) as refiner:
+        refiner.wait_for(lanes)
         for number in range(5):
             assert refined_bytes(refiner, number) == expected(number)
         pids = list(refiner.local_pids.values())
-        assert len(refiner.statistics.workers_seen) == 2
+        assert refiner.statistics.workers_seen == (f"{refiner.run}-0",)
+        assert refiner.statistics.batches_sent == 5
         began = time.monotonic()
     assert time.monotonic() - began < 2.0
     assert not any(is_alive(pid) for pid in pids)
@@ -57,21 +74,20 @@ def later(seconds: float, act: Callable[[], None]) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("slow")
-@pytest.mark.parametrize("workers", [1, 2])
-def test_killed_worker_is_replaced(workers: int) -> None:
+@pytest.mark.parametrize(("lanes", "outside"), [(1, 0), (2, 0), (2, 3)])
+def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> None:
     """SIGKILL in the middle of a frame changes no byte; the worker is started again and serves."""
     told: list[str] = []
-    with local(workers, told.append) as refiner:
-        refiner.wait_for(workers)
+    with local_and_outside(lanes, outside, tmp_path, told.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
         name, pid = next(iter(refiner.local_pids.items()))
         with later(0.03, lambda: os.kill(pid, signal.SIGKILL)):
             assert refined_bytes(refiner, 1) == expected(1)
         wait_until(lambda: not is_alive(pid))
-        refiner.wait_for(workers)
+        refiner.wait_for(lanes + outside)
         for number in range(2, 5):
             assert refined_bytes(refiner, number) == expected(number)
-        if workers > 1:
+        if outside:
             time.sleep(0.2)  # for the clock to be looked at
             refined_bytes(refiner, 5)
         assert refiner.statistics.batches_sent_again > 0
@@ -80,11 +96,11 @@ def test_killed_worker_is_replaced(workers: int) -> None:
 
 
 @pytest.mark.usefixtures("slow")
-def test_frozen_worker_is_worked_around() -> None:
+@pytest.mark.parametrize(("lanes", "outside"), [(1, 1), (2, 2)])
+def test_frozen_worker_is_worked_around(lanes: int, outside: int, tmp_path: Path) -> None:
     """SIGSTOP in mid-frame changes no byte; the frame is done before the bus misses the worker."""
     told: list[str] = []
-    with local(2, told.append) as refiner:
-        refiner.wait_for(2)
+    with local_and_outside(lanes, outside, tmp_path, told.append) as refiner:
         for number in range(3):
             assert refined_bytes(refiner, number) == expected(number)
         pid = next(iter(refiner.local_pids.values()))
@@ -96,7 +112,7 @@ def test_frozen_worker_is_worked_around() -> None:
             assert refined_bytes(refiner, 4) == expected(4)
         finally:
             os.kill(pid, signal.SIGCONT)
-        refiner.wait_for(2)
+        refiner.wait_for(lanes + outside)
         assert refined_bytes(refiner, 5) == expected(5)
 
 
@@ -140,7 +156,7 @@ def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Pa
     ) as process:
         assert process.stdout is not None
         pids = [int(pid) for pid in process.stdout.readline().split()]
-        assert len(pids) == 2
+        assert len(pids) == 1
         process.send_signal(number)
         assert process.wait(5.0) != 0
     wait_until(lambda: not any(is_alive(pid) for pid in pids))
@@ -149,7 +165,7 @@ def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Pa
 def test_outside_worker_serves_until_told_to_end(tmp_path: Path) -> None:
     """`gepf-worker` started before its coordinator connects, serves, says so in a line, and ends with 0."""
     endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
-    with started("--connect", endpoint, "--name", "outside") as process:
+    with started("--connect", endpoint, "--name", "outside", "--lanes", "2") as process:
         with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner:
             refiner.wait_for(1)
             refiner.publish(frame(1))
@@ -159,7 +175,9 @@ def test_outside_worker_serves_until_told_to_end(tmp_path: Path) -> None:
             process.terminate()
             assert process.wait(5.0) == 0
         assert process.stderr is not None
-        assert process.stderr.read() == f"gepf-worker: outside serves {endpoint}\n"
+        lines = process.stderr.read().splitlines()
+        assert lines[0] == f"gepf-worker: connecting to {endpoint}"
+        assert f"gepf-worker: outside serves {endpoint} with 2 lanes" in lines
 
 
 def test_idle_worker_is_idle(tmp_path: Path) -> None:

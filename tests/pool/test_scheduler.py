@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import pytest
 from hypothesis import given
@@ -17,6 +17,7 @@ from coordinator.pool.events import (
     Fail,
     Instruction,
     JobStarted,
+    LanesCounted,
     Refused,
     Replied,
     Send,
@@ -62,11 +63,14 @@ TWO_AT_WORK: Table = [
     (0.0, B, []),
     (
         0.0,
-        JobStarted(40),
+        JobStarted(40, in_parts=True),
         [Send(0, "a", 0, 10), Send(1, "b", 10, 20), Send(2, "a", 20, 30), Send(3, "b", 30, 40)],
     ),
 ]
-ONE_AT_WORK: Table = [(0.0, A, []), (0.0, JobStarted(20), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)])]
+ONE_AT_WORK: Table = [
+    (0.0, A, []),
+    (0.0, JobStarted(20, in_parts=True), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
+]
 
 
 def test_calm() -> None:
@@ -91,7 +95,7 @@ def test_window() -> None:
     play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(30), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
+            (0.0, JobStarted(30, in_parts=True), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
             (0.1, Replied(0), [Accept(0, 0), Send(2, "a", 20, 30)]),
             (0.2, Replied(1), [Accept(1, 10)]),
             (0.3, Replied(2), [Accept(2, 20), Done()]),
@@ -103,7 +107,7 @@ def test_late_joiner_takes_what_waits() -> None:
     """A job that begins without workers waits; the first to join starts, the second takes over the rest."""
     play(
         [
-            (0.0, JobStarted(30), []),
+            (0.0, JobStarted(30, in_parts=True), []),
             (1.0, Ticked(), []),
             (2.0, A, [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
             (2.1, B, [Send(2, "b", 20, 30)]),
@@ -211,7 +215,7 @@ def test_frozen_worker_gets_no_more() -> None:
             (0.5, Ticked(), [Send(4, "a", 10, 20)]),
             (0.6, Replied(4), [Accept(4, 10), Send(5, "a", 30, 40)]),
             (0.7, Replied(5), [Accept(5, 30), Done()]),
-            (0.7, JobStarted(40), [Send(6, "a", 0, 10), Send(7, "a", 10, 20)]),
+            (0.7, JobStarted(40, in_parts=True), [Send(6, "a", 0, 10), Send(7, "a", 10, 20)]),
             (0.8, Replied(1), [Send(8, "b", 20, 30)]),
             (0.8, Ended(3), []),
         ]
@@ -223,7 +227,7 @@ def test_stale_and_unknown_answers_are_ignored() -> None:
     play(
         [
             *ONE_AT_WORK,
-            (0.1, JobStarted(4), []),
+            (0.1, JobStarted(4, in_parts=True), []),
             (0.2, Replied(0), [Send(2, "a", 0, 4)]),
             (0.2, Replied(0), []),
             (0.2, Replied(99), []),
@@ -241,7 +245,11 @@ def test_refused_batch_goes_elsewhere() -> None:
         [
             (0.0, A, []),
             (0.0, B, []),
-            (0.0, JobStarted(60), [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)]),
+            (
+                0.0,
+                JobStarted(60, in_parts=True),
+                [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)],
+            ),
             (0.1, Refused(0, "no"), [Send(4, "a", 40, 50)]),
             (0.2, Replied(1), [Accept(1, 10), Send(5, "b", 0, 10)]),
         ]
@@ -254,7 +262,11 @@ def test_failing_worker_rests() -> None:
         [
             (0.0, A, []),
             (0.0, B, []),
-            (0.0, JobStarted(60), [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)]),
+            (
+                0.0,
+                JobStarted(60, in_parts=True),
+                [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)],
+            ),
             (0.1, Refused(0, "no"), [Send(4, "a", 40, 50)]),
             (0.1, Refused(2, "no"), [Send(5, "a", 50, 60)]),
             (0.1, Refused(4, "no"), []),
@@ -265,10 +277,10 @@ def test_failing_worker_rests() -> None:
             (0.9, Replied(7), [Accept(7, 20), Send(9, "b", 50, 60)]),
             (0.9, Replied(8), [Accept(8, 40)]),
             (0.9, Replied(9), [Accept(9, 50), Done()]),
-            (0.9, JobStarted(10), [Send(10, "b", 0, 5), Send(11, "b", 5, 10)]),
+            (0.9, JobStarted(10, in_parts=True), [Send(10, "b", 0, 5), Send(11, "b", 5, 10)]),
             (0.9, Replied(10), [Accept(10, 0)]),
             (0.9, Replied(11), [Accept(11, 5), Done()]),
-            (0.1 + REST, JobStarted(10), [Send(12, "a", 0, 5), Send(13, "b", 5, 10)]),
+            (0.1 + REST, JobStarted(10, in_parts=True), [Send(12, "a", 0, 5), Send(13, "b", 5, 10)]),
         ]
     )
 
@@ -279,12 +291,12 @@ def test_refused_by_all_fails() -> None:
         [
             (0.0, A, []),
             (0.0, B, []),
-            (0.0, JobStarted(2), [Send(0, "a", 0, 1), Send(1, "b", 1, 2)]),
+            (0.0, JobStarted(2, in_parts=True), [Send(0, "a", 0, 1), Send(1, "b", 1, 2)]),
             (0.1, Refused(0, "bad model"), [Send(2, "b", 0, 1)]),
             (0.2, Refused(2, "bad model"), [Send(3, "a", 0, 1)]),
             (0.3, Refused(3, "bad model"), [Fail("bad model")]),
             (0.3, Refused(1, "bad model"), []),
-            (0.4, JobStarted(1), [Send(4, "a", 0, 1)]),
+            (0.4, JobStarted(1, in_parts=True), [Send(4, "a", 0, 1)]),
         ]
     )
 
@@ -294,7 +306,7 @@ def test_a_worker_that_cannot_find_something_fails_nothing() -> None:
     play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(1), [Send(0, "a", 0, 1)]),
+            (0.0, JobStarted(1, in_parts=True), [Send(0, "a", 0, 1)]),
             (0.1, Unavailable(0, "no model"), []),
             (0.1 + PAUSE, Ticked(), [Send(1, "a", 0, 1)]),
             (0.3, Unavailable(1, "no model"), []),
@@ -312,7 +324,7 @@ def test_different_reasons_are_all_told() -> None:
     play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(1), [Send(0, "a", 0, 1)]),
+            (0.0, JobStarted(1, in_parts=True), [Send(0, "a", 0, 1)]),
             (0.1, Refused(0, "this"), [Send(1, "a", 0, 1)]),
             (0.2, Refused(1, "that"), [Send(2, "a", 0, 1)]),
             (0.3, Refused(2, "this"), [Fail("this; that")]),
@@ -322,13 +334,13 @@ def test_different_reasons_are_all_told() -> None:
 
 def test_empty_job_is_done() -> None:
     """A job without particles is done at once."""
-    play([(0.0, JobStarted(0), [Done()])])
+    play([(0.0, JobStarted(0, in_parts=True), [Done()])])
 
 
 @given(st.integers(1, 500), st.integers(0, 20))
 def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
     """Batches cover all particles in order, none too large, sizes equal but for one, all workers busy."""
-    ranges = split(particles, [2.5] * workers)
+    ranges = split(particles, [1.0] * workers, in_parts=True)
     sizes = [stop - start for start, stop in ranges]
     assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
     assert max(sizes) <= LARGEST
@@ -338,26 +350,28 @@ def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
 
 @pytest.mark.parametrize(
     ("particles", "workers", "sizes"),
-    [(20, 1, [10, 10]), (20, 2, [10, 10]), (22, 2, [5, 6, 6, 5]), (20, 3, [7, 6, 7]), (1, 8, [1])],
+    [(20, 1, [10, 10]), (20, 2, [10, 10]), (22, 2, [6, 5, 6, 5]), (20, 3, [7, 6, 7]), (1, 8, [1])],
 )
 def test_split_of_usual_jobs(particles: int, workers: int, sizes: list[int]) -> None:
     """As few as may be, and as many for each worker."""
-    assert [stop - start for start, stop in split(particles, [1.0] * workers)] == sizes
+    assert [stop - start for start, stop in split(particles, [1.0] * workers, in_parts=True)] == sizes
 
 
 @given(st.integers(1, 500), st.lists(st.floats(0.25, 4.0), min_size=1, max_size=20))
 def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) -> None:
-    """All is covered in order, by whole rounds; batches go with the speeds but for one particle each."""
-    ranges = split(particles, speeds)
+    """All is covered in order, by whole rounds; batches go with the speeds, and none is empty."""
+    ranges = split(particles, speeds, in_parts=True)
     sizes = [stop - start for start, stop in ranges]
     assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
     assert min(sizes) >= 1
     if len(ranges) >= len(speeds):
         assert len(ranges) % len(speeds) == 0
-        rounds = len(ranges) // len(speeds)
-        share = (particles - len(ranges)) / (rounds * sum(speeds))
+        total = len(ranges) // len(speeds) * sum(speeds)
+        least = particles * min(speeds) < total
+        share = (particles - least * len(ranges)) / total
         assert all(
-            abs(size - 1 - share * speed) <= 1.0 for size, speed in zip(sizes, rounds * speeds, strict=True)
+            abs(size - least - share * speed) <= 1.0
+            for size, speed in zip(sizes, cycle(speeds), strict=False)
         )
 
 
@@ -366,7 +380,9 @@ TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
 
 def sends_of(scheduler: Scheduler, particles: int, now: float) -> list[Send]:
     """The batches that a job begins with."""
-    return [told for told in scheduler.handle(JobStarted(particles), now) if isinstance(told, Send)]
+    return [
+        told for told in scheduler.handle(JobStarted(particles, in_parts=True), now) if isinstance(told, Send)
+    ]
 
 
 def test_a_slower_worker_gets_less() -> None:
@@ -433,6 +449,7 @@ HISTORY = st.lists(
         st.one_of(
             st.builds(WorkerJoined, st.sampled_from("abc")),
             st.builds(WorkerLeft, st.sampled_from("abc")),
+            st.builds(LanesCounted, st.sampled_from("abc"), st.integers(1, 8)),
             st.builds(Replied, TICKETS),
             st.builds(Ended, TICKETS),
             st.just(Ticked()),
@@ -442,9 +459,9 @@ HISTORY = st.lists(
 )
 
 
-@given(st.integers(1, 60), HISTORY)
-def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]]) -> None:
-    """Whatever workers do, each batch is accepted once, and with a good worker the job gets done."""
+@given(st.integers(1, 60), HISTORY, st.booleans())
+def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]], in_parts: bool) -> None:
+    """Whatever workers do, each particle is accepted once, and with a good worker the job gets done."""
     scheduler, now = Scheduler(), 0.0
     told: list[Instruction] = []
 
@@ -452,7 +469,7 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
         told.extend(scheduler.handle(event, now))
         check(scheduler)
 
-    feed(JobStarted(particles))
+    feed(JobStarted(particles, in_parts=in_parts))
     for pause, event in history:
         now += pause
         feed(event)
@@ -462,6 +479,60 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
     while scheduler.batches:
         assert scheduler.flights, "a good worker is idle while there is work"
         feed(Replied(next(iter(scheduler.flights))))
-    accepted = [instruction.start for instruction in told if isinstance(instruction, Accept)]
-    assert sorted(accepted) == [start for start, _ in split(particles, [])]
+    sent = {send.ticket: (send.start, send.stop) for send in told if isinstance(send, Send)}
+    accepted = sorted(sent[accept.ticket] for accept in told if isinstance(accept, Accept))
+    assert [n for start, stop in accepted for n in range(start, stop)] == list(range(particles))
     assert told.count(Done()) == 1
+
+
+def test_one_batch_a_worker() -> None:
+    """Without a deadline each worker is asked once a job, however many particles there are."""
+    play([*TWO_IDLE, (0.0, JobStarted(1000), [Send(0, "a", 0, 500), Send(1, "b", 500, 1000)])])
+
+
+def test_more_lanes_get_more() -> None:
+    """Shares go with the lanes, whether they are known before the worker or become known later."""
+    play(
+        [
+            (0.0, LanesCounted("a", 3), []),
+            (0.0, A, []),
+            (0.0, B, []),
+            (0.0, JobStarted(40), [Send(0, "a", 0, 30), Send(1, "b", 30, 40)]),
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.1, Replied(1), [Accept(1, 30), Done()]),
+            (0.2, LanesCounted("b", 7), []),
+            (0.2, JobStarted(100), [Send(2, "a", 0, 30), Send(3, "b", 30, 100)]),
+        ]
+    )
+
+
+def test_a_lost_share_is_split_among_the_others() -> None:
+    """When a worker dies with its share, all that are left do a part of it."""
+    play(
+        [
+            *TWO_IDLE,
+            (0.0, WorkerJoined("c"), []),
+            (0.0, JobStarted(60), [Send(0, "a", 0, 20), Send(1, "b", 20, 40), Send(2, "c", 40, 60)]),
+            (0.1, WorkerLeft("c"), [Send(3, "a", 40, 50), Send(4, "b", 50, 60)]),
+            (0.2, Replied(0), [Accept(0, 0)]),
+            (0.2, Replied(1), [Accept(1, 20)]),
+            (0.3, Replied(4), [Accept(4, 50)]),
+            (0.3, Replied(3), [Accept(3, 40), Done()]),
+        ]
+    )
+
+
+def test_a_large_share_is_not_late_by_its_size() -> None:
+    """A share of ten times as many particles may take ten times as long before it is sent again."""
+    play(
+        [
+            *TWO_IDLE,
+            (0.0, JobStarted(20), [Send(0, "a", 0, 10), Send(1, "b", 10, 20)]),
+            (0.1, Replied(0), [Accept(0, 0)]),
+            (0.1, Replied(1), [Accept(1, 10), Done()]),
+            (1.0, JobStarted(200), [Send(2, "a", 0, 100), Send(3, "b", 100, 200)]),
+            (2.0, Replied(2), [Accept(2, 0)]),
+            (3.9, Ticked(), []),
+            (4.1, Ticked(), [Send(4, "a", 100, 200)]),
+        ]
+    )
