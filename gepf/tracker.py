@@ -46,7 +46,7 @@ class Tracker:
         model: "human" for a person of any stature, a URDF file, a file of `gepf fit`, a person's measures,
             or any body with all its degrees of freedom.
         settings: What to compute; None for `preset("default")`.
-        workers: Who refines: None for this process, on one core; a number of local worker processes; the
+        workers: Who refines: None for this process, on one core; a number of lanes of a local worker; the
             endpoint of a router where workers are; or a Pool. The results are the same, bit for bit.
         start: Values of degrees of freedom in the first frame, metres and radians, or a file of them; None
             to find them, which can be done for people only.

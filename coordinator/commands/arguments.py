@@ -60,7 +60,7 @@ class FitOptions:
     ] = None
     seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0
     workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Local workers (default: one per core).")
+        int | None, typer.Option(metavar="N", help="Lanes of the local worker (default: one per core).")
     ] = None
     quiet: Quiet = False
     as_json: Annotated[

@@ -116,7 +116,7 @@ class WorkerOptions:
         int | None,
         typer.Option(
             metavar="N",
-            help="Local workers (default: one per core); 0 for those of others.",
+            help="Lanes of the local worker (default: one per core); 0 for none.",
             rich_help_panel=WORKERS,
         ),
     ] = None

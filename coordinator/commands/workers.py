@@ -38,7 +38,7 @@ Connect = Callable[[Pool, Show], AbstractContextManager[R]]
 
 
 def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
-    """Start local workers, one per core unless it is given otherwise, and let others join."""
+    """Start a local worker, with a lane per core unless it is given otherwise, and let others join."""
     return ZenohRefiner(pool, show.say)
 
 

@@ -147,13 +147,13 @@ def observe_few() -> Observation:
 def test_nothing_compiles_in_mid_run() -> None:
     """After the first particle no kernel is compiled for other bodies, frames, batches or settings."""
     job.refine(puppet(), observe(subject()), starts(1), PAPER)
+    pose = np.zeros((2, len(person().dof_names)))
     kernels = [
         k for k in gc.get_objects()
         if isinstance(k, Dispatcher) and k.py_func.__module__.partition(".")[0] in {"worker", "common"}
     ]  # fmt: skip
     before = {k.py_func.__qualname__: len(k.signatures) for k in kernels}
     assert len(before) > 20
-    pose = np.zeros((2, len(person().dof_names)))
     pose[:, 2] = 2.0
     for settings in SETTINGS.values():
         job.refine(person(), observe_few(), pose, settings)
