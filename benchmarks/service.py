@@ -1,10 +1,10 @@
 """What the service costs beside the kernel: python -m benchmarks.service.
 
-N particles go to two workers that give them back after as long as a kernel would take, or at once, and the
-next frame of 512 KB follows them: what is above the kernel's time is encode, dispatch, publish and gather.
-Beside it, in turns, the same by a process pool with shared memory and by Ray. Then what the coordinator does
-by itself (draw, merge, record), how two real workers compare with one, how near to the ideal 8, 64 and 256
-workers come that only wait the kernel's time, and a worker's start.
+N particles go to a worker of two lanes that gives them back after a kernel's time, or at once, and the next
+frame of 512 KB follows them: what is above the kernel's time is encode, dispatch, publish and gather. Beside
+it, in turns, the same by a process pool with shared memory and by Ray. Then what the coordinator does by
+itself (draw, merge, record), how two real lanes compare with one, how near to the ideal 8 to 1 024 lanes
+come that only wait the kernel's time, and a worker's start and size.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ from coordinator.pool.local_workers import COMMAND
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.tracking.sensor_noise import SensorNoise
+from worker.lanes import Lanes
+from worker.side_by_side import SideBySide
 
 Array = NDArray[np.float64]
 
@@ -47,9 +49,8 @@ KERNEL_MS = (30.0, 0.0)  # a frame
 ROUNDS = 60
 WAITING = (sys.executable, "-m", "benchmarks.waiting_workers")
 WAIT = 0.0065  # seconds a particle, about the kernel's time
-SHARE = 10  # particles for each waiting worker
-PER_PROCESS = 16
-CROWDS = (8, 64, 256)
+SHARE = 10  # particles for each waiting lane
+CROWDS = ((2, 4), (4, 16), (8, 32), (16, 64))  # workers, lanes of each
 STARTS = 5
 POINTS = 5_000
 RESULT = Path(__file__).parent / "results" / "service.json"
@@ -67,9 +68,9 @@ def main() -> int:
         "frame_bytes": SHAPE[0] * SHAPE[1] * 2,
         "overhead_ms": [overhead(count, ms, chosen.rounds) for ms in KERNEL_MS for count in PARTICLES],
         "coordinator_ms": coordinator_stages(chosen.rounds),
-        "two_workers": two_workers(max(5, chosen.rounds // 6)),
-        "crowds": [crowd(count) for count in CROWDS],
-        "worker_start": worker_start(STARTS),
+        "two_lanes": two_lanes(max(5, chosen.rounds // 6)),
+        "crowds": [crowd(*crew) for crew in CROWDS],
+        "worker_start": [worker_start(STARTS, lanes) for lanes in (1, 2, 16)],
     }
     chosen.out.write_text(json.dumps(result, indent=2) + "\n")
     sys.stdout.write(json.dumps(result, indent=2) + "\n")
@@ -84,7 +85,7 @@ def overhead(particles: int, kernel_ms: float, rounds: int) -> dict[str, Any]:
     seconds = 1e-3 * kernel_ms / (particles / 2)
     with ExitStack() as stack:
         calls: dict[str, Frame] = {
-            "gepf": stack.enter_context(pretending_workers(case.model, 2, seconds)),
+            "gepf": stack.enter_context(pretending_lanes(case.model, 2, seconds)),
             "process pool": stack.enter_context(process_pool(2, SHAPE, seconds)),
         }
         try:
@@ -115,12 +116,12 @@ def in_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str
 
 
 @contextmanager
-def pretending_workers(model: BodyModel, workers: int, seconds: float) -> Iterator[Frame]:
-    """Refine with workers that give poses back after so many seconds each; frames are sent ahead."""
+def pretending_lanes(model: BodyModel, lanes: int, seconds: float) -> Iterator[Frame]:
+    """Refine on lanes that give poses back after so many seconds each; frames are sent ahead."""
     settings = preset("default").refine
     command = (*WAITING, "--seconds", str(seconds))
-    with ZenohRefiner(Pool(workers=workers, worker_command=command)) as refiner:
-        refiner.wait_for(workers)
+    with ZenohRefiner(Pool(workers=lanes, worker_command=command)) as refiner:
+        refiner.wait_for(lanes)
         numbers = iter(range(10**9))
         coming = [subject_of(np.zeros(SHAPE, np.uint16) + 1, next(numbers))]
 
@@ -147,45 +148,48 @@ def refine_now(refiner: ZenohRefiner, model: BodyModel, poses: Array, settings: 
     return refiner.submit(model, poses, settings).result()
 
 
-def two_workers(rounds: int) -> dict[str, Any]:
-    """The real kernel, 20 particles: one worker and two in turns, medians of milliseconds and their ratio."""
+def two_lanes(rounds: int) -> dict[str, Any]:
+    """The real kernel, 20 particles: median milliseconds on one lane and on two in turns, and their ratio.
+
+    Over the bus, each in a worker of its own, and the kernel alone in this process.
+    """
     case = standing(POINTS, SensorNoise(), 0)
     poses = np.repeat(case.start, 20, axis=0)
     settings = preset("default").refine
     with ExitStack() as stack:
-        refiners = {
-            count: stack.enter_context(ZenohRefiner(Pool(workers=count, worker_command=COMMAND)))
-            for count in (1, 2)
-        }
-        for count, refiner in refiners.items():
+        calls: dict[str, Callable[[], object]] = {}
+        for count in (1, 2):
+            refiner = stack.enter_context(ZenohRefiner(Pool(workers=count, worker_command=COMMAND)))
             refiner.wait_for(count)
             refiner.publish(case.subject)
-        calls = {
-            str(count): partial(refine_now, refiner, case.model, poses, settings)
-            for count, refiner in refiners.items()
-        }
-        times = in_turns(calls, rounds)
-    one, two = float(np.median(times["1"])), float(np.median(times["2"]))
-    return {"one_ms": one, "two_ms": two, "speed_up": one / two}
+            calls[f"bus {count}"] = partial(refine_now, refiner, case.model, poses, settings)
+            alone = SideBySide(stack.enter_context(Lanes(count)))
+            calls[f"kernel {count}"] = partial(alone.refine, case.model, case.observation, poses, settings)
+        times = {name: float(np.median(spent)) for name, spent in in_turns(calls, rounds).items()}
+    return {
+        "ms": times,
+        "speed_up": times["bus 1"] / times["bus 2"],
+        "kernel_alone": times["kernel 1"] / times["kernel 2"],
+    }
 
 
-def crowd(workers: int) -> dict[str, Any]:
-    """Ten particles a worker that waits: milliseconds a frame, and the share of the ideal that is reached."""
+def crowd(workers: int, lanes: int) -> dict[str, Any]:
+    """Ten particles a lane that waits: milliseconds a frame, and the share of the ideal that is reached."""
     case = standing(POINTS, SensorNoise(), 0)
-    poses = np.repeat(case.start, SHARE * workers, axis=0)
+    poses = np.repeat(case.start, SHARE * workers * lanes, axis=0)
     with tempfile.TemporaryDirectory(prefix="gepf-") as folder, ExitStack() as stack:
         endpoint = f"unixsock-stream/{folder}/bus"
         refiner = stack.enter_context(ZenohRefiner(Pool(workers=0, listen=endpoint)))
-        for first in range(0, workers, PER_PROCESS):
-            count = min(PER_PROCESS, workers - first)
-            stack.callback(start_waiting(endpoint, f"crowd{first}", count).kill)
-        refiner.wait_for(workers)
+        for k in range(workers):
+            stack.callback(start_waiting(endpoint, f"crowd{k}", lanes).kill)
+        refiner.wait_for(workers * lanes)
         refiner.publish(case.subject)
         call = {"frame": partial(refine_now, refiner, case.model, poses, preset("default").refine)}
         spent = float(np.median(in_turns(call, 15)["frame"]))
     ideal = 1e3 * WAIT * SHARE
     return {
         "workers": workers,
+        "lanes": workers * lanes,
         "particles": len(poses),
         "ideal_ms": ideal,
         "ms": spent,
@@ -193,12 +197,11 @@ def crowd(workers: int) -> dict[str, Any]:
     }
 
 
-def start_waiting(endpoint: str, name: str, count: int) -> subprocess.Popen[bytes]:
-    """A process with so many waiting workers."""
-    return subprocess.Popen(
-        [*WAITING, "--connect", endpoint, "--name", name, "--count", str(count), "--seconds", str(WAIT)],
-        stdin=subprocess.PIPE,
-    )
+def start_waiting(endpoint: str, name: str, lanes: int) -> subprocess.Popen[bytes]:
+    """A worker with so many lanes that wait."""
+    options = {"connect": endpoint, "name": name, "lanes": lanes, "seconds": WAIT}
+    given = [text for option, value in options.items() for text in (f"--{option}", str(value))]
+    return subprocess.Popen([*WAITING, *given], stdin=subprocess.PIPE)
 
 
 if __name__ == "__main__":

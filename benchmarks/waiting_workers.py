@@ -1,12 +1,12 @@
-"""Many workers in one process that only wait the kernel's time: python -m benchmarks.waiting_workers.
+"""A worker whose lanes only wait the kernel's time: python -m benchmarks.waiting_workers.
 
-A result is the particle itself. Each worker has a session, a name and a queue of its own, as `gepf-worker`
-has; so a coordinator cannot tell them from real ones.
+A result is the particle itself. To a coordinator it looks as a real worker does.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import threading
 import time
@@ -22,8 +22,8 @@ from common.transport.bus import open_worker
 from worker.service import Kernel, Service
 
 
-def waiting(seconds: float) -> Kernel[None]:
-    """A kernel that takes so long for each particle, without computing."""
+def waiting(seconds: float, lanes: int) -> Kernel[None]:
+    """A kernel that takes so long for each particle of a lane, without computing."""
 
     def observe(subject: SubjectFrame) -> None:
         del subject
@@ -33,16 +33,16 @@ def waiting(seconds: float) -> Kernel[None]:
     ) -> Refined:
         del model, observation, settings
         if seconds > 0.0:
-            time.sleep(seconds * len(poses))
+            time.sleep(seconds * math.ceil(len(poses) / lanes))
         return Refined(poses, -np.abs(poses).sum(axis=1), np.zeros(len(poses)))
 
-    return Kernel(observe, refine)
+    return Kernel(observe, refine, lanes)
 
 
-def serve(endpoint: str, name: str, seconds: float) -> None:
-    """One worker, until the coordinator is gone."""
+def serve(endpoint: str, name: str, kernel: Kernel[None]) -> None:
+    """Serve until the coordinator is gone."""
     with open_worker((endpoint,)) as bus:
-        Service(bus, name, waiting(seconds)).run()
+        Service(bus, name, kernel).run()
 
 
 def main() -> None:
@@ -50,13 +50,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--connect", required=True)
     parser.add_argument("--name", default="waiting")
-    parser.add_argument("--count", type=int, default=1)
+    parser.add_argument("--lanes", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=0.0)
     parser.add_argument("--tied", action="store_true")
     chosen = parser.parse_args()
-    for k in range(chosen.count):
-        name = chosen.name if chosen.count == 1 else f"{chosen.name}-{k}"
-        threading.Thread(target=serve, args=(chosen.connect, name, chosen.seconds), daemon=True).start()
+    kernel = waiting(chosen.seconds, chosen.lanes)
+    threading.Thread(target=serve, args=(chosen.connect, chosen.name, kernel), daemon=True).start()
     sys.stdin.read()
 
 

@@ -9,25 +9,35 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.standing import standing
+from common.settings import preset
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
+from coordinator.tracking.sensor_noise import SensorNoise
+
+POINTS = 5_000
 
 
-def worker_start(rounds: int) -> dict[str, Any]:
-    """Median seconds until one local worker is there, of which its processor's; megabytes that it holds."""
-    starts = np.array([start_one() for _ in range(1 + rounds)][1:])
+def worker_start(rounds: int, lanes: int) -> dict[str, Any]:
+    """Median seconds until the local worker is there, of which its processor's; megabytes after a frame."""
+    starts = np.array([start_one(lanes) for _ in range(1 + rounds)][1:])
     seconds, processor, size = np.median(starts, axis=0).tolist()
-    return {"seconds": seconds, "processor_seconds": processor, "megabytes": size}
+    return {"lanes": lanes, "seconds": seconds, "processor_seconds": processor, "megabytes": size}
 
 
-def start_one() -> tuple[float, float, float]:
+def start_one(lanes: int) -> tuple[float, float, float]:
     """Seconds, seconds of its processor and megabytes of a fresh worker."""
+    case = standing(POINTS, SensorNoise(), 0)
     began = time.perf_counter()
-    with ZenohRefiner(Pool(workers=1)) as refiner:
-        refiner.wait_for(1)
+    with ZenohRefiner(Pool(workers=lanes)) as refiner:
+        refiner.wait_for(lanes)
         seconds = time.perf_counter() - began
         (pid,) = refiner.local_pids.values()
-        return seconds, processor_seconds(pid), resident_megabytes(pid)
+        processor = processor_seconds(pid)
+        refiner.publish(case.subject)
+        poses = np.repeat(case.start, 4 * lanes, axis=0)
+        refiner.submit(case.model, poses, preset("default").refine).result()
+        return seconds, processor, resident_megabytes(pid)
 
 
 def processor_seconds(pid: int) -> float:
