@@ -20,6 +20,7 @@ import typer
 
 from common.errors import GepfError, InputError
 from coordinator.commands.arguments import (
+    CameraOptions,
     CertificateOptions,
     ExportOptions,
     FitOptions,
@@ -261,8 +262,10 @@ def report(
 
 
 @app.command(rich_help_panel=PREPARING)
+@grouped
 def info(
     sequence: Recording,
+    camera: CameraOptions,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
     picture: Annotated[
@@ -271,8 +274,9 @@ def info(
 ) -> None:
     """Show what a sequence is: format, frames, size, rate, camera, range of depth."""
     from coordinator.commands.info import run_info
+    from coordinator.sources.given import parse_given
 
-    run_info(sequence, picture, as_json=as_json)
+    run_info(sequence, picture, parse_given(camera.intrinsics, camera.depth_scale), as_json=as_json)
 
 
 @app.command(rich_help_panel=PREPARING)

@@ -9,7 +9,10 @@ from typing import Annotated
 import typer
 
 SECURITY, OUTPUT = "Security", "Output"
-FORMATS = "Open3D or TUM folder, stereo pairs, PLY or PCD clouds, RealSense .bag, numpy .npz, UTD-MHAD .mat"
+FORMATS = (
+    "Folder of PNG, TUM folder, stereo pairs, PLY or PCD clouds, Azure Kinect .mkv, ROS or RealSense bag, "
+    "numpy .npz or .npy, UTD-MHAD .mat"
+)
 
 Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a file of gepf fit.")]
 Recording = Annotated[Path, typer.Argument(metavar="SEQ", help=f"{FORMATS}.")]
@@ -17,6 +20,23 @@ Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of g
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Show no progress; errors stay.", rich_help_panel=OUTPUT)
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraOptions:
+    """What a recording does not say of its camera, or says wrongly."""
+
+    intrinsics: Annotated[
+        str | None,
+        typer.Option(metavar="fx,fy,cx,cy", help="The camera, pixels (default: as recorded)."),
+    ] = None
+    depth_scale: Annotated[
+        float | None,
+        typer.Option(metavar="N", help="Units of depth per metre (default: as recorded)."),
+    ] = None
+
+
+RECORDED_CAMERA = CameraOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +82,7 @@ class FitOptions:
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Lanes of the local worker (default: one per core).")
     ] = None
+    camera: CameraOptions = RECORDED_CAMERA
     quiet: Quiet = False
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the measures, one JSON object.", rich_help_panel=OUTPUT)
@@ -84,6 +105,7 @@ class PublishOptions:
     connect: Annotated[
         str | None, typer.Option(metavar="ENDPOINT", help="Connect to a tracker's --listen, or a router.")
     ] = None
+    camera: CameraOptions = RECORDED_CAMERA
 
 
 @dataclass(frozen=True, slots=True)

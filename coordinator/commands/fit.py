@@ -24,6 +24,7 @@ from coordinator.commands.track import choose_start
 from coordinator.commands.workers import Connect, end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
+from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import check_frames, select_frames
 from coordinator.tracking.fitting import FITTED, Fit, Fitter, Posed
 from coordinator.tracking.refiner import Refiner
@@ -44,15 +45,19 @@ class FitJob:
     pool: Pool
     init: str | None = None
     frames: str | None = None
+    given: Given = NOTHING
 
 
 def run_fit(options: FitOptions, show: Show, connect: Connect[Refiner]) -> None:
     """Do a `gepf fit`. Raises InputError for options that make no sense, before anything is read."""
     settings = choose_settings("gepf", "default", None, None, options.seed)
     pool = choose_pool(options.workers, None, None)
+    given = parse_given(options.camera.intrinsics, options.camera.depth_scale)
     end_as_interrupted()
     fit_sequence(
-        FitJob(options.sequence, options.out, settings, pool, options.init, options.frames), show, connect
+        FitJob(options.sequence, options.out, settings, pool, options.init, options.frames, given),
+        show,
+        connect,
     )
     if options.as_json:
         sys.stdout.write(options.out.read_text(encoding="utf-8"))
@@ -64,7 +69,7 @@ def fit_sequence(job: FitJob, show: Show, connect: Connect[Refiner]) -> tuple[Fi
     All input is checked before anything is tracked.
     """
     require_place(job.out)
-    source = open_source(job.sequence)
+    source = open_source(job.sequence, job.given)
     numbers = select_frames(source.numbers, job.frames)
     if job.frames is None:
         numbers = numbers[:TRACKED]
@@ -94,7 +99,7 @@ def require_place(out: Path) -> None:
 
 
 def follow(
-    job: FitJob, source: Source, numbers: range, refiner: Refiner, show: Show
+    job: FitJob, source: Source, numbers: Sequence[int], refiner: Refiner, show: Show
 ) -> tuple[Tracker, list[Posed]]:
     """Track, and keep some of the frames in which the person was seen well."""
     bodies = choose_bodies(None, job.settings.preset)

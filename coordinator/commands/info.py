@@ -12,13 +12,14 @@ from PIL import Image
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.sources import Source, find_format
+from coordinator.sources.given import NOTHING, Given
 
 SAMPLED = 10  # frames, evenly spread, from which the range of depth is read
 
 
-def run_info(sequence: Path, picture: Path | None, *, as_json: bool) -> None:
+def run_info(sequence: Path, picture: Path | None, given: Given, *, as_json: bool) -> None:
     """Print facts about a sequence, and draw a frame of it: into a file, and on a terminal."""
-    facts, middle = describe(sequence)
+    facts, middle = describe(sequence, given)
     if picture is not None:
         try:
             thumbnail(middle).save(picture, "PNG")
@@ -42,20 +43,21 @@ def draw_in_terminal(picture: Image.Image) -> None:
     console.print(in_blocks(picture, console.width))
 
 
-def describe(path: Path) -> tuple[dict[str, object], DepthFrame]:
+def describe(path: Path, given: Given = NOTHING) -> tuple[dict[str, object], DepthFrame]:
     """Facts about the sequence at `path` by name, and its frame in the middle. Raises InputError."""
     form = find_format(path)
-    source = form.open(path)
+    source = form.open(path, given)
     camera = source.intrinsics
     near, far = depth_range(source)
     facts: dict[str, object] = {
         "format": form.name,
         "frames": len(source),
-        "first_frame": source.numbers.start,
+        "first_frame": source.numbers[0],
         "fps": source.fps,
         "width": camera.width,
         "height": camera.height,
         "intrinsics": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy},
+        "gravity": None if source.gravity is None else [round(g, 4) for g in source.gravity.tolist()],
         "nearest_m": near,
         "farthest_m": far,
         "truth": source.truth is not None,

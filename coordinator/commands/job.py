@@ -11,6 +11,7 @@ from coordinator.bodies.choice import HUMAN
 from coordinator.bodies.tracked import Bodies
 from coordinator.pool.options import Pool
 from coordinator.results.run_configuration import Asked
+from coordinator.sources.given import NOTHING, Given
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,7 @@ class Job:
     frames: str | None = None
     resume: bool = False
     colour: Path | None = None  # frames to draw results over
+    given: Given = NOTHING  # of the camera
 
     def asked(self, bodies: Bodies, start: Mapping[str, float] | None) -> Asked:
         """What decides the results besides the input."""

@@ -18,6 +18,7 @@ from coordinator.commands.progress import Show
 from coordinator.commands.workers import end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
+from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import check_frames, select_frames
 
 LOOK = 0.05  # seconds between looks for a listener
@@ -33,6 +34,7 @@ class Broadcast:
     reached: Pool  # by whom, as far as endpoints go
     rate: float | None = None  # frames per second; None for the sequence's own
     frames: str | None = None
+    given: Given = NOTHING
 
 
 def run_publish(options: PublishOptions, security: SecurityOptions, show: Show) -> None:
@@ -40,14 +42,16 @@ def run_publish(options: PublishOptions, security: SecurityOptions, show: Show) 
     secured = secure(security, options.listen, options.connect)
     end_as_interrupted()
     reached = choose_pool(None, options.listen, options.connect, secured)
-    publish_sequence(Broadcast(options.sequence, options.key, reached, options.rate, options.frames), show)
+    given = parse_given(options.camera.intrinsics, options.camera.depth_scale)
+    broadcast = Broadcast(options.sequence, options.key, reached, options.rate, options.frames, given)
+    publish_sequence(broadcast, show)
 
 
 def publish_sequence(broadcast: Broadcast, show: Show) -> None:
     """Publish the frames in real time, from when somebody listens. All input is checked before."""
     key = check_stream(broadcast.key, guarded=broadcast.reached.security is not None)
     rate = check_rate(broadcast.rate)
-    source = open_source(broadcast.sequence)
+    source = open_source(broadcast.sequence, broadcast.given)
     numbers = select_frames(source.numbers, broadcast.frames)
     with show.steps("reading frames") as advance:
         check_frames(source, numbers, advance)

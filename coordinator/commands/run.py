@@ -20,6 +20,7 @@ from coordinator.commands.track_arguments import TrackOptions
 from coordinator.commands.track_live import track_stream
 from coordinator.commands.workers import Connect, ListeningRefiner, end_as_interrupted
 from coordinator.results.summary import SUMMARY_FILE
+from coordinator.sources.given import parse_given
 from coordinator.sources.live import live_key
 
 
@@ -53,4 +54,5 @@ def choose_job(options: TrackOptions) -> Job:
         frames=source.frames,
         resume=options.output.resume,
         colour=source.color,
+        given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
     )

@@ -37,7 +37,7 @@ class Run:
 
     job: Job
     source: Source
-    numbers: range
+    numbers: Sequence[int]
     bodies: Bodies
     start: Mapping[str, float] | None
     recorder: Recorder
@@ -50,15 +50,15 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> Non
     If it ends early, by the user or by a fault, the frames so far are in the folder all the same, and
     another one with `resume` goes on from there.
     """
-    source = open_source(job.sequence)
+    source = open_source(job.sequence, job.given)
     numbers = select_frames(source.numbers, job.frames)
     bodies = choose_bodies(job.active, job.settings.preset, job.model)
     start = choose_start(job.init, source, bodies.dof_names)
     require_start(start, bodies)
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
-    first = source.frame(numbers.start)
-    configuration = run_configuration(job.sequence, first, numbers, job.asked(bodies, start))
+    first = source.frame(numbers[0])
+    configuration = run_configuration(job.sequence, first, numbers, job.asked(bodies, start), job.given)
     if job.resume and is_complete(job.out, configuration):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
         return

@@ -8,7 +8,14 @@ from typing import Annotated
 
 import typer
 
-from coordinator.commands.arguments import FORMATS, OUTPUT, Quiet, SecurityOptions
+from coordinator.commands.arguments import (
+    FORMATS,
+    OUTPUT,
+    RECORDED_CAMERA,
+    CameraOptions,
+    Quiet,
+    SecurityOptions,
+)
 
 INPUT, METHOD, WORKERS = "Input", "Method", "Workers"
 
@@ -54,6 +61,7 @@ class InputOptions:
         Path | None,
         typer.Option(metavar="DIR", help="Draw results over these colour frames.", rich_help_panel=INPUT),
     ] = None
+    camera: CameraOptions = RECORDED_CAMERA
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,11 @@ from common.errors import GepfError, InputError
 from coordinator.commands.arguments import ViewOptions
 from coordinator.commands.progress import Show
 from coordinator.results.model_file import read_tracked_body
-from coordinator.results.run_configuration import PATH
+from coordinator.results.run_configuration import GIVEN, PATH
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track, read_track
 from coordinator.sources import Source, open_source
+from coordinator.sources.given import Given
 from coordinator.viewing.scene import layout, log_run
 
 logger = logging.getLogger(__name__)
@@ -73,8 +74,10 @@ def find_sequence(run: Path, given: Path | None) -> Source | None:
     """The sequence that was tracked: as given, else where it was; None, with a warning, if it is gone."""
     if given is not None:
         return open_source(given)
-    recorded = read_summary(run).get(PATH)
+    summary = read_summary(run)
+    recorded, camera = summary.get(PATH), summary.get(GIVEN) or {}
     if recorded is not None and Path(recorded).exists():
-        return open_source(Path(recorded))
+        lens = camera.get("lens")
+        return open_source(Path(recorded), Given(tuple(lens) if lens else None, camera.get("depth_scale")))
     logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
     return None

@@ -15,6 +15,7 @@ from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.versions import versions
+from coordinator.sources.given import NOTHING, Given
 
 RunConfiguration = dict[str, Any]
 """Nested names and values, as JSON holds them."""
@@ -40,6 +41,7 @@ OPTIONS = {
 """Dotted name -> what the user calls it. Names that are not listed are settings without an option."""
 
 PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
+GIVEN = "camera_given"  # what the user said of the camera
 
 AUTOMATIC = "auto"  # a start that is found
 
@@ -59,14 +61,18 @@ class Asked:
     deadline: float | None  # seconds
 
 
-def run_configuration(sequence: Path, first: DepthFrame, numbers: range, asked: Asked) -> RunConfiguration:
+def run_configuration(
+    sequence: Path, first: DepthFrame, numbers: Sequence[int], asked: Asked, given: Given = NOTHING
+) -> RunConfiguration:
     """The configuration of a run; who does the work and where the results go is not among them."""
-    recording = {
+    recording: RunConfiguration = {
         "sequence": sequence.resolve().name,
         PATH: str(sequence.resolve()),
         "first_frame": digest_frame(first),
-        "frame_range": f"{numbers.start}:{numbers.stop}",
+        "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
     }
+    if given != NOTHING:
+        recording[GIVEN] = {"lens": given.lens and list(given.lens), "depth_scale": given.depth_scale}
     return recording | requested_configuration(asked)
 
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from common.errors import InputError
-from coordinator.sources.arrays import ArraySource, read_array_source
+from coordinator.sources.arrays import ArraySource, read_array, read_array_source
+from coordinator.sources.given import NOTHING, Given, told
 from coordinator.sources.point_clouds import SUFFIXES, PointClouds
-from coordinator.sources.realsense_bag import RealSenseBag
-from coordinator.sources.recorded_folder import RecordedFolder
+from coordinator.sources.recorded_folder import RecordedFolder, holds_pictures
+from coordinator.sources.ros_bag import RosBag, is_bag
 from coordinator.sources.source import Source
 from coordinator.sources.stereo import LEFT, RIGHT, StereoFolder
 from coordinator.sources.tum_rgbd import LIST_FILE, TumFolder
@@ -25,7 +26,19 @@ class Format:
 
     name: str
     fits: Callable[[Path], bool]
-    open: Callable[[Path], Source]
+    open: Callable[[Path, Given], Source]
+
+
+def open_azure_kinect(path: Path, given: Given) -> Source:
+    """An `.mkv`, by PyAV, which takes a while to load."""
+    from coordinator.sources.azure_kinect import AzureKinectFile
+
+    return AzureKinectFile(path, given)
+
+
+def own(open_path: Callable[[Path], Source]) -> Callable[[Path, Given], Source]:
+    """A format that knows its camera, which what is given then overrides."""
+    return lambda path, given: told(open_path(path), given)
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:
@@ -39,29 +52,51 @@ def holds_clouds(path: Path) -> bool:
 
 
 FORMATS = (
-    Format("TUM RGB-D folder (depth.txt)", lambda path: (path / LIST_FILE).is_file(), TumFolder),
+    Format("TUM RGB-D folder (depth.txt)", lambda path: (path / LIST_FILE).is_file(), own(TumFolder)),
     Format(
         "stereo pairs (left/, right/, calibration.yml)",
         lambda path: (path / LEFT).is_dir() and (path / RIGHT).is_dir(),
-        StereoFolder,
+        own(StereoFolder),
     ),
-    Format("Open3D folder (depth/000000.png)", lambda path: (path / "depth").is_dir(), RecordedFolder),
-    Format("point clouds (.ply or .pcd)", holds_clouds, PointClouds),
-    Format("RealSense .bag", has_suffix(".bag"), RealSenseBag),
+    Format("ROS bag, RealSense .bag", is_bag, RosBag),
+    Format("Open3D folder (depth/000000.png)", holds_pictures, RecordedFolder),
+    Format("point clouds (.ply or .pcd)", holds_clouds, own(PointClouds)),
+    Format("Azure Kinect or Orbbec .mkv", has_suffix(".mkv"), open_azure_kinect),
     Format("numpy .npz (depth, intrinsics)", has_suffix(".npz"), read_array_source),
-    Format("UTD-MHAD .mat", has_suffix(".mat"), UtdMhadFile),
+    Format("numpy .npy", has_suffix(".npy"), read_array),
+    Format("UTD-MHAD .mat", has_suffix(".mat"), own(UtdMhadFile)),
 )
 """In the order in which they are tried."""
 
 
-def open_source(path: Path | str) -> Source:
-    """The sequence at `path`, whatever its format.
+DEPTH_PNG = (
+    "write its depth as 16-bit PNG of millimetres in depth/000000.png, ..., and add --intrinsics fx,fy,cx,cy"
+)
+CONVERSIONS = {
+    ".mp4": f"a film holds colours, not depth; {DEPTH_PNG}",
+    ".avi": f"a film holds colours, not depth; {DEPTH_PNG}",
+    ".oni": f"OpenNI's files need its driver: {DEPTH_PNG}",
+    ".svo": f"ZED's files need its SDK: {DEPTH_PNG}",
+    ".svo2": f"ZED's files need its SDK: {DEPTH_PNG}",
+    ".xef": f"Kinect Studio's files need its tools: {DEPTH_PNG}",
+    ".exr": f"floats in EXR: {DEPTH_PNG}",
+    ".db3": "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes that anew",
+    ".mcap": "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes that anew",
+    ".h5": "save depth by numpy.save as (frames, rows, columns), metres, and add --intrinsics fx,fy,cx,cy",
+    ".tiff": f"TIFF is not read: {DEPTH_PNG}",
+    ".png": "give the folder that the pictures are in",
+}
+"""Suffix of what is not read -> how to make of it what is."""
+
+
+def open_source(path: Path | str, given: Given = NOTHING) -> Source:
+    """The sequence at `path`, whatever its format; with the camera and units that are `given`, if any.
 
     Reads what is needed to know the camera and the frames' numbers. Raises InputError where there is no
     sequence, or where its description is damaged.
     """
     path = Path(path)
-    return find_format(path).open(path)
+    return find_format(path).open(path, given)
 
 
 def find_format(path: Path) -> Format:
@@ -74,6 +109,8 @@ def find_format(path: Path) -> Format:
         raise InputError(f"no such file or folder: {path}; give one of: {known}") from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; give another path") from error
+    if found is None and path.suffix.lower() in CONVERSIONS:
+        raise InputError(f"{path} is not read; {CONVERSIONS[path.suffix.lower()]}")
     if found is None:
         what = "holds no depth sequence" if path.is_dir() else "is no depth sequence"
         raise InputError(f"{path} {what} that is known here; give one of: {known}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,13 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.arrays import ArrayFile, read_arrays
 from coordinator.sources.camera_file import DEFAULT_FPS
+from coordinator.sources.given import NOTHING, Given
 from coordinator.sources.source import Recording
 
+logger = logging.getLogger(__name__)
+
+MILLIMETRES = 1000.0
+FARTHEST_M = 40.0
 UNITS_PER_METRE = 5000.0  # that metres are turned into: steps of 0.2 mm, up to 13 m
 
 
@@ -56,13 +62,30 @@ class ArraySource(Recording):
         return DepthFrame(number, number / self.fps, self._depth[number], self._scale, self.intrinsics)
 
 
-def read_array_source(path: Path) -> ArraySource:
+def read_array_source(path: Path, given: Given = NOTHING) -> ArraySource:
     """An `.npz` file: `depth`, `intrinsics` (3, 3), for whole numbers `depth_scale`; optional `fps`."""
     arrays = read_arrays(path)
-    matrix = arrays.floats("intrinsics", (3, 3))
     scale = number_in(arrays, "depth_scale") if "depth_scale" in arrays else None
     fps = number_in(arrays, "fps") if "fps" in arrays else DEFAULT_FPS
-    return ArraySource(arrays.any("depth"), matrix, scale, fps, path.stem)
+    matrix = matrix_of(given) if given.lens is not None else arrays.floats("intrinsics", (3, 3))
+    return ArraySource(arrays.any("depth"), matrix, given.depth_scale or scale, fps, path.stem)
+
+
+def read_array(path: Path, given: Given) -> ArraySource:
+    """An `.npy` file of depth (F, H, W); the camera has to be given, whole numbers are millimetres."""
+    try:
+        depth = np.load(path, allow_pickle=False, mmap_mode="r")
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{path} is damaged or no array of numbers ({error}); save it again") from error
+    given.camera(1, 1, str(path))
+    scale = given.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
+    return ArraySource(depth, matrix_of(given), scale, name=path.stem)
+
+
+def matrix_of(given: Given) -> NDArray[np.float64]:
+    """The camera's matrix (3, 3) that is given."""
+    fx, fy, cx, cy = given.lens or (0.0, 0.0, 0.0, 0.0)
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
 def number_in(arrays: ArrayFile, key: str) -> float:
@@ -73,16 +96,24 @@ def number_in(arrays: ArrayFile, key: str) -> float:
 def whole_depth(
     array: NDArray[np.generic], depth_scale: float | None, name: str
 ) -> tuple[NDArray[np.uint16], float]:
-    """Depth (F, H, W) in whole units, and units per metre."""
+    """Depth (F, H, W) in whole units, and units per metre; floats that must be millimetres are taken so."""
     if array.dtype.kind == "f":
-        if depth_scale not in (None, 1.0):
-            raise InputError(f"{name}: depth in {array.dtype} is metres; leave depth_scale out")
-        return to_units(array.astype(np.float64)), UNITS_PER_METRE
+        values = array.astype(np.float64)
+        return to_units(values / (depth_scale or units_of_floats(values, name))), UNITS_PER_METRE
     if array.dtype.kind not in "iu" or array.min() < 0 or array.max() > np.iinfo(np.uint16).max:
         raise InputError(f"{name}: depth is not metres as float, nor whole units from 0 to 65535; convert it")
     if depth_scale is None or not 0 < depth_scale < np.inf:
         raise InputError(f"{name}: depth in {array.dtype} needs depth_scale, its units per metre; add it")
     return array.astype(np.uint16), float(depth_scale)
+
+
+def units_of_floats(values: NDArray[np.float64], name: str) -> float:
+    """1 for metres, 1000 where half of the depth would be farther than any depth camera sees."""
+    seen = values[np.isfinite(values) & (values > 0.0)]
+    if not len(seen) or np.median(seen) < FARTHEST_M:
+        return 1.0
+    logger.warning("%s: depth of %.0f and more is taken as millimetres", name, np.median(seen))
+    return MILLIMETRES
 
 
 def to_units(metres: NDArray[np.float64]) -> NDArray[np.uint16]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -20,7 +21,7 @@ class ColourFolder:
     Raises InputError unless there is one for each of `numbers`, all of the camera's shape.
     """
 
-    def __init__(self, path: Path, camera: Intrinsics, numbers: range) -> None:
+    def __init__(self, path: Path, camera: Intrinsics, numbers: Sequence[int]) -> None:
         self._files = find_pictures(path)
         missing = [number for number in numbers if number not in self._files]
         if missing:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
@@ -33,8 +34,13 @@ class Source(Protocol):
         ...
 
     @property
-    def numbers(self) -> range:
-        """The frames' numbers."""
+    def numbers(self) -> Sequence[int]:
+        """The frames' numbers, ascending; some may be missing in between."""
+        ...
+
+    @property
+    def gravity(self) -> NDArray[np.float64] | None:
+        """Unit vector (3,) along which things fall, camera frame; None where the recording does not say."""
         ...
 
     @property
@@ -59,7 +65,11 @@ class Source(Protocol):
 class Recording:
     """What sequences in files and folders have in common; a format adds the rest."""
 
-    numbers: range
+    name: str
+    intrinsics: Intrinsics
+    fps: float
+    numbers: Sequence[int]
+    gravity: NDArray[np.float64] | None = None
     truth: Path | None = None
     init: Path | None = None
 
@@ -84,22 +94,27 @@ def rate_of(seconds: Sequence[float]) -> float:
     return float(1.0 / np.median(np.diff(seconds))) if len(seconds) > 1 else DEFAULT_FPS
 
 
-def select_frames(numbers: range, wanted: str | None) -> range:
+def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     """The part `A:B` (half open, either end may be missing) of a sequence's frame numbers."""
     if wanted is None:
         return numbers
     first, colon, end = wanted.partition(":")
     if not colon or not all(part.strip().isdecimal() for part in (first, end) if part):
         raise InputError(f"--frames '{wanted}' is not of the form A:B; this sequence has {_span(numbers)}")
-    start = int(first) if first else numbers.start
-    stop = int(end) if end else numbers.stop
-    if not numbers.start <= start < stop <= numbers.stop:
+    start = int(first) if first else numbers[0]
+    stop = int(end) if end else numbers[-1] + 1
+    if not numbers[0] <= start < stop <= numbers[-1] + 1:
         raise InputError(f"--frames {wanted} is out of range; this sequence has {_span(numbers)}")
-    return range(start, stop)
+    if isinstance(numbers, range):
+        return range(start, stop)
+    chosen = tuple(number for number in numbers if start <= number < stop)
+    if not chosen:
+        raise InputError(f"--frames {wanted} is a gap of this sequence; choose other frames")
+    return chosen
 
 
 def check_frames(
-    source: Source, numbers: range, advance: Callable[[int, int], None] = lambda *_: None
+    source: Source, numbers: Sequence[int], advance: Callable[[int, int], None] = lambda *_: None
 ) -> None:
     """Read every frame of `numbers` once; InputError at the first damaged one.
 
@@ -108,13 +123,13 @@ def check_frames(
     """
     for done, number in enumerate(numbers, start=1):
         frame = source.frame(number)
-        if number == numbers.start and not frame.depth.any():
+        if number == numbers[0] and not frame.depth.any():
             raise InputError(
                 f"frame {number} of {source.name} holds no depth at all, so tracking cannot start there; "
-                f"choose a later start with --frames A:{numbers.stop}"
+                f"choose a later start with --frames A:{numbers[-1] + 1}"
             )
         advance(done, len(numbers))
 
 
-def _span(numbers: range) -> str:
-    return f"frames {numbers.start}:{numbers.stop}"
+def _span(numbers: Sequence[int]) -> str:
+    return f"frames {numbers[0]}:{numbers[-1] + 1}"

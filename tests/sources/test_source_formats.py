@@ -84,7 +84,7 @@ def test_the_format_is_found_by_what_is_there(tmp_path: Path) -> None:
         "tum": "TUM RGB-D folder (depth.txt)",
         "ply": "point clouds (.ply or .pcd)",
         "pcd": "point clouds (.ply or .pcd)",
-        "walk.bag": "RealSense .bag",
+        "walk.bag": "ROS bag, RealSense .bag",
         "walk.npz": "numpy .npz (depth, intrinsics)",
         "metres.npz": "numpy .npz (depth, intrinsics)",
         "walk.mat": "UTD-MHAD .mat",
@@ -195,9 +195,9 @@ DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("pcd", "0.pcd", cut, "0.pcd is damaged"),
     ("pcd", "1.pcd", cut, "1.pcd is damaged"),
     ("pcd", "0.pcd", text(""), "0.pcd is damaged"),
-    ("walk.bag", "", cut, "walk.bag is damaged or no ROS 1 bag"),
-    ("walk.bag", "", text(""), "walk.bag is damaged or no ROS 1 bag"),
-    ("walk.bag", "", text("#ROSBAG V2.0\n"), "walk.bag is damaged or no ROS 1 bag"),
+    ("walk.bag", "", cut, "walk.bag is damaged or no ROS bag"),
+    ("walk.bag", "", text(""), "walk.bag is damaged or no ROS bag"),
+    ("walk.bag", "", text("#ROSBAG V2.0\n"), "walk.bag is damaged or no ROS bag"),
     ("walk.npz", "", cut, "walk.npz is damaged"),
     ("walk.npz", "", arrays(depth=None), "has no 'depth' but"),
     ("walk.npz", "", arrays(intrinsics=None), "has no 'intrinsics' but"),
@@ -262,7 +262,7 @@ def small() -> Intrinsics:
 
 def test_a_bag_without_what_is_needed_says_so(tmp_path: Path) -> None:
     """No depth image; frames of another size than their camera."""
-    with pytest.raises(InputError, match="holds no 16-bit depth images; record the camera's depth stream"):
+    with pytest.raises(InputError, match=r"holds no depth images \(16UC1 or 32FC1\); record"):
         open_source(write_bag(tmp_path / "empty.bag", recorded()[:0]))
     source = open_source(write_bag(tmp_path / "sizes.bag", recorded(), camera=small()))
     with pytest.raises(InputError, match="frame 0 is 320x240, but its camera 40x40"):

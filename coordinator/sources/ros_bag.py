@@ -1,8 +1,7 @@
-"""A `.bag` file of Intel RealSense cameras (a ROS 1 bag as librealsense records it), read without ROS.
+"""A ROS 1 or ROS 2 bag with depth images and their camera_info, read by rosbags without ROS.
 
-Depth comes as 16-bit images in units that the recording names, with the intrinsics of its stream. Other
-ROS 1 bags are read too if they hold 16-bit depth images with their camera_info beside them, in millimetres
-unless they say otherwise. Lens distortion is not undone.
+So are the `.bag` files of Intel RealSense cameras, which name their units of depth. Other bags hold
+millimetres as 16-bit pictures, or metres as floats. Lens distortion is not undone.
 """
 
 from __future__ import annotations
@@ -20,26 +19,29 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.sources.arrays import UNITS_PER_METRE, to_units
+from coordinator.sources.given import NOTHING, Given
 from coordinator.sources.source import Recording, rate_of
 
 Result = TypeVar("Result")
 
 IMAGE, CAMERA, NUMBER = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "std_msgs/msg/Float32"
-ENCODINGS = ("mono16", "16UC1")
+ENCODINGS = ("mono16", "16UC1", "32FC1")
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
 UNITS_OPTION = "/Depth_Units/value"
 MILLIMETRE = 0.001
 NANOSECONDS = 1e-9
 
 
-class RealSenseBag(Recording):
+class RosBag(Recording):
     """The depth images of a bag, numbered from 0; times are the bag's, from 0."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, given: Given = NOTHING) -> None:
         self.name, self._bag = path.stem, Bag(path)
         self._topic = depth_topic(self._bag)
         self._times = self._bag.times(self._topic)
-        self.intrinsics = camera_of(self._bag, self._topic)
-        self._scale = round(1.0 / units_of(self._bag, self._topic), 6)
+        self.intrinsics = camera_of(self._bag, self._topic, given)
+        self._scale = given.depth_scale or round(1.0 / units_of(self._bag, self._topic), 6)
         self.numbers = range(len(self._times))
         self.fps = rate_of([t * NANOSECONDS for t in self._times])
 
@@ -54,7 +56,9 @@ class RealSenseBag(Recording):
             )
         depth = self._bag.guarded(lambda: pixels(image))
         time_s = (self._times[number] - self._times[0]) * NANOSECONDS
-        return DepthFrame(number, time_s, depth, self._scale, camera)
+        if depth.dtype.kind == "f":
+            return DepthFrame(number, time_s, to_units(depth.astype(np.float64)), UNITS_PER_METRE, camera)
+        return DepthFrame(number, time_s, depth.astype(np.uint16), self._scale, camera)
 
 
 class Bag:
@@ -63,12 +67,12 @@ class Bag:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            from rosbags.rosbag1 import Reader
+            from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise InputError(f"{path} needs the package rosbags; pip install 'gepf[coordinator]'") from error
-        self._types = get_typestore(Stores.ROS1_NOETIC)
-        self._reader = self.guarded(lambda: Reader(path))
+        types = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_HUMBLE)
+        self._reader = self.guarded(lambda: AnyReader([path], default_typestore=types))
         self.guarded(self._reader.open)
         weakref.finalize(self, self._reader.close)
 
@@ -87,7 +91,7 @@ class Bag:
 
         def read() -> Any:
             connection, _, data = next(self._reader.messages(connections, time, stop))
-            return self._types.deserialize_ros1(data, connection.msgtype)
+            return self._reader.deserialize(data, connection.msgtype)
 
         return self.guarded(read)
 
@@ -97,7 +101,7 @@ class Bag:
             return read()
         except Exception as error:
             reason = " ".join(str(error).split()) or type(error).__name__
-            raise InputError(f"{self.path} is damaged or no ROS 1 bag ({reason}); copy it again") from error
+            raise InputError(f"{self.path} is damaged or no ROS bag ({reason}); copy it again") from error
 
     def _connections(self, topic: str) -> list[Any]:
         return [c for c in self._reader.connections if c.topic == topic]
@@ -109,18 +113,29 @@ def depth_topic(bag: Bag) -> str:
     for topic in images:
         if bag.message(topic).encoding in ENCODINGS:
             return topic
-    raise InputError(f"{bag.path} holds no 16-bit depth images; record the camera's depth stream")
+    packed = [topic for topic in bag.topics(COMPRESSED) if "depth" in topic.lower()]
+    if packed:
+        raise InputError(
+            f"{bag.path} holds depth as {packed[0]} only, which is not read; unpack it with ros2 run "
+            "image_transport republish compressedDepth raw while recording the topic anew"
+        )
+    raise InputError(f"{bag.path} holds no depth images (16UC1 or 32FC1); record the camera's depth topic")
 
 
-def camera_of(bag: Bag, topic: str) -> Intrinsics:
+def camera_of(bag: Bag, topic: str, given: Given = NOTHING) -> Intrinsics:
     """The camera of a topic's images: the camera_info whose name has most in common with theirs."""
     infos = bag.topics(CAMERA)
+    if given.lens is not None:
+        first = bag.message(topic)
+        return given.camera(first.width, first.height, str(bag.path))
     if not infos:
         raise InputError(
-            f"{bag.path} holds no camera_info, so its camera is unknown; record it with the depth"
+            f"{bag.path} holds no camera_info, so its camera is unknown; "
+            "record it with the depth, or add --intrinsics fx,fy,cx,cy"
         )
     info = bag.message(nearest(topic, infos))
-    fx, cx, fy, cy = (float(info.K[k]) for k in (0, 2, 4, 5))
+    matrix = info.K if hasattr(info, "K") else info.k  # ROS 1, ROS 2
+    fx, cx, fy, cy = (float(matrix[k]) for k in (0, 2, 4, 5))
     if not (np.isfinite([fx, fy, cx, cy]).all() and min(fx, fy) > 0 and min(info.width, info.height) > 0):
         raise InputError(
             f"{bag.path}: the depth camera's intrinsics are not set; record with a calibrated camera"
@@ -151,11 +166,18 @@ def nearest(topic: str, others: list[str]) -> str:
     return max(others, key=shared)
 
 
-def pixels(image: Any) -> NDArray[np.uint16]:
-    """The depth (H, W) of a ROS image message."""
-    kind = ">u2" if image.is_bigendian else "<u2"
+def pixels(image: Any) -> NDArray[np.generic]:
+    """The depth (H, W) of a ROS image message, whole units or metres."""
+    kind = np.dtype(np.float32 if image.encoding == "32FC1" else np.uint16).newbyteorder(
+        ">" if image.is_bigendian else "<"
+    )
     rows = np.asarray(image.data, dtype=np.uint8)[: image.height * image.step].reshape(
         image.height, image.step
     )
-    values = np.ascontiguousarray(rows[:, : 2 * image.width]).view(kind)
-    return values.reshape(image.height, image.width).astype(np.uint16)
+    values = np.ascontiguousarray(rows[:, : kind.itemsize * image.width]).view(kind)
+    return values.reshape(image.height, image.width)
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a ROS 1 bag, or a folder that ROS 2 recorded."""
+    return (path.is_file() and path.suffix.lower() == ".bag") or (path / "metadata.yaml").is_file()

@@ -1,0 +1,137 @@
+"""An Azure Kinect's recording: its camera, its lens and gravity against values worked out by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.camera import Intrinsics
+from common.errors import InputError
+from coordinator.sources import open_source
+from coordinator.sources.azure_kinect import Calibration, gravity_of
+from coordinator.sources.distortion import Distortion, Undistortion
+from coordinator.sources.given import Given
+
+RECORDING = Path(__file__).parents[3] / "shared" / "data" / "azure_kinect" / "recording.mkv"
+PLACES = (RECORDING, Path("/work/shared/data/azure_kinect/recording.mkv"))
+LENS = Distortion((0.5479, -0.0210, -0.00265, 0.8897, 0.0861, -0.0139), (2.06e-05, -7.2e-05), 1.74)
+
+
+@pytest.fixture(scope="module")
+def recording() -> Path:
+    """The recording beside the checkout."""
+    found = next((place for place in PLACES if place.exists()), None)
+    if found is None:
+        pytest.skip("no Azure Kinect recording beside the checkout")
+    return found
+
+
+def test_the_camera_is_the_sensors_cropped(recording: Path) -> None:
+    """NFOV unbinned shows 640 x 576 from column 192, row 180 of 1024 x 1024; pixel centres are whole."""
+    camera = open_source(recording).intrinsics
+    assert (camera.width, camera.height) == (640, 576)
+    assert camera.fx == pytest.approx(0.4927808940 * 1024)
+    assert camera.fy == pytest.approx(0.4929028451 * 1024)
+    assert camera.cx == pytest.approx(0.5129697919 * 1024 - 192 - 0.5)
+    assert camera.cy == pytest.approx(0.5169235468 * 1024 - 180 - 0.5)
+
+
+def test_frames_are_millimetres_from_time_zero(recording: Path) -> None:
+    """Its depth frame reads again and again the same, between 0.19 and 3.7 m, most of it measured."""
+    source = open_source(recording)
+    frame = source.frame(0)
+    assert (frame.time_s, frame.depth_scale) == (0.0, 1000.0)
+    assert np.array_equal(source.frame(0).depth, frame.depth)
+    metres = frame.metres()
+    assert np.mean(metres > 0) > 0.8
+    assert 0.1 < metres[metres > 0].min() < metres.max() < 4.0
+
+
+def test_gravity_is_what_the_accelerometer_says(recording: Path) -> None:
+    """Its sample, (-2.888, -0.194, -9.437) in its own axes, turned back by the calibration and reversed."""
+    turn = np.array(
+        [
+            [0.0019369830843, 0.1084766760468, -0.9940971136093],
+            [-0.9999940395355, -0.0026388836559, -0.0022364303003],
+            [-0.0028659072705, 0.9940955042839, 0.1084709167480],
+        ]
+    )
+    upward = turn.T @ [-2.888193130493164, -0.19380511343479156, -9.43713665008545]
+    gravity = open_source(recording).gravity
+    assert gravity is not None
+    assert np.allclose(gravity, -upward / np.linalg.norm(upward), atol=1e-6)
+    assert gravity[1] > 0.97  # down in the picture
+
+
+def test_a_given_camera_replaces_the_lens(recording: Path) -> None:
+    """With --intrinsics the picture stays as it was recorded; --depth-scale is the user's too."""
+    source = open_source(recording, Given((500.0, 501.0, 320.0, 288.0), 500.0))
+    assert source.intrinsics == Intrinsics(640, 576, 500.0, 501.0, 320.0, 288.0)
+    assert source.frame(0).depth_scale == 500.0
+
+
+@pytest.mark.parametrize("kept", [5000, 300_000])
+def test_a_cut_recording_is_one_line(recording: Path, tmp_path: Path, kept: int) -> None:
+    """Whatever is missing, the error is the input's, and names the file."""
+    cut = tmp_path / "cut.mkv"
+    cut.write_bytes(recording.read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"damaged or no Matroska file|holds no depth|cut short") as caught:
+        open_source(cut).frame(0)
+    assert str(cut) in str(caught.value)
+
+
+def test_the_lens_is_opencvs() -> None:
+    """The same pixel for every pixel as OpenCV's undistortion of this lens, to rounding."""
+    cv = pytest.importorskip("cv2", reason="OpenCV is not installed")
+    camera = Intrinsics(320, 288, 252.3, 252.4, 166.0, 174.0)
+    (k1, k2, k3, k4, k5, k6), (p1, p2) = LENS.radial, LENS.tangential
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+    terms = np.array([k1, k2, p1, p2, k3, k4, k5, k6])
+    u, v = cv.initUndistortRectifyMap(matrix, terms, None, matrix, (320, 288), cv.CV_32FC1)
+    depth = np.arange(320 * 288, dtype=np.uint32).reshape(288, 320)
+    found = Undistortion(camera, LENS)(depth.astype(np.uint16))
+    columns, rows = np.rint(u).astype(int), np.rint(v).astype(int)
+    inside = (columns >= 0) & (columns < 320) & (rows >= 0) & (rows < 288)
+    expected = np.where(inside, depth[np.clip(rows, 0, 287), np.clip(columns, 0, 319)], 0).astype(np.uint16)
+    assert np.mean(found != expected) < 1e-3
+
+
+def test_depth_is_never_mixed() -> None:
+    """Before a near thing and a far one, undistorted depth is one or the other."""
+    camera = Intrinsics(64, 64, 40.0, 40.0, 31.5, 31.5)
+    depth = np.where(np.indices((64, 64))[1] < 32, 1000, 3000).astype(np.uint16)
+    assert set(np.unique(Undistortion(camera, LENS)(depth))) <= {0, 1000, 3000}
+
+
+def accelerometer() -> Calibration:
+    """A calibration with an accelerometer whose axes are the camera's."""
+    import msgspec
+
+    sensor = {
+        "SensorType": "CALIBRATION_InertialSensorType_Accelerometer",
+        "Rt": {"Rotation": np.eye(3).ravel().tolist()},
+    }
+    parts = {"CalibrationInformation": {"Cameras": [], "InertialSensors": [sensor]}}
+    return msgspec.convert(parts, Calibration)
+
+
+@pytest.mark.parametrize(
+    ("samples", "expected"),
+    [
+        (np.tile([0.0, -9.8, 0.0], (9, 1)), [0.0, 1.0, 0.0]),
+        (np.tile([0.0, -30.0, 0.0], (9, 1)), None),  # it is being thrown
+        (np.empty((0, 3)), None),
+    ],
+)
+def test_a_camera_that_does_not_rest_has_no_gravity(
+    samples: NDArray[np.float64], expected: list[float] | None
+) -> None:
+    """At rest the ground pushes up and things fall the other way; else nobody knows."""
+    gravity = gravity_of(accelerometer(), samples)
+    assert (gravity is None) == (expected is None)
+    if gravity is not None and expected is not None:
+        assert np.allclose(gravity, expected)
+    assert gravity_of(None, samples) is None

@@ -1,0 +1,237 @@
+"""Folders of pictures with gaps and their own times, `.npy`, ROS 2 bags, what a user says of a camera."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from common.errors import InputError
+from coordinator.sources import open_source
+from coordinator.sources.given import Given, parse_given
+from coordinator.sources.source import check_frames, select_frames
+
+LENS = Given((50.0, 51.0, 7.5, 5.5))
+SIZE = (12, 16)  # rows, columns
+
+
+def depth(frames: int) -> NDArray[np.uint16]:
+    """Frames (F, H, W) in millimetres, told apart by their first pixel."""
+    values = np.full((frames, *SIZE), 2000, np.uint16)
+    values[:, 0, 0] = 1000 + np.arange(frames)
+    return values
+
+
+def write_pictures(folder: Path, names: list[str]) -> Path:
+    """A folder of PNG with these names."""
+    folder.mkdir(parents=True)
+    for name, values in zip(names, depth(len(names)), strict=True):
+        Image.fromarray(values).save(folder / name)
+    return folder
+
+
+def describe_camera(folder: Path, fps: float = 30.0) -> None:
+    """`camera_intrinsic.json` of a small camera."""
+    matrix = [50.0, 0, 0, 0, 51.0, 0, 7.5, 5.5, 1]
+    content = {"width": 16, "height": 12, "intrinsic_matrix": matrix, "depth_scale": 1000.0, "fps": fps}
+    (folder / "camera_intrinsic.json").write_text(json.dumps(content))
+
+
+def taken(path: Path, given: Given = LENS) -> tuple[list[int], list[float]]:
+    """Numbers and times of all frames, in order."""
+    source = open_source(path, given)
+    frames = list(source)
+    assert [frame.depth[0, 0] for frame in frames] == [1000 + n for n in range(len(frames))]
+    return [frame.number for frame in frames], [round(frame.time_s, 6) for frame in frames]
+
+
+def test_missing_frames_keep_their_numbers_and_times(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Frames 3 and 6 are 0.1 s apart though two are missing in between, which is said."""
+    write_pictures(tmp_path / "seq" / "depth", ["000002.png", "000003.png", "000006.png"])
+    describe_camera(tmp_path / "seq")
+    assert taken(tmp_path / "seq", Given()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
+    assert "2 of 5 frames are missing, frame 4 first; the others keep their times" in caplog.text
+    numbers = open_source(tmp_path / "seq").numbers
+    assert list(select_frames(numbers, "3:7")) == [3, 6]
+    with pytest.raises(InputError, match="is a gap of this sequence"):
+        select_frames(numbers, "4:6")
+    check_frames(open_source(tmp_path / "seq"), numbers)
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers", "times"),
+    [
+        (["1305031453.374112.png", "1305031453.407388.png"], [0, 1], [0.0, 0.033276]),
+        (["d_1700000000000000.png", "d_1700000000033000.png"], [0, 1], [0.0, 0.033]),
+        (["1700000000000000000.png", "1700000000066000000.png"], [0, 1], [0.0, 0.066]),
+        (["depth_9.png", "depth_10.png", "depth_12.png"], [9, 10, 12], [0.3, 0.333333, 0.4]),
+    ],
+)
+def test_names_tell_times_or_numbers(
+    tmp_path: Path, names: list[str], numbers: list[int], times: list[float]
+) -> None:
+    """Seconds, microseconds, nanoseconds; numbers close together count frames. No depth/ is needed."""
+    assert taken(write_pictures(tmp_path / "seq", names)) == (numbers, times)
+
+
+@pytest.mark.parametrize(
+    ("lines", "times"),
+    [
+        ("10.0\n10.04\n10.2\n", [0.0, 0.04, 0.2]),
+        ("# time name\n10.0 2.png\n10.2 5.png\n10.04 3.png\n", [0.0, 0.04, 0.2]),
+        ("depth/5.png 10.2\ndepth/3.png 10.04\ndepth/2.png 10.0\n", [0.0, 0.04, 0.2]),
+    ],
+)
+def test_a_text_file_tells_times(tmp_path: Path, lines: str, times: list[float]) -> None:
+    """One a line, or with the picture's name on either side; the rate is that of the times."""
+    write_pictures(tmp_path / "seq" / "depth", ["2.png", "3.png", "5.png"])
+    (tmp_path / "seq" / "timestamps.txt").write_text(lines)
+    assert taken(tmp_path / "seq") == ([2, 3, 5], times)
+    assert open_source(tmp_path / "seq", LENS).fps == pytest.approx(1.0 / 0.1)
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ("1\n2\n", r"timestamps\.txt has 2 times for 3 pictures; write one line for each"),
+        ("1\n2\nsoon\n", "write times in seconds"),
+        ("1\n3\n2\n", "the time of frame 2 is not after the one before"),
+        ("1 2.png\n2 3.png\n", "has no time for 5.png; add a line for it"),
+    ],
+)
+def test_wrong_times_are_one_line(tmp_path: Path, lines: str, says: str) -> None:
+    """The line names the file and what is wrong with it."""
+    write_pictures(tmp_path / "seq" / "depth", ["2.png", "3.png", "5.png"])
+    (tmp_path / "seq" / "timestamps.txt").write_text(lines)
+    with pytest.raises(InputError, match=says):
+        open_source(tmp_path / "seq", LENS)
+
+
+def test_a_camera_that_nobody_told_is_asked_for(tmp_path: Path) -> None:
+    """Without a camera file the line says what to write; of an .npy, which option to give."""
+    write_pictures(tmp_path / "seq", ["0.png"])
+    with pytest.raises(InputError, match=r"camera_intrinsic\.json is missing; write it with"):
+        open_source(tmp_path / "seq")
+    np.save(tmp_path / "depth.npy", depth(2))
+    with pytest.raises(InputError, match="add --intrinsics fx,fy,cx,cy"):
+        open_source(tmp_path / "depth.npy")
+
+
+@pytest.mark.parametrize(
+    ("convert", "scale", "units"),
+    [
+        (lambda d: d, None, "millimetres as whole numbers"),
+        (lambda d: (d / 1000.0).astype(np.float32), None, "metres"),
+        (lambda d: d.astype(np.float32), None, "millimetres as floats"),
+        (lambda d: d.astype(np.float64) * 10.0, 10_000.0, "tenths of millimetres, told"),
+    ],
+)
+def test_an_array_file_is_metres_whatever_it_holds(
+    tmp_path: Path,
+    convert: Callable[[Any], Any],
+    scale: float | None,
+    units: str,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Whole millimetres, metres, and millimetres as floats, which is said."""
+    np.save(tmp_path / "depth.npy", convert(depth(2)))
+    with caplog.at_level(logging.WARNING):
+        source = open_source(tmp_path / "depth.npy", Given(LENS.lens, scale))
+    assert np.allclose(source.frame(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
+    assert source.intrinsics.fy == 51.0
+    assert ("taken as millimetres" in caplog.text) == (units == "millimetres as floats")
+
+
+def write_ros2(path: Path, encoding: str = "16UC1", kind: str = "sensor_msgs/msg/Image") -> Path:
+    """A ROS 2 bag with three depth images, 40 ms and then 100 ms apart, and their camera_info."""
+    types: Any = get_typestore(Stores.ROS2_HUMBLE)
+    make = types.types
+    stamp = make["builtin_interfaces/msg/Time"](0, 0)
+    header = make["std_msgs/msg/Header"](stamp, "camera")
+    region = make["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    matrix = np.array([50.0, 0, 7.5, 0, 51.0, 5.5, 0, 0, 1])
+    info = make["sensor_msgs/msg/CameraInfo"](
+        header, *SIZE, "plumb_bob", np.zeros(5), matrix, np.eye(3).ravel(), np.zeros(12), 0, 0, region
+    )
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
+        cameras = bag.add_connection("/camera/depth/camera_info", info.__msgtype__, typestore=types)
+        bag.write(cameras, 1, types.serialize_cdr(info, info.__msgtype__))
+        images = bag.add_connection("/camera/depth/image", kind, typestore=types)
+        for values, time_ms in zip(depth(3), (5000, 5040, 5140), strict=True):
+            data = (values / np.float32(1000)).astype("<f4") if encoding == "32FC1" else values.astype("<u2")
+            step, flat = data.dtype.itemsize * SIZE[1], data.view(np.uint8).ravel()
+            if kind.endswith("CompressedImage"):
+                image = make[kind](header, "16UC1; compressedDepth", flat)
+            else:
+                image = make[kind](header, *SIZE, encoding, 0, step, flat)
+            bag.write(images, time_ms * 1_000_000, types.serialize_cdr(image, kind))
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
+def test_a_ros_2_bag_round_trip(tmp_path: Path, encoding: str) -> None:
+    """Depth in millimetres or as floats, camera and real time come back as they were written."""
+    source = open_source(write_ros2(tmp_path / "bag", encoding))
+    frames = list(source)
+    assert [round(frame.time_s, 6) for frame in frames] == [0.0, 0.04, 0.14]
+    assert np.allclose([f.metres() for f in frames], depth(3) / 1000.0, atol=1e-4)
+    camera = source.intrinsics
+    assert (camera.width, camera.height, camera.fx, camera.cy) == (16, 12, 50.0, 5.5)
+
+
+def test_a_bag_of_compressed_depth_says_how_to_unpack_it(tmp_path: Path) -> None:
+    """The line names the topic and the command."""
+    path = write_ros2(tmp_path / "bag", kind="sensor_msgs/msg/CompressedImage")
+    with pytest.raises(InputError, match=r"/camera/depth/image only.*republish compressedDepth raw"):
+        open_source(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("film.mp4", "a film holds colours, not depth; write its depth as 16-bit PNG"),
+        ("walk.svo2", "ZED's files need its SDK"),
+        ("walk.db3", "give the folder that ROS 2 recorded"),
+        ("walk.h5", "save depth by numpy.save"),
+        ("walk.xyz", "no depth sequence that is known here; give one of"),
+    ],
+)
+def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path, name: str, says: str) -> None:
+    """What is not read is refused in one line that says how to make something that is."""
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(InputError, match=says):
+        open_source(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "scale", "says"),
+    [
+        ("500,500,320", None, "give four numbers"),
+        ("500,-1,320,240", None, "positive fx, fy"),
+        ("a,b,c,d", None, "give four numbers"),
+        (None, 0.0, "is no number of units per metre"),
+    ],
+)
+def test_what_is_given_makes_sense(intrinsics: str | None, scale: float | None, says: str) -> None:
+    """Options about the camera are checked before anything is read."""
+    with pytest.raises(InputError, match=says):
+        parse_given(intrinsics, scale)
+
+
+def test_what_is_given_overrides_what_is_recorded(tmp_path: Path) -> None:
+    """A folder's own camera file, too."""
+    write_pictures(tmp_path / "seq" / "depth", ["0.png", "1.png"])
+    describe_camera(tmp_path / "seq")
+    source = open_source(tmp_path / "seq", Given((60.0, 61.0, 8.0, 6.0), 500.0))
+    assert (source.intrinsics.fx, source.frame(1).depth_scale, source.fps) == (60.0, 500.0, 30.0)
