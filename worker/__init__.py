@@ -1,1 +1,5 @@
 """Refines batches of particles by articulated ICP: no memory between requests, no randomness."""
+
+from __future__ import annotations
+
+import common  # noqa: F401 before numba: it says where compiled kernels are kept
