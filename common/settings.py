@@ -35,7 +35,7 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     covariance_reduction: float = 0.1  # each frame
     initial_position_deviation: float = 0.02  # metres
     velocity_share: float = 1.0  # of a hypothesis' velocity that its particles start with
-    explore: bool = False  # one limb at a time, see coordinator/filters/exploration.py
+    explore: bool = False  # limb by limb, see coordinator/filters/exploration.py
     limb_deviation_deg: float = 30.0
     diffusion_deg: float = 2.0  # of the baselines' motion model, each frame
     diffusion_position: float = 0.01  # metres
@@ -51,6 +51,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: int = 0
     points: int = 10_000  # observed points at the most
     measure_noise: bool = True  # in the first frame; what `refine` assumes is the least
+    pace_iterations: bool = False  # more of them where frames are farther apart in time
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
 
@@ -59,6 +60,7 @@ PRESETS = {
     "default": Settings(
         preset="default",
         points=4_000,
+        pace_iterations=True,
         refine=RefineSettings(
             icp_iterations=3,
             gauss_newton_iterations=2,

@@ -22,6 +22,7 @@ from coordinator.filters.condensation import diffusion, weigh
 from coordinator.filters.condensation import propose as propose_first
 from coordinator.filters.proposal import Proposal
 from coordinator.filters.resampling import effective_sample_size, normalise, systematic
+from coordinator.filters.sighting import Sighting
 
 Array = NDArray[np.float64]
 
@@ -36,10 +37,17 @@ class Layer(Proposal[Belief]):
     left: int  # layers of the frame that are still to come
 
 
-def propose(model: BodyModel, past: Belief, settings: FilterSettings, rng: np.random.Generator) -> Layer:
+def propose(
+    model: BodyModel,
+    past: Belief,
+    sighting: Sighting,
+    settings: FilterSettings,
+    rng: np.random.Generator,
+) -> Layer:
     """The first layer: selected and predicted as in CONDENSATION."""
-    first = propose_first(model, past, settings, rng)
-    return Layer(past, first.ancestors, first.poses, diffusion(model, settings), settings.layers - 1)
+    first = propose_first(model, past, sighting, settings, rng)
+    spread, left = diffusion(model, settings), settings.layers - 1
+    return Layer(past, first.ancestors, first.poses, sighting.interval, spread, left)
 
 
 def update(
@@ -48,12 +56,12 @@ def update(
     """The next layer from the likelihoods of this one; after the last layer the belief."""
     ancestors, measured, log_weights = measure(layer.ancestors, assessed, settings.survival_rate)
     if layer.left == 0:
-        return weigh(model, layer.past.poses[ancestors], measured, log_weights)
+        return weigh(model, layer, ancestors, measured, log_weights)
     survivors = systematic(normalise(log_weights), settings.particles, rng)
     spread = layer.spread * np.sqrt(settings.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
     noise = spread * rng.standard_normal((settings.particles, len(spread)))
     poses = retract(model, measured.poses[survivors], noise)
-    return Layer(layer.past, ancestors[survivors], poses, spread, layer.left - 1)
+    return Layer(layer.past, ancestors[survivors], poses, layer.interval, spread, layer.left - 1)
 
 
 def measure(

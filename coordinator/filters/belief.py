@@ -22,7 +22,7 @@ class Belief:
     poses: Array  # (M, D)
     log_weights: Array  # (M,)
     residual: Array  # (M,) metres
-    velocities: Array  # (M, D) relative motion per frame
+    velocities: Array  # (M, D) relative motion per second
     reported: Array  # (D,)
 
     @property

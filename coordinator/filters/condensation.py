@@ -18,6 +18,7 @@ from coordinator.filters.belief import Belief, mean_pose
 from coordinator.filters.motion import propagate
 from coordinator.filters.proposal import Proposal
 from coordinator.filters.resampling import normalise, systematic
+from coordinator.filters.sighting import Sighting
 
 Array = NDArray[np.float64]
 
@@ -34,13 +35,18 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  #
 
 
 def propose(
-    model: BodyModel, past: Belief, settings: FilterSettings, rng: np.random.Generator
+    model: BodyModel,
+    past: Belief,
+    sighting: Sighting,
+    settings: FilterSettings,
+    rng: np.random.Generator,
 ) -> Proposal[Belief]:
     """Select and predict: the particles of a frame, whose likelihood is asked for."""
     ancestors = systematic(past.weights, settings.particles, rng)
     noise = diffusion(model, settings) * rng.standard_normal((settings.particles, past.poses.shape[1]))
-    moving = settings.velocity_share * past.velocities[ancestors]
-    return Proposal(past, ancestors, propagate(model, past.poses[ancestors], moving, noise))
+    motion = settings.velocity_share * sighting.motion_time * past.velocities[ancestors]
+    particles = propagate(model, past.poses[ancestors], motion, noise)
+    return Proposal(past, ancestors, particles, sighting.interval)
 
 
 def update(
@@ -53,7 +59,7 @@ def update(
     """Measure: weigh the proposed particles by their likelihood."""
     answered = assessed.answered
     measured, ancestors = assessed.take(answered), proposal.ancestors[answered]
-    return weigh(model, proposal.past.poses[ancestors], measured, measured.log_likelihood)
+    return weigh(model, proposal, ancestors, measured, measured.log_likelihood)
 
 
 def diffusion(model: BodyModel, settings: FilterSettings) -> Array:
@@ -61,14 +67,21 @@ def diffusion(model: BodyModel, settings: FilterSettings) -> Array:
     return np.where(model.kinds == ROTATION, np.deg2rad(settings.diffusion_deg), settings.diffusion_position)
 
 
-def weigh(model: BodyModel, earlier: Array, measured: Refined, log_weights: Array) -> Belief:
-    """The belief in measured particles (N,) that came from earlier poses (N, D)."""
+def weigh(
+    model: BodyModel,
+    proposal: Proposal[Belief],
+    ancestors: NDArray[np.int64],
+    measured: Refined,
+    log_weights: Array,
+) -> Belief:
+    """The belief in measured particles (N,) that came from these ancestors (N,) of the belief before."""
     order = np.argsort(-log_weights, kind="stable")
     poses = measured.poses[order]
+    earlier = proposal.past.poses[ancestors[order]]
     return Belief(
         poses=poses,
         log_weights=log_weights[order],
         residual=measured.residual[order],
-        velocities=difference(model, earlier[order], poses),
+        velocities=difference(model, earlier, poses) / proposal.interval,
         reported=mean_pose(model, poses, normalise(log_weights[order])),
     )

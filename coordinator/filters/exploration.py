@@ -1,16 +1,15 @@
 """Proposals that explore a body limb by limb (preset `default`).
 
-Twenty particles cannot fill 24 dimensions. But limbs move, and are lost, one by one. So the particles drawn
-from one hypothesis are of four kinds: the first follows the motion model exactly, the second stays where the
-hypothesis was, every fourth has the noise of its covariance, and the rest move one limb far and leave the
-others to the descent.
+Twenty particles cannot fill 24 dimensions. But limbs move, and are lost, one by one. So fixed shares of the
+particles, whatever the number of hypotheses, are of five kinds: some follow the motion model exactly, some
+stay where their hypothesis was, some move one limb far, some hold a limb so that it reaches for what nothing
+explains, and the others are spread by the covariance of their hypothesis and a little in every direction.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,68 +19,50 @@ from common.settings import FilterSettings
 Array = NDArray[np.float64]
 Kinds = NDArray[np.int64]
 
-PREDICTED, RESTING, ONE_LIMB, SPREAD = range(4)  # kinds of proposals
-SPREAD_EVERY = 4  # particles of one ancestor
+PREDICTED, RESTING, ONE_LIMB, REACHING, SPREAD = range(5)  # kinds of proposals
+SHARES = np.array([0.15, 0.1, 0.1, 0.25, 0.4])  # of the particles
+GOLDEN = 0.6180339887498949  # any run of its multiples is spread evenly over the unit interval
+
 SLIDE_DEVIATION = 0.02  # metres by which a joint that slides is perturbed, one standard deviation
+SPREAD_DEVIATION = np.radians(4.0)  # of a joint, beside what the covariance gives: Eq. 7 has few directions
+ROOT_SPREAD = 0.6  # of that, of what carries the whole body
+ROOT_SLIDE = 0.006  # metres
 
 
-def explore(
-    model: BodyModel,
-    noise: Array,
-    velocities: Array,
-    ancestors: NDArray[np.int64],
-    settings: FilterSettings,
-    rng: np.random.Generator,
-) -> tuple[Array, Array]:
-    """Noise and velocities (N, D) of particles by their kind, from those that the motion model has."""
-    limbs, deviation = limbs_of(model), limb_deviation(model, settings.limb_deviation_deg)
-    standard = rng.standard_normal(noise.shape)
-    limb = rng.integers(len(limbs), size=len(noise))
-    noise, velocities = noise.copy(), velocities.copy()
-    perturb(proposal_kinds(ancestors), limbs, limb, deviation * standard, noise, velocities)
-    return noise, velocities
-
-
-@numba.njit(cache=True, nogil=True)
-def perturb(
-    kinds: Kinds,
-    limbs: NDArray[np.bool_],
-    limb: NDArray[np.int64],
-    perturbation: Array,
-    noise: Array,
-    velocities: Array,
-) -> None:
-    """Change noise and velocities (N, D) by the kind (N,) of each particle.
-
-    A particle that moves one limb gets its perturbation (N, D) in that limb (N,) of `limbs` (K, D).
-    """
-    for n in range(len(kinds)):
-        if kinds[n] == RESTING:
-            velocities[n] = 0.0
-        if kinds[n] != SPREAD:
-            for j in range(noise.shape[1]):
-                moves = kinds[n] == ONE_LIMB and limbs[limb[n], j]
-                noise[n, j] = perturbation[n, j] if moves else 0.0
-
-
-@numba.njit(cache=True, nogil=True)
-def proposal_kinds(ancestors: NDArray[np.int64]) -> Kinds:
-    """The kind (N,) of each particle by its place among those of its ancestor; ancestors (N,) ascend."""
-    kinds = np.empty(len(ancestors), dtype=np.int64)
-    place = 0
-    for n in range(len(ancestors)):
-        place = place + 1 if n > 0 and ancestors[n] == ancestors[n - 1] else 0
-        if place < ONE_LIMB:
-            kinds[n] = place
-        else:
-            kinds[n] = SPREAD if place % SPREAD_EVERY == 0 else ONE_LIMB
+def choose_kinds(count: int, rng: np.random.Generator) -> Kinds:
+    """The kind (N,) of each particle; the first, drawn from the likeliest hypothesis, is predicted."""
+    places = (rng.random() + GOLDEN * np.arange(count)) % 1.0
+    kinds = np.minimum(np.searchsorted(np.cumsum(SHARES), places, side="right"), SPREAD)
+    kinds[0] = PREDICTED
     return kinds
+
+
+def perturb(
+    model: BodyModel, kinds: Kinds, noise: Array, settings: FilterSettings, rng: np.random.Generator
+) -> Array:
+    """Noise (N, D) of particles by their kind (N,), from that of their covariances (N, D)."""
+    limbs = limbs_of(model)
+    standard = rng.standard_normal(noise.shape)
+    limb = limbs[rng.integers(len(limbs), size=len(noise))]  # (N, D)
+    thrown = np.where(limb, limb_deviation(model, settings.limb_deviation_deg) * standard, 0.0)
+    spread = noise + spread_deviation(model) * standard
+    kind = kinds[:, None]
+    perturbed: Array = np.where(kind == SPREAD, spread, np.where(kind == ONE_LIMB, thrown, 0.0))
+    return perturbed
 
 
 @lru_cache(maxsize=16)
 def limb_deviation(model: BodyModel, limb_deviation_deg: float) -> Array:
     """Standard deviation (D,) of what a limb is perturbed by, radians and metres."""
     return np.where(model.kinds == ROTATION, np.deg2rad(limb_deviation_deg), SLIDE_DEVIATION)
+
+
+@lru_cache(maxsize=16)
+def spread_deviation(model: BodyModel) -> Array:
+    """Standard deviation (D,) in every direction of what is spread, radians and metres."""
+    carries_all = np.isin(np.arange(len(model.kinds)), find_limbs(model)[0])
+    turning = np.where(carries_all, ROOT_SPREAD, 1.0) * SPREAD_DEVIATION
+    return np.where(model.kinds == ROTATION, turning, ROOT_SLIDE)
 
 
 @lru_cache(maxsize=16)

@@ -18,11 +18,19 @@ from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief
 from coordinator.filters.covariance import estimate_covariances
-from coordinator.filters.exploration import SPREAD, explore, proposal_kinds
+from coordinator.filters.exploration import (
+    REACHING,
+    RESTING,
+    SPREAD,
+    choose_kinds,
+    perturb,
+)
 from coordinator.filters.merging import merge
 from coordinator.filters.motion import draw_noise, propagate
 from coordinator.filters.proposal import Proposal
+from coordinator.filters.reaching import find_reaches
 from coordinator.filters.resampling import systematic
+from coordinator.filters.sighting import Sighting
 
 Array = NDArray[np.float64]
 
@@ -50,11 +58,18 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses
 
 
 def propose(
-    model: BodyModel, past: Hypotheses, settings: FilterSettings, rng: np.random.Generator
+    model: BodyModel,
+    past: Hypotheses,
+    sighting: Sighting,
+    settings: FilterSettings,
+    rng: np.random.Generator,
 ) -> Proposal[Hypotheses]:
     """Steps 2 and 3: the particles of a frame, whose descent and likelihood are steps 4 and 5."""
     ancestors = draw(past, settings, rng)  # 2
-    return Proposal(past, ancestors, scatter(model, past, ancestors, settings, rng))  # 3
+    move = explore if settings.explore and settings.particles > 1 else scatter
+    return Proposal(
+        past, ancestors, move(model, past, ancestors, sighting, settings, rng), sighting.interval
+    )  # 3
 
 
 def update(
@@ -78,7 +93,7 @@ def update(
         poses=after.poses[chosen],
         log_weights=after.log_likelihood[chosen],
         residual=after.residual[chosen],
-        velocities=difference(model, past.poses[parents], after.poses[chosen]),
+        velocities=difference(model, past.poses[parents], after.poses[chosen]) / proposal.interval,
         reported=after.poses[chosen[0]],
         covariances=covariances,
     )
@@ -93,20 +108,41 @@ def scatter(
     model: BodyModel,
     past: Hypotheses,
     ancestors: NDArray[np.int64],
+    sighting: Sighting,
     settings: FilterSettings,
     rng: np.random.Generator,
 ) -> Array:
-    """Step 3: particles (N, D), moved by the motion model and spread by their ancestors' covariance."""
-    noise = draw_noise(past.covariances, ancestors, rng, keeps_noise(ancestors, settings))
-    velocities = settings.velocity_share * past.velocities[ancestors]
-    if settings.explore:
-        noise, velocities = explore(model, noise, velocities, ancestors, settings, rng)
-    return propagate(model, past.poses[ancestors], velocities, noise)
+    """Step 3: particles (N, D), moved by the motion model and spread by their ancestors' covariance.
+
+    A lone particle has no noise.
+    """
+    noisy = np.full(len(ancestors), settings.particles > 1)
+    noise = draw_noise(past.covariances, ancestors, rng, noisy)
+    motion = settings.velocity_share * sighting.motion_time * past.velocities[ancestors]
+    return propagate(model, past.poses[ancestors], motion, noise)
 
 
-def keeps_noise(ancestors: NDArray[np.int64], settings: FilterSettings) -> NDArray[np.bool_]:
-    """Which particles (N,) keep the noise of their ancestor's covariance; a lone one has none."""
-    if settings.explore:
-        spread: NDArray[np.bool_] = proposal_kinds(ancestors) == SPREAD
-        return spread
-    return np.full(len(ancestors), settings.particles > 1)
+def explore(
+    model: BodyModel,
+    past: Hypotheses,
+    ancestors: NDArray[np.int64],
+    sighting: Sighting,
+    settings: FilterSettings,
+    rng: np.random.Generator,
+) -> Array:
+    """Step 3 of preset `default`: particles (N, D) of several kinds, see `exploration`."""
+    kinds = choose_kinds(len(ancestors), rng)
+    motion = settings.velocity_share * sighting.motion_time * past.velocities
+    likeliest = propagate(model, past.poses[:1], motion[:1], np.zeros_like(motion[:1]))[0]
+    reaching = np.flatnonzero(kinds == REACHING)
+    reaches = find_reaches(model, likeliest, sighting.points, len(reaching), rng)
+    if reaches is None:
+        kinds[reaching] = SPREAD
+    noise = draw_noise(past.covariances, ancestors, rng, kinds == SPREAD)
+    noise = perturb(model, kinds, noise, settings, rng)
+    moving = np.where((kinds == RESTING)[:, None], 0.0, motion[ancestors])
+    particles = propagate(model, past.poses[ancestors], moving, noise)
+    if reaches is not None:
+        for n, dofs, angles in zip(reaching, reaches.dofs, reaches.angles, strict=True):
+            particles[n, dofs] = angles
+    return particles

@@ -21,10 +21,11 @@ from common.settings import FilterSettings, Settings, preset
 from coordinator.filters import annealed, condensation, gradient_enhanced
 from coordinator.filters.belief import Belief
 from coordinator.filters.proposal import Proposal
+from coordinator.filters.sighting import Sighting
 
 Array = NDArray[np.float64]
 Begin = Callable[[BodyModel, Array, FilterSettings], Belief]
-Propose = Callable[[BodyModel, Any, FilterSettings, np.random.Generator], Proposal[Any]]
+Propose = Callable[[BodyModel, Any, Sighting, FilterSettings, np.random.Generator], Proposal[Any]]
 Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator], Belief | Proposal[Any]]
 
 

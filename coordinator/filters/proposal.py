@@ -20,3 +20,4 @@ class Proposal(Generic[B]):
     past: B
     ancestors: NDArray[np.int64]  # (N,) the pose of `past` that each particle was drawn from
     poses: NDArray[np.float64]  # (N, D)
+    interval: float  # seconds since the frame that `past` is about

@@ -18,6 +18,7 @@ class Checkpoint:
 
     belief: dict[str, NDArray[np.float64]]  # by field
     around: NDArray[np.float64]  # pose (D,) near which the next frame shows the subject
+    time_s: float  # of the last frame that showed something
     generator: str  # the random generator's state as JSON, whose integers have any size
 
 
@@ -29,10 +30,12 @@ class TrackerState:
     checkpoint: Checkpoint
 
 
-def take_checkpoint(belief: Belief, around: NDArray[np.float64], rng: np.random.Generator) -> Checkpoint:
-    """A belief, a pose (D,) and a generator as values that can be recorded."""
+def take_checkpoint(
+    belief: Belief, around: NDArray[np.float64], time_s: float, rng: np.random.Generator
+) -> Checkpoint:
+    """A belief, a pose (D,), a time and a generator as values that can be recorded."""
     arrays = {field.name: getattr(belief, field.name) for field in fields(belief)}
-    return Checkpoint(arrays, around, json.dumps(rng.bit_generator.state))
+    return Checkpoint(arrays, around, time_s, json.dumps(rng.bit_generator.state))
 
 
 def load_generator(state: str) -> np.random.Generator:

@@ -23,8 +23,10 @@ from coordinator.filters.belief import Belief
 from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
+from coordinator.tracking.sighting import see
 from coordinator.tracking.start import Start, find_start, given_start, require_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
 from coordinator.tracking.status import judge
@@ -67,9 +69,11 @@ class Tracker:
         self._start: Start | None = None
         self._belief: Belief | None = None
         self._around: Array | None = None  # pose (D,) near which the next frame shows the subject
+        self._time_s: float | None = None  # of the last frame that showed something
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
         if state is not None:
             self._around = state.checkpoint.around
+            self._time_s = state.checkpoint.time_s
             self._rng = load_generator(state.checkpoint.generator)
             self._start = state.start
             self._belief = replace(self._begin_at(state.start), **state.checkpoint.belief)
@@ -91,7 +95,9 @@ class Tracker:
         """All that the next frame goes on from; there after the first frame."""
         assert self._belief is not None
         assert self._around is not None
-        return TrackerState(self.start, take_checkpoint(self._belief, self._around, self._rng))
+        assert self._time_s is not None
+        checkpoint = take_checkpoint(self._belief, self._around, self._time_s, self._rng)
+        return TrackerState(self.start, checkpoint)
 
     @property
     def rules(self) -> RefineSettings:
@@ -115,7 +121,8 @@ class Tracker:
             past = self._begin(view.subject) if self._belief is None else self._belief
             self._around = past.reported
         with clock.stage("draw"):
-            proposal = self._method.propose(self.model, past, self._settings.filter, self._rng)
+            sighting = see(view.subject, self._time_s)
+            proposal = self._method.propose(self.model, past, sighting, self._settings.filter, self._rng)
         with clock.stage("refine"):
             return Submitted(frame, self._request(proposal), first, clock)
 
@@ -134,6 +141,7 @@ class Tracker:
             belief, answered = self._lose(), 0
         else:
             belief, answered = self._update(submitted.request, submitted.clock)
+            self._time_s = submitted.frame.time_s
         if submitted.first:
             belief = belief.at_rest()  # the way from a guess is no motion
         self._belief = belief
@@ -161,7 +169,10 @@ class Tracker:
         )
 
     def _request(self, proposal: Proposal[Any]) -> Request:
-        return Request(proposal, self._refiner.submit(self.model, proposal.poses, self.rules))
+        refine = self.rules
+        if self._settings.pace_iterations:
+            refine = pace_iterations(refine, proposal.interval)
+        return Request(proposal, self._refiner.submit(self.model, proposal.poses, refine))
 
     def _update(self, request: Request, clock: Stopwatch) -> tuple[Belief, int]:
         """The belief after a frame, and of how many particles at the least; layers ask for more than once."""

@@ -18,7 +18,7 @@ from coordinator.filters.annealed import find_power, survival
 from coordinator.filters.belief import Belief, mean_pose
 from coordinator.filters.methods import METHODS
 from tests.support.bodies import hinges, puppet
-from tests.support.filtering import advance
+from tests.support.filtering import INTERVAL, advance
 
 Array = NDArray[np.float64]
 
@@ -146,7 +146,7 @@ def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None
     )
     assert np.all(np.diff(found.weights) <= 0.0)
     assert found.poses[0, 0] > 0.02
-    np.testing.assert_allclose(found.velocities, found.poses, atol=1e-12)
+    np.testing.assert_allclose(INTERVAL * found.velocities, found.poses, atol=1e-12)
 
 
 @pytest.mark.parametrize("method", BASELINES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import msgspec
 import numpy as np
@@ -17,18 +17,28 @@ from common.kinematics import difference, retract
 from common.refinement import Refined, concatenate
 from common.settings import FilterSettings, preset
 from coordinator.filters.covariance import estimate_covariances
-from coordinator.filters.exploration import explore, find_limbs
-from coordinator.filters.gradient_enhanced import Hypotheses, begin
+from coordinator.filters.exploration import (
+    ONE_LIMB,
+    PREDICTED,
+    SHARES,
+    SPREAD,
+    choose_kinds,
+    find_limbs,
+    perturb,
+)
+from coordinator.filters.gradient_enhanced import Hypotheses, begin, propose
 from coordinator.filters.merging import merge
 from coordinator.filters.motion import draw_noise, propagate, take_root
 from coordinator.filters.resampling import effective_sample_size, normalise, systematic
+from coordinator.filters.sighting import Sighting
 from tests.support.bodies import hinges, puppet
-from tests.support.filtering import advance
+from tests.support.filtering import INTERVAL, NOTHING_SEEN, advance
 
 Array = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
 PAPER = preset("paper").filter
+EXPLORING = msgspec.structs.replace(PAPER, explore=True, velocity_share=0.75)
 D = np.deg2rad(4.0)
 VALLEYS = np.array([[0.5, 0.1], [-0.5, 0.1]])  # of the toy, the first a little likelier
 
@@ -193,22 +203,54 @@ def test_limbs_are_the_branches_and_the_trunk() -> None:
     ]
 
 
-def test_particles_of_a_hypothesis_are_of_four_kinds() -> None:
-    """The first follows the motion, the second stays, the others move one limb or keep the noise they had."""
+def moving_at(speed: float) -> Hypotheses:
+    """One hypothesis that turns about its first hinge, radians a second."""
+    first = begin(hinges(), np.zeros(2), PAPER)
+    return replace(first, velocities=np.array([[speed, 0.0]]))
+
+
+@given(seeds, st.integers(1, 120))
+def test_each_kind_of_proposal_has_its_share(seed: int, count: int) -> None:
+    """Whatever the number of hypotheses; the first particle is always predicted, a lone one, too."""
+    kinds = choose_kinds(count, np.random.default_rng(seed))
+    assert kinds[0] == PREDICTED
+    counted = np.bincount(kinds, minlength=len(SHARES))
+    assert np.all(np.abs(counted - count * SHARES) <= 3.0)
+
+
+def test_noise_is_as_the_kind_of_the_particle_says() -> None:
+    """Spread particles go in all directions, one limb moves alone, and the others have no noise."""
     model, rng = puppet(), np.random.default_rng(0)
-    ancestors = np.repeat([0, 1], 9)
-    noise, velocities = rng.normal(size=(2, 18, 19))
-    spread, speeds = explore(model, noise, velocities, ancestors, FilterSettings(explore=True), rng)
-    limbs = find_limbs(model)
-    for first in (0, 9):
-        assert not spread[first : first + 2].any()
-        np.testing.assert_array_equal(speeds[first], velocities[first])
-        assert not speeds[first + 1].any()
-        kept = [n for n in range(first + 2, first + 9) if np.array_equal(spread[n], noise[n])]
-        moved = [np.flatnonzero(spread[n]).tolist() for n in range(first + 2, first + 9) if n not in kept]
-        assert len(kept) == 2
-        assert all(any(one == limb.tolist() for limb in limbs) for one in moved)
-        np.testing.assert_array_equal(speeds[first + 2 : first + 9], velocities[first + 2 : first + 9])
+    kinds = np.repeat(np.arange(len(SHARES)), 6)
+    noise = perturb(model, kinds, np.zeros((len(kinds), 19)), FilterSettings(explore=True), rng)
+    limbs = [limb.tolist() for limb in find_limbs(model)]
+    for kind, moved in zip(kinds, noise, strict=True):
+        directions = np.flatnonzero(moved).tolist()
+        if kind == SPREAD:
+            assert len(directions) == 19
+        elif kind == ONE_LIMB:
+            assert directions in limbs
+        else:
+            assert not directions
+
+
+def test_resting_particles_stay_and_predicted_ones_move_on() -> None:
+    """A hypothesis that moves at 1 rad/s is drawn where it was, and where it will be after the interval."""
+    past = moving_at(1.0)
+    proposal = propose(hinges(), past, NOTHING_SEEN, EXPLORING, np.random.default_rng(0))
+    turned = proposal.poses[:, 0]
+    assert np.any(turned == 0.0)
+    assert np.any(np.isclose(turned, EXPLORING.velocity_share * INTERVAL))
+
+
+def test_the_motion_is_that_of_real_time() -> None:
+    """After a gap of three frames a hypothesis has moved on three times as far as after one."""
+    past, lone = moving_at(1.0), msgspec.structs.replace(PAPER, particles=1)
+    moved = [
+        propose(hinges(), past, Sighting(interval=t), lone, np.random.default_rng(0)).poses[0, 0]
+        for t in (0.05, 0.15)
+    ]
+    assert moved[1] == pytest.approx(3.0 * moved[0])
 
 
 # Step 6: merging
@@ -331,8 +373,8 @@ def test_covariances_come_from_before_the_descent() -> None:
         assert len(before) == PAPER.particles
         apart = before - VALLEYS[0]
         np.testing.assert_allclose(hypotheses.covariances, [0.9 * apart.T @ apart / len(before)], atol=1e-12)
-    np.testing.assert_allclose(found[0].velocities, [VALLEYS[0]], atol=1e-12)
-    np.testing.assert_allclose(found[1].velocities, 0.0, atol=1e-12)
+    np.testing.assert_allclose(INTERVAL * found[0].velocities, [VALLEYS[0]], atol=1e-12)
+    np.testing.assert_allclose(INTERVAL * found[1].velocities, 0.0, atol=1e-12)
 
 
 def test_a_lone_particle_keeps_its_ancestors_covariance() -> None:
@@ -345,7 +387,7 @@ def test_a_lone_particle_keeps_its_ancestors_covariance() -> None:
     first = begin(hinges(), np.zeros(2), settings)
     found = advance("gepf", hinges(), first, apart, settings, np.random.default_rng(0))
     np.testing.assert_allclose(found.covariances, np.tile(0.9 * first.covariances, (3, 1, 1)))
-    np.testing.assert_allclose(found.velocities, np.arange(3.0)[:, None] + np.zeros((1, 2)))
+    np.testing.assert_allclose(INTERVAL * found.velocities, np.arange(3.0)[:, None] + np.zeros((1, 2)))
 
 
 def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
@@ -367,7 +409,7 @@ def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
     settings = msgspec.structs.replace(PAPER, particles=2)
     found = advance("gepf", hinges(), past, onward, settings, np.random.default_rng(0))
     np.testing.assert_allclose(found.poses, [[1.0, 2.3], [0.1, 0.0]])
-    np.testing.assert_allclose(found.velocities, [[0.0, 0.3], [0.1, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(INTERVAL * found.velocities, [[0.0, 0.3], [0.1, 0.0]], atol=1e-12)
     np.testing.assert_allclose(found.covariances, 0.9 * past.covariances[::-1])
 
 

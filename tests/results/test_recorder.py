@@ -66,7 +66,9 @@ ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")
 def state(number: int) -> TrackerState:
     """What the tracker knew after a frame; its arrays hold what is hard to write down."""
     belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
-    return TrackerState(START, Checkpoint(belief, np.array([0.5]), f'{{"state": {2**127 + number}}}'))
+    return TrackerState(
+        START, Checkpoint(belief, np.array([0.5]), number / 3.0, f'{{"state": {2**127 + number}}}')
+    )
 
 
 def record(

@@ -13,6 +13,10 @@ from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.methods import METHODS
 from coordinator.filters.proposal import Proposal
+from coordinator.filters.sighting import Sighting
+
+INTERVAL = 0.1  # seconds between frames
+NOTHING_SEEN = Sighting(interval=INTERVAL)
 
 
 def advance(
@@ -22,9 +26,10 @@ def advance(
     refine: Callable[[NDArray[np.float64]], Refined],
     settings: FilterSettings,
     rng: np.random.Generator,
+    sighting: Sighting = NOTHING_SEEN,
 ) -> Any:
     """The belief after a frame in which particles (N, D) are refined by a function."""
-    found: Any = METHODS[method].propose(model, past, settings, rng)
+    found: Any = METHODS[method].propose(model, past, sighting, settings, rng)
     while isinstance(found, Proposal):
         found = METHODS[method].update(model, found, refine(found.poses), settings, rng)
     return found

@@ -1,0 +1,26 @@
+"""What the filter is given of a frame: a few observed points, and how long ago the last frame was."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.frame import SubjectFrame
+from coordinator.filters.sighting import USUAL_INTERVAL, Sighting
+
+POINTS = 300
+
+
+def see(subject: SubjectFrame, last_time_s: float | None) -> Sighting:
+    """The sighting of a frame; at the usual interval where its time is not after the last one's."""
+    since = 0.0 if last_time_s is None else subject.frame.time_s - last_time_s
+    return Sighting(some_points(subject), since if since > 0.0 else USUAL_INTERVAL)
+
+
+def some_points(subject: SubjectFrame) -> NDArray[np.float64]:
+    """About POINTS of the observed points (P, 3), evenly spread over them, camera frame, metres."""
+    frame, camera = subject.frame, subject.frame.intrinsics
+    pixels = subject.picked[:: max(1, len(subject.picked) // POINTS)].astype(np.int64)
+    rows, columns = np.divmod(pixels, frame.depth.shape[1])
+    z = frame.depth.ravel()[pixels] / frame.depth_scale
+    return np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=1)

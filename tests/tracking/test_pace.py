@@ -1,0 +1,50 @@
+"""Time between frames: what the filter is told of it, and how many iterations it gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from common.camera import Intrinsics
+from common.frame import DepthFrame
+from common.settings import preset
+from coordinator.filters.sighting import LONGEST_MOTION, USUAL_INTERVAL, Sighting
+from coordinator.tracking.pace import pace_iterations
+from coordinator.tracking.sighting import see
+from coordinator.tracking.subject import isolate
+
+CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
+
+
+@pytest.mark.parametrize(
+    ("interval", "iterations"), [(1 / 60, 3), (1 / 30, 3), (1 / 15, 6), (0.1, 9), (2.0, 9)]
+)
+def test_iterations_go_with_the_time_between_frames(interval: float, iterations: int) -> None:
+    """Three at 30 frames a second and more, three times as many at the most."""
+    refine = preset("default").refine
+    assert refine.icp_iterations == 3
+    assert pace_iterations(refine, interval).icp_iterations == iterations
+
+
+def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
+    """Points lie on the surface that is seen; time that stands still or goes back is the usual interval."""
+    depth = np.full((24, 32), 2000, dtype=np.uint16)
+    subject = isolate(DepthFrame(3, 0.5, depth, 1000.0, CAMERA), None, 100)
+    assert subject is not None
+    sighting = see(subject, 0.4)
+    np.testing.assert_allclose(sighting.points[:, 2], 2.0)
+    u = CAMERA.cx + CAMERA.fx * sighting.points[:, 0] / 2.0
+    np.testing.assert_allclose(u, np.rint(u), atol=1e-9)
+    assert sighting.interval == pytest.approx(0.1)
+    assert (
+        see(subject, None).interval
+        == see(subject, 0.5).interval
+        == see(subject, 0.9).interval
+        == USUAL_INTERVAL
+    )
+
+
+def test_motion_does_not_go_on_for_ever() -> None:
+    """After a long gap nobody knows any more where a motion led."""
+    assert Sighting(interval=0.1).motion_time == 0.1
+    assert Sighting(interval=5.0).motion_time == LONGEST_MOTION
