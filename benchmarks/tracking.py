@@ -19,7 +19,6 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.commands.track import choose_start
 from coordinator.results.summary import count_status
 from coordinator.sources import open_source
-from coordinator.sources.source import check_frames
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.start import GIRTHS
 from coordinator.tracking.tracker import Tracker
@@ -52,7 +51,6 @@ def prepare() -> Bodies:
 def track(recording: Recording, settings: Settings, bodies: Bodies) -> Tracked:
     """Track all frames and compare; raises whatever goes wrong."""
     source = open_source(recording.depth)
-    check_frames(source, source.numbers)
     tracker = Tracker(DirectRefiner(), settings, bodies, choose_start(None, source))
     estimates, seconds = follow(tracker, source)
     return Tracked(

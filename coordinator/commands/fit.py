@@ -25,7 +25,7 @@ from coordinator.commands.workers import Connect, end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
-from coordinator.sources.source import check_frames, select_frames
+from coordinator.sources.source import first_frame, select_frames
 from coordinator.tracking.fitting import FITTED, Fit, Fitter, Posed
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.subject import isolate
@@ -66,15 +66,14 @@ def run_fit(options: FitOptions, show: Show, connect: Connect[Refiner]) -> None:
 def fit_sequence(job: FitJob, show: Show, connect: Connect[Refiner]) -> tuple[Fit, Fit]:
     """Fit, report what was found, and write the measures; gives the fit before and after.
 
-    All input is checked before anything is tracked.
+    The options and the first frame are checked before anything is tracked.
     """
     require_place(job.out)
     source = open_source(job.sequence, job.given)
     numbers = select_frames(source.numbers, job.frames)
     if job.frames is None:
         numbers = numbers[:TRACKED]
-    with show.steps("reading frames") as advance:
-        check_frames(source, numbers, advance)
+    first_frame(source, numbers)
     with connect(job.pool, show) as refiner:
         tracker, frames = follow(job, source, numbers, refiner, show)
         start = tracker.start

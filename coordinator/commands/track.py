@@ -24,7 +24,7 @@ from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
-from coordinator.sources.source import check_frames, select_frames
+from coordinator.sources.source import first_frame, select_frames
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.start import require_start
 from coordinator.tracking.start_file import read_start
@@ -45,10 +45,11 @@ class Run:
 
 
 def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> None:
-    """Do a `gepf track`. All input is checked before the folder of results is made.
+    """Do a `gepf track`. The folder of results is made when the options and the first frame are sound.
 
-    If it ends early, by the user or by a fault, the frames so far are in the folder all the same, and
-    another one with `resume` goes on from there.
+    Later frames are read when it is their turn. If the run ends early, by the user, a damaged frame or
+    another fault, the frames so far are in the folder all the same, and another one with `resume` goes on
+    from there.
     """
     source = open_source(job.sequence, job.given)
     numbers = select_frames(source.numbers, job.frames)
@@ -57,13 +58,11 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> Non
     require_start(start, bodies)
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
-    first = source.frame(numbers[0])
+    first = first_frame(source, numbers)
     configuration = run_configuration(job.sequence, first, numbers, job.asked(bodies, start), job.given)
     if job.resume and is_complete(job.out, configuration):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
         return
-    with show.steps("reading frames") as advance:
-        check_frames(source, numbers, advance)
     with Recorder(job.out, configuration, resume=job.resume) as recorder:
         run = Run(job, source, numbers, bodies, start, recorder, colours)
         meter = show.frames(len(numbers), recorder.frames)

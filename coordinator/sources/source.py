@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -113,22 +113,15 @@ def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     return chosen
 
 
-def check_frames(
-    source: Source, numbers: Sequence[int], advance: Callable[[int, int], None] = lambda *_: None
-) -> None:
-    """Read every frame of `numbers` once; InputError at the first damaged one.
-
-    The first must hold some depth, since tracking starts from it. `advance(done, total)` is called after
-    each frame.
-    """
-    for done, number in enumerate(numbers, start=1):
-        frame = source.frame(number)
-        if number == numbers[0] and not frame.depth.any():
-            raise InputError(
-                f"frame {number} of {source.name} holds no depth at all, so tracking cannot start there; "
-                f"choose a later start with --frames A:{numbers[-1] + 1}"
-            )
-        advance(done, len(numbers))
+def first_frame(source: Source, numbers: Sequence[int]) -> DepthFrame:
+    """The frame that tracking starts from; InputError if it is damaged or holds no depth at all."""
+    frame = source.frame(numbers[0])
+    if not frame.depth.any():
+        raise InputError(
+            f"frame {frame.number} of {source.name} holds no depth at all, so tracking cannot start there; "
+            f"choose a later start with --frames A:{numbers[-1] + 1}"
+        )
+    return frame
 
 
 def _span(numbers: Sequence[int]) -> str:

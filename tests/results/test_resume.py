@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from common.errors import NoWorkers
@@ -125,6 +126,49 @@ def test_an_interrupted_run_says_how_to_go_on_and_does(
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["complete"], summary["frames"], summary["resumes"]) == (True, 5, 2)
     assert (summary["workers_seen"], summary["batches_sent_again"]) == (["one", "two"], 9)
+
+
+@pytest.mark.parametrize("damaged", [1, 2, 4])
+def test_a_damaged_frame_ends_a_run_that_can_go_on(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+    damaged: int,
+) -> None:
+    """Exit code 2 and one line that names the file; what was tracked before is kept; mended, it goes on."""
+    out, calm = tmp_path / "out", tmp_path / "calm"
+    assert track(workers, sequence, calm) == 0
+    picture = sequence / "depth" / f"{damaged:06d}.png"
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[: len(whole) // 2])
+    assert track(workers, sequence, out) == 2
+    lines = said(capsys)
+    assert lines[-2].startswith(f"ended early with {damaged} of 5 frames in {out}; ")
+    assert lines[-1].startswith(f"gepf: {picture} is damaged")
+    with np.load(out / "track.npz") as kept, np.load(calm / "track.npz") as wanted:
+        np.testing.assert_array_equal(kept["pose"], wanted["pose"][:damaged])
+    picture.write_bytes(whole)
+    assert track(workers, sequence, out, "--resume") == 0
+    assert (out / "track.npz").read_bytes() == (calm / "track.npz").read_bytes()
+
+
+def test_a_run_reads_each_frame_when_it_is_its_turn(
+    sequence: Path, tmp_path: Path, workers: StillWorkers
+) -> None:
+    """Before the first is with the workers nothing but it is read; then at most one ahead, and none beyond."""
+    pictures = [sequence / "depth" / f"{number:06d}.png" for number in range(5)]
+    whole = [picture.read_bytes() for picture in pictures]
+
+    def bring(number: int) -> None:
+        """Frame `number` is with the workers; the next may be read from now on."""
+        if number < 2:
+            pictures[number + 1].write_bytes(whole[number + 1])
+
+    for picture in pictures[1:]:
+        picture.write_bytes(b"")
+    workers.before = bring
+    assert track(workers, sequence, tmp_path / "out", "--frames", "0:3") == 0
 
 
 def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(

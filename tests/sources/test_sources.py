@@ -15,7 +15,7 @@ from scipy.io import savemat
 
 from common.errors import InputError
 from coordinator.sources import open_source
-from coordinator.sources.source import check_frames, select_frames
+from coordinator.sources.source import first_frame, select_frames
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 UTD = DATA / "utd_mhad" / "depth" / "a9_s2_t1_depth.mat"
@@ -52,9 +52,8 @@ def folder(tmp_path: Path, frames: NDArray[np.uint16]) -> Path:
 
 
 def read_all(path: Path) -> None:
-    """Do what a run does before it makes its folder."""
-    source = open_source(path)
-    check_frames(source, source.numbers)
+    """Open a sequence and read every frame."""
+    list(open_source(path))
 
 
 def test_a_folder_gives_back_what_was_recorded(folder: Path, frames: NDArray[np.uint16]) -> None:
@@ -252,11 +251,10 @@ def test_a_first_frame_without_depth_is_refused_and_a_later_one_is_not(
     """Tracking can cross an empty frame, but not start from it; with a later start all is well."""
     frames[1] = 0
     source = open_source(write_folder(tmp_path / "gap", frames))
-    told: list[tuple[int, int]] = []
-    check_frames(source, source.numbers, lambda done, total: told.append((done, total)))
-    assert told == [(1, 3), (2, 3), (3, 3)]
-    with pytest.raises(InputError, match="frame 1 of gap holds no depth at all"):
-        check_frames(source, range(1, 3))
+    np.testing.assert_array_equal(first_frame(source, source.numbers).depth, frames[0])
+    with pytest.raises(InputError, match=r"frame 1 of gap holds no depth at all.*--frames A:3"):
+        first_frame(source, range(1, 3))
+    assert first_frame(source, range(2, 3)).number == 2
 
 
 @pytest.mark.parametrize(
@@ -355,7 +353,5 @@ def test_a_real_utd_recording_shows_a_person_at_three_metres() -> None:
 def test_a_real_folder_is_read_whole() -> None:
     """Another program's folder, with truth, passes all checks."""
     source = open_source(DANCE)
-    told: list[int] = []
-    check_frames(source, source.numbers, lambda done, _: told.append(done))
-    assert told == list(range(1, 91))
+    assert [frame.number for frame in source] == list(range(90))
     assert source.truth is not None
