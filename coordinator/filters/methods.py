@@ -97,8 +97,14 @@ def settings_for(
 
 
 def apply_method(settings: Settings) -> Settings:
-    """Settings with what makes their method, whatever else they say: its descent and its lone particle."""
+    """Settings with what makes their method, whatever else they say: its descent and its lone particle.
+
+    Raises InputError for a method that is unknown, and for settings without a particle or a point.
+    """
     method = find_method(settings.method)
+    for name, number in (("particles", settings.filter.particles), ("points", settings.points)):
+        if number < 1:
+            raise InputError(f"{name}={number} is too small; give 1 or more")
     refine, of_filter = settings.refine, settings.filter
     if method.icp_iterations is not None:
         refine = msgspec.structs.replace(refine, icp_iterations=method.icp_iterations)

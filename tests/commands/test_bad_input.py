@@ -135,7 +135,7 @@ def without(name: str) -> Damage:
 def test_a_damaged_folder_is_refused(
     sequence: Path, tmp_path: Path, refused: Callable[..., str], damage: Damage, says: str
 ) -> None:
-    """What is wrong with a recording's names, its files or its first frame is found before anything is written.
+    """What is wrong with a recording's files or first frame is found before anything is written.
 
     A later frame is read when it is its turn; `tests.results.test_resume` has what happens then.
     """

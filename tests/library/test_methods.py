@@ -83,3 +83,22 @@ def test_numbers_of_a_method_are_its_own_unless_asked_for() -> None:
         gepf.settings_for("gradient", particles=2)
     with pytest.raises(gepf.InputError, match="unknown method 'magic'"):
         gepf.Tracker(settings=msgspec.structs.replace(gepf.preset("default"), method="magic"))
+
+
+@pytest.mark.parametrize(
+    ("particles", "points", "line"),
+    [(0, None, "particles=0"), (-1, None, "particles=-1"), (None, 0, "points=0")],
+)
+def test_settings_without_particles_or_points_are_refused(
+    particles: int | None, points: int | None, line: str
+) -> None:
+    """The library says so, as the command line does."""
+    with pytest.raises(gepf.InputError, match=f"{line} is too small; give 1 or more"):
+        gepf.settings_for("gepf", particles=particles, points=points)
+
+
+def test_a_tracker_without_points_is_refused() -> None:
+    """Settings that were made without `settings_for` are checked where they are used."""
+    settings = msgspec.structs.replace(gepf.preset("default"), points=0)
+    with pytest.raises(gepf.InputError, match="points=0 is too small"):
+        gepf.Tracker(settings=settings)

@@ -156,7 +156,7 @@ def test_a_damaged_frame_ends_a_run_that_can_go_on(
 def test_a_run_reads_each_frame_when_it_is_its_turn(
     sequence: Path, tmp_path: Path, workers: StillWorkers
 ) -> None:
-    """Before the first is with the workers nothing but it is read; then at most one ahead, and none beyond."""
+    """Until the workers have the first, only that is read; then at most one ahead, and none beyond."""
     pictures = [sequence / "depth" / f"{number:06d}.png" for number in range(5)]
     whole = [picture.read_bytes() for picture in pictures]
 
