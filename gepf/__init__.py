@@ -4,6 +4,9 @@ with Tracker(workers=2) as tracker:
     for frame in open_source("recording/"):
         estimate = tracker.track(frame)
 
+run = load("run/")
+print(run.angle("right_elbow_flexion", degrees=True))
+
 What is not named here is internal. Faults of the input raise InputError, all others another GepfError.
 """
 
@@ -18,7 +21,8 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.sources import ArraySource, Source, open_source
-from coordinator.tracking.estimate import Estimate
+from gepf.named import Estimate
+from gepf.run import Run, load
 from gepf.tracker import Tracker
 
 __all__ = [
@@ -31,10 +35,17 @@ __all__ = [
     "Intrinsics",
     "Measures",
     "Pool",
+    "Run",
     "Settings",
     "Source",
     "Tracker",
+    "load",
     "open_source",
     "preset",
     "settings_for",
 ]
+
+
+def __dir__() -> list[str]:
+    """What is public, and nothing else."""
+    return __all__

@@ -21,16 +21,19 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.results.recorded import deviation_of
+from coordinator.results.model_file import TrackedBody
+from coordinator.results.recorded import assemble, deviation_of
+from coordinator.results.saving import save_run
 from coordinator.security.tls import TlsFiles, choose_security
 from coordinator.sources.arrays import camera_of, whole_depth
 from coordinator.sources.camera_file import DEFAULT_FPS
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.start_file import read_start
 from coordinator.tracking.tracker import Tracker as FrameTracker
 from gepf.direct import DirectRefiner
+from gepf.named import Estimate, named
 
 log = logging.getLogger("gepf")
 
@@ -73,7 +76,7 @@ class Tracker:
         bodies = bodies_to_track(model, active, settings.preset)
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
         self._camera, self._depth_scale = camera, depth_scale
-        self._frames = 0
+        self._settings, self._frames = settings, 0
         self._stack = ExitStack()
         self._tracker = FrameTracker(self._open(workers), settings, bodies, given)
 
@@ -106,7 +109,7 @@ class Tracker:
         """
         frame = depth if isinstance(depth, DepthFrame) else self._frame_of(np.asarray(depth), time_s)
         self._frames += 1
-        return self._tracker.track(frame)
+        return self._named(self._tracker.track(frame))
 
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, sooner where there are workers.
@@ -115,11 +118,28 @@ class Tracker:
         """
         for estimate, _ in follow(self._tracker, frames):
             self._frames += 1
-            yield estimate
+            yield self._named(estimate)
+
+    def save(self, estimates: Iterable[Estimate], folder: str | Path) -> Path:
+        """Write estimates as the folder of a run, for `gepf.load`, `gepf report` and `gepf export`.
+
+        Raises InputError where the folder holds something already, or there are no estimates.
+        """
+        told = list(estimates)
+        if not told:
+            raise InputError("there is nothing to save; give the estimates that `track` returned")
+        start = self._tracker.start
+        track = assemble(start.model, told, held=start.held)
+        save_run(Path(folder), track, TrackedBody(start.model, start.held), self._settings)
+        return Path(folder)
 
     def joint_deviation(self, estimate: Estimate) -> NDArray[np.float64]:
         """Expected distance (J,) of an estimate's joints from the true ones, metres; NaN where it is lost."""
         return deviation_of(self.model, estimate)
+
+    def _named(self, estimate: PlainEstimate) -> Estimate:
+        start = self._tracker.start
+        return named(estimate, start.model, start.held)
 
     def _open(self, workers: Workers | None) -> Refiner:
         if workers is None:

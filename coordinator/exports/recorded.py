@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.bodies.angles import angles_of
 from coordinator.exports.smoothing import smooth_track
-from coordinator.results.model_file import MODEL_FILE, TrackedBody, read_tracked_body
-from coordinator.results.track import Track, read_track
-from coordinator.results.uncertainty import with_angles
+from coordinator.results.completing import read_track_with_angles
+from coordinator.results.model_file import TrackedBody, read_tracked_body
+from coordinator.results.track import Track
 
 USUAL_RATE = 30.0
 
@@ -68,13 +67,7 @@ class RecordedRun:
 
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
-    """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged.
-
-    A track that was written before tracks had angles gets them here, if the body is there.
-    """
-    track = read_track(folder)
-    if track.angle is None and (folder / MODEL_FILE).exists():
-        body = read_tracked_body(folder)
-        track = with_angles(track, angles_of(body.model, body.held))
+    """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged."""
+    track = read_track_with_angles(folder)
     shown = track if smooth_hz is None else smooth_track(track, read_tracked_body(folder).model, smooth_hz)
     return RecordedRun(folder.resolve().name, shown, folder, track, smooth_hz)

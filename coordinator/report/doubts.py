@@ -1,11 +1,22 @@
-"""Where a run should not be trusted: stretches of frames that are not plainly `tracked`."""
+"""Where a run should not be trusted: frames that are not plainly `tracked`, and leaps of an angle."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import groupby
 
+import numpy as np
+
 from coordinator.results.track import Track
+
+FASTEST = np.radians(1200.0)
+"""Radians a second: everyday motion stays below. Who throws a ball is faster, so a leap may be true."""
+
+UNKNOWN = np.radians(45.0)
+"""Deviation from which on nobody claims to know an angle, so that a leap of it says nothing."""
+
+TRUSTED, DOUBTED = 0.9, 0.5
+"""Share of frames that are tracked, from which on a run is trusted, or in parts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,6 +26,24 @@ class Doubt:
     status: str
     first: int
     last: int
+
+
+@dataclass(frozen=True, slots=True)
+class Leap:
+    """An angle that changes faster than people move: its frame and time, and how much, degrees."""
+
+    angle: str
+    frame: int
+    time_s: float
+    change_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Banner:
+    """What a reader has to know before anything else."""
+
+    kind: str  # the status that colours it
+    text: str
 
 
 def find_doubts(track: Track) -> list[Doubt]:
@@ -27,3 +56,29 @@ def find_doubts(track: Track) -> list[Doubt]:
         if status != "tracked":
             doubts.append(Doubt(status, frames[0], frames[-1]))
     return doubts
+
+
+def find_leaps(track: Track) -> list[Leap]:
+    """Every step of an angle that is faster than `FASTEST`, between frames in which it is known."""
+    if track.angle is None or track.angle_deviation is None or len(track.frame) < 2:
+        return []
+    known = np.isin(track.status, ("tracked", "ambiguous"))[:, None] & (track.angle_deviation < UNKNOWN)
+    change = np.diff(track.angle, axis=0)
+    speed = np.abs(change) / np.maximum(np.diff(track.time_s), 1e-9)[:, None]
+    names = track.angle_names or ()
+    return [
+        Leap(names[a], int(track.frame[f + 1]), float(track.time_s[f + 1]), float(np.degrees(change[f, a])))
+        for f, a in np.argwhere((speed > FASTEST) & known[1:] & known[:-1]).tolist()
+    ]
+
+
+def find_banner(track: Track, summary: dict[str, object]) -> Banner | None:
+    """A warning where a run cannot be trusted, whole or in part; None where it can."""
+    share = float(np.mean(track.status == "tracked")) if len(track.status) else 0.0
+    if share < DOUBTED:
+        return Banner("lost", f"Do not trust this run: {share:.0%} of its frames are tracked.")
+    if share < TRUSTED:
+        return Banner("ambiguous", f"Trust this run in parts: {share:.0%} of its frames are tracked.")
+    if not summary.get("complete", True):
+        return Banner("ambiguous", "This run ended before its last frame.")
+    return None

@@ -15,19 +15,21 @@ from coordinator.files.atomic import write_atomically
 from coordinator.pictures.hypotheses import HYPOTHESES_FILE
 from coordinator.pictures.run import ANIMATION_FILE, ERRORS_FILE, SHEET_FILE
 from coordinator.report.angles import draw_angles, group_angles
-from coordinator.report.doubts import find_doubts
-from coordinator.report.facts import describe_run, describe_stages, list_settings
+from coordinator.report.doubts import find_banner, find_doubts, find_leaps
+from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
+from coordinator.report.ranges import list_ranges
+from coordinator.results.completing import read_track_with_angles
 from coordinator.results.summary import read_summary
-from coordinator.results.track import Track, read_track
+from coordinator.results.track import Track
 
 TEMPLATE = "page.html.j2"
 PICTURES = (ANIMATION_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
-MEDIA = {".gif": "image/gif", ".png": "image/png"}
+MEDIA = {".gif": "image/gif", ".png": "image/png", ".mp4": "video/mp4"}
 
 
 def write_report(run: Path, out: Path) -> None:
     """Write the page about the run in this folder; InputError if it holds no finished run."""
-    track = read_track(run)
+    track = read_track_with_angles(run)
     page = render(run, track, read_summary(run))
     try:
         write_atomically(out, lambda opened: opened.write(page.encode()))
@@ -47,9 +49,16 @@ def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
         title=summary.get("sequence", run.name),
         summary=summary,
         facts=describe_run(track, summary),
+        status=describe_status(track),
+        banner=find_banner(track, summary),
         doubts=find_doubts(track),
+        leaps=find_leaps(track),
+        ranges=list_ranges(track),
         pictures={name: embed(run / name) for name in PICTURES},
-        angles=[(group, Markup(draw_angles(track, names))) for group, names in group_angles(track)],
+        angles=[
+            (group, Markup(draw_angles(track, names)))
+            for group, names in group_angles(track.angle_names or ())
+        ],
         stages=describe_stages(summary),
         settings=list_settings(summary.get("settings", {})),
         whole=json.dumps(summary, indent=2),

@@ -12,9 +12,11 @@ import pytest
 from PIL import Image
 
 from common.activation import activate
+from coordinator.bodies.angles import angles_of
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.cli import main
-from coordinator.report.doubts import Doubt, find_doubts
+from coordinator.report.doubts import Doubt, find_banner, find_doubts, find_leaps
+from coordinator.report.ranges import list_ranges
 from coordinator.results.track import Track
 from coordinator.results.uncertainty import deviation
 from tests.support.runs import swing, write_run
@@ -67,8 +69,11 @@ def test_the_page_needs_nothing_else(run: Path) -> None:
     page = Page(text)
     assert page.loaded
     assert all(address.startswith("data:") for address in page.loaded)
-    assert text.count("<svg") == 3  # the root, right and left
-    assert all(f"<!-- {name} -->" in text for name in DEFAULT_ACTIVE)
+    assert text.count("<svg") == 3  # pelvis, arms and legs
+    model = activate(human(), DEFAULT_ACTIVE, np.zeros(len(human().dof_names)))
+    names = [name.replace("_", " ") for name in angles_of(model).names]
+    assert all(f"<!-- {name} -->" in text for name in names)
+    assert {"elbow flexion", "right: from … to (range)", "left: from … to (range)"} <= set(page.words)
     assert "refine.damping" in page.words
 
 
@@ -128,3 +133,49 @@ def test_deviation_is_by_weight_and_the_short_way_round() -> None:
     poses = np.concatenate([track.hypothesis_pose, np.full((2, 1, 1), np.nan)], axis=1)
     padded_track = replace(track, hypothesis_weight=padded, hypothesis_pose=poses)
     assert deviation(padded_track) == pytest.approx(np.full((2, 1), 0.1))
+
+
+def elbow_track(degrees: list[float], status: list[str] | None = None, off: float = 8.0) -> Track:
+    """A track of one elbow at 30 frames a second."""
+    plain = track_of(status or ["tracked"] * len(degrees))
+    angle = np.radians(np.array(degrees))[:, None]
+    deviation_ = np.full_like(angle, np.radians(off))
+    names = ("right_elbow_flexion",)
+    return replace(plain, angle_names=names, angle=angle, angle_deviation=deviation_)
+
+
+def test_leaps_that_no_person_makes_are_named() -> None:
+    """41 degrees in a thirtieth of a second are a leap, 39 are none; unknown and lost angles leap freely."""
+    (leap,) = find_leaps(elbow_track([0.0, 39.0, 80.0]))
+    assert (leap.angle, leap.frame, round(leap.change_deg)) == ("right_elbow_flexion", 12, 41)
+    assert find_leaps(elbow_track([0.0, 90.0], off=50.0)) == []
+    assert find_leaps(elbow_track([0.0, 90.0], ["lost", "tracked"])) == []
+    assert find_leaps(track_of(["tracked"])) == []
+
+
+@pytest.mark.parametrize(
+    ("tracked", "complete", "says"),
+    [
+        (10, True, None),
+        (10, False, "ended before its last frame"),
+        (8, True, "Trust this run in parts: 80%"),
+        (3, True, "Do not trust this run: 30%"),
+    ],
+)
+def test_a_banner_says_whether_to_trust_a_run(tracked: int, complete: bool, says: str | None) -> None:
+    """By the share of frames that are tracked; a run that ended early is said to be one."""
+    track = track_of(["tracked"] * tracked + ["lost"] * (10 - tracked))
+    banner = find_banner(track, {"complete": complete})
+    assert (banner is None) == (says is None)
+    assert says is None or (banner is not None and says in banner.text)
+
+
+def test_ranges_are_those_of_the_known_frames() -> None:
+    """From, to, when and how fast; what was reported while lost does not count."""
+    (row,) = list_ranges(elbow_track([10.0, 40.0, 170.0, 20.0], ["tracked", "ambiguous", "lost", "tracked"]))
+    assert (row.name, row.left, row.middle) == ("elbow flexion", None, None)
+    reach = row.right
+    assert reach is not None
+    assert (round(reach.least), round(reach.greatest), round(reach.motion)) == (10, 40, 30)
+    assert (reach.least_s, round(reach.greatest_s * 30.0), round(reach.fastest)) == (0.0, 1, 900)
+    assert list_ranges(elbow_track([1.0], ["lost"])) == []

@@ -1,0 +1,73 @@
+"""An estimate that knows its body, so that joints and angles are asked for by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.errors import InputError
+from coordinator.bodies.angles import Angles, angles_of
+from coordinator.results.recorded import deviation_of
+from coordinator.tracking import estimate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Estimate(estimate.Estimate):
+    """The reported pose of a frame, all hypotheses (M) behind it, and how sure the tracker is.
+
+    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the likeliest's mean
+    distance between observed points and the model, metres; NaN where nothing was observed.
+    """
+
+    model: BodyModel
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """What `joint` knows."""
+        return self.model.joint_names
+
+    @property
+    def angle_names(self) -> tuple[str, ...]:
+        """What `angle` knows, besides the degrees of freedom by their MPEG-4 names."""
+        return self._angles.names
+
+    def joint(self, name: str) -> Array:
+        """A joint's place (3,), camera frame, metres; InputError names the joints that there are."""
+        at: Array = self.joint_positions[index_of(name, self.joint_names, "joint")]
+        return at
+
+    def joint_deviation(self, name: str) -> float:
+        """How far a joint may be off, one standard deviation, metres; NaN where it is lost."""
+        return float(deviation_of(self.model, self)[index_of(name, self.joint_names, "joint")])
+
+    def angle(self, name: str, *, degrees: bool = False) -> float:
+        """An angle, radians unless `degrees`: the value nearest to zero, as one frame knows no others."""
+        if name in self.model.dof_names:
+            value = self.pose[self.model.dof_names.index(name)]
+        else:
+            value = self._angles.measure(self.pose[None])[0, index_of(name, self.angle_names, "angle")]
+        return float(np.degrees(value) if degrees else value)
+
+    @property
+    def _angles(self) -> Angles:
+        return angles_of(self.model, self.held)
+
+
+def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float]) -> Estimate:
+    """An estimate with its body."""
+    values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
+    return Estimate(**values, model=model, held=held)
+
+
+def index_of(name: str, names: tuple[str, ...], kind: str) -> int:
+    """Where a name stands; InputError that lists all."""
+    if name not in names:
+        raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(names)}")
+    return names.index(name)

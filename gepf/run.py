@@ -1,0 +1,165 @@
+"""A run in hand: angles and joints by name, exports, plots, the report."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError
+from coordinator.bodies.human.isb import isb_angles, isb_names
+from coordinator.exports import export_run
+from coordinator.exports.csv import write_csv
+from coordinator.exports.recorded import RecordedRun, read_run
+from coordinator.results.summary import read_summary
+from coordinator.results.track import Track
+from gepf.named import index_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+class Run:
+    """What `gepf track` left in a folder, or `Tracker.save` wrote."""
+
+    def __init__(self, recorded: RecordedRun) -> None:
+        self._recorded = recorded
+
+    @property
+    def folder(self) -> Path:
+        """Where the run is."""
+        return self._recorded.folder
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """All settings, versions and counts, as in `summary.json`."""
+        return read_summary(self.folder)
+
+    @property
+    def track(self) -> Track:
+        """All arrays of `track.npz`, radians and metres."""
+        return self._recorded.track
+
+    def __len__(self) -> int:
+        return len(self.track.frame)
+
+    @property
+    def frame(self) -> NDArray[np.int64]:
+        """Frame numbers (F,)."""
+        return self.track.frame
+
+    @property
+    def time_s(self) -> Array:
+        """When each frame was taken (F,), seconds."""
+        return self.track.time_s
+
+    @property
+    def status(self) -> NDArray[np.str_]:
+        """How sure the tracker is of each frame (F,): `tracked`, `ambiguous`, `lost` and others."""
+        return self.track.status
+
+    @property
+    def angle_names(self) -> tuple[str, ...]:
+        """Anatomical angles of a person, joints of a robot; what `angle` knows first of all."""
+        return self._recorded.angle_names
+
+    @property
+    def isb_angle_names(self) -> tuple[str, ...]:
+        """The shoulders' angles as the ISB wants them; `angle` knows these, too."""
+        return isb_names(self.angle_names)
+
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """Degrees of freedom of the pose, by their MPEG-4 names; `angle` knows these, too."""
+        return self.track.dof_names
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """What `joint` knows."""
+        return self.track.joint_names
+
+    def angle(self, name: str, *, degrees: bool = False) -> Array:
+        """An angle (F,) by its plain, ISB's or MPEG-4 name; radians unless `degrees`.
+
+        InputError lists the names that there are.
+        """
+        track = self.track
+        if name in track.dof_names:
+            values = np.unwrap(track.pose[:, track.dof_names.index(name)])
+        elif name in self.isb_angle_names:
+            told = isb_angles(self.angle_names, self._recorded.angle)
+            values = told[:, self.isb_angle_names.index(name)]
+        else:
+            values = self._recorded.angle[:, index_of(name, self.angle_names, "angle")]
+        return np.degrees(values) if degrees else values.copy()
+
+    def angle_deviation(self, name: str, *, degrees: bool = False) -> Array:
+        """How far an angle of `angle_names` may be off (F,), one standard deviation; NaN where it is lost."""
+        at = index_of(name, self.angle_names, "angle")
+        off = self.track.angle_deviation
+        values = np.full(len(self), np.nan) if off is None else off[:, at]
+        return np.degrees(values) if degrees else values.copy()
+
+    def joint(self, name: str) -> Array:
+        """A joint's places (F, 3), camera frame, metres; InputError lists the joints that there are."""
+        at: Array = self.track.joint_positions[:, index_of(name, self.joint_names, "joint")]
+        return at.copy()
+
+    def joint_deviation(self, name: str) -> Array:
+        """How far a joint may be off (F,), one standard deviation, metres; NaN where it is lost."""
+        at, off = index_of(name, self.joint_names, "joint"), self.track.joint_deviation
+        return np.full(len(self), np.nan) if off is None else off[:, at].copy()
+
+    def smooth(self, cutoff_hz: float = 6.0) -> Run:
+        """The same run low-passed without delay; what is in its folder stays as it is."""
+        return Run(read_run(self.folder, cutoff_hz))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The columns of `poses.csv`, one row a frame; needs pandas, and InputError says so."""
+        try:
+            import pandas as pd
+        except ImportError:
+            raise InputError("to_dataframe needs the package pandas; pip install pandas") from None
+        text = io.BytesIO()
+        write_csv(self.track, text)
+        text.seek(0)
+        return pd.read_csv(text)
+
+    def export(self, path: str | Path, form: str | None = None, *, force: bool = False) -> Path:
+        """Write the run for another program, in the format of the file's suffix unless told.
+
+        InputError for unknown formats, and for a file that is there unless `force`.
+        """
+        path = Path(path)
+        smooth = self._recorded.smoothed_hz
+        export_run(self.folder, form or path.suffix.removeprefix("."), path, smooth_hz=smooth, force=force)
+        return path
+
+    def report(self, path: str | Path | None = None) -> Path:
+        """Write the HTML page about the run, into its folder unless told where, and return its place."""
+        from coordinator.report import write_report
+
+        page = Path(path) if path else self.folder / "report.html"
+        write_report(self.folder, page)
+        return page
+
+    def plot(self, names: Iterable[str] | None = None) -> Figure:
+        """A figure of angles in degrees over seconds, each with its deviation; all unless told which."""
+        from coordinator.report.angles import plot_angles
+
+        chosen = self.angle_names if names is None else tuple(names)
+        for name in chosen:
+            index_of(name, self.angle_names, "angle")
+        return plot_angles(self.track, chosen)
+
+
+def load(folder: str | Path) -> Run:
+    """The run in a folder, as `gepf track --out` wrote it; InputError if there is none or it is damaged."""
+    return Run(read_run(Path(folder)))

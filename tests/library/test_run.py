@@ -1,0 +1,121 @@
+"""A run in hand: by name, smoothed, exported, saved, and what is public."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gepf
+from tests.support.bodies import person
+from tests.support.people import SETTINGS, STANDING, shown
+from tests.support.runs import swing, write_run
+
+PERSON = gepf.Measures.of(1.82)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> gepf.Run:
+    """A run of 30 frames, the third lost."""
+    body = person()
+    write_run(tmp_path / "run", body, swing(body, 30), lost=(2,))
+    (tmp_path / "run" / "summary.json").write_text('{"sequence": "swing"}')
+    return gepf.load(tmp_path / "run")
+
+
+def test_angles_by_any_of_their_names(run: gepf.Run) -> None:
+    """Plain, MPEG-4's and the ISB's, in radians or degrees; unknown names are told the known ones."""
+    plain, mpeg4 = run.angle("right_elbow_flexion"), run.angle("r_elbow_flexion")
+    assert np.array_equal(plain, mpeg4)
+    assert np.array_equal(run.angle("right_elbow_flexion", degrees=True), np.degrees(plain))
+    assert run.angle("left_shoulder_isb_elevation").shape == (30,)
+    assert {"left_shoulder_isb_elevation"} < set(run.isb_angle_names)
+    assert run.angle_deviation("right_elbow_flexion", degrees=True)[0] == pytest.approx(8.0)
+    assert np.isnan(run.angle_deviation("right_elbow_flexion")[2])
+    with pytest.raises(gepf.InputError, match="unknown angle 'elbow'; choose from pelvis_forward_tilt,"):
+        run.angle("elbow")
+
+
+def test_joints_by_name(run: gepf.Run) -> None:
+    """Places (F, 3), and what else a run knows of its frames; an unknown joint is told the known ones."""
+    at = run.joint_names.index("right_wrist")
+    assert np.array_equal(run.joint("right_wrist"), run.track.joint_positions[:, at])
+    assert (len(run), run.status[2], run.frame[0], run.summary["sequence"]) == (30, "lost", 100, "swing")
+    assert np.isnan(run.joint_deviation("right_wrist")).all()  # this run was written without
+    with pytest.raises(gepf.InputError, match="unknown joint 'hand'; choose from pelvis, neck"):
+        run.joint("hand")
+
+
+def test_a_data_frame_holds_the_csv(run: gepf.Run) -> None:
+    """One row a frame, angles in degrees first, with their times."""
+    table = run.to_dataframe()
+    assert np.allclose(table["right_elbow_flexion_deg"], run.angle("right_elbow_flexion", degrees=True))
+    assert np.allclose(table["time_s"], run.time_s)
+    assert len(table) == 30
+
+
+def test_without_pandas_one_line_says_so(run: gepf.Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A missing package is the user's to install."""
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(gepf.InputError, match="needs the package pandas; pip install pandas"):
+        run.to_dataframe()
+
+
+def test_exports_by_suffix(run: gepf.Run, tmp_path: Path) -> None:
+    """The format is the suffix's; what is there stays unless forced; a smoothed run is written smoothed."""
+    path = run.export(tmp_path / "angles.mot")
+    assert "inDegrees=yes" in path.read_text()
+    with pytest.raises(gepf.InputError, match="is there already"):
+        run.export(path)
+    run.smooth(6.0).export(path, force=True)
+    assert "low pass 6 Hz" in path.read_text()
+    with pytest.raises(gepf.InputError, match="unknown format 'fbx'"):
+        run.export(tmp_path / "a.fbx")
+
+
+def test_smoothing_leaves_the_run_as_it_was(run: gepf.Run) -> None:
+    """Another run with less motion from frame to frame; the one in hand and its folder keep theirs."""
+    before = run.angle("left_knee_flexion")
+    smooth = run.smooth(3.0).angle("left_knee_flexion")
+    assert not np.array_equal(smooth, before)
+    assert np.array_equal(gepf.load(run.folder).angle("left_knee_flexion"), before)
+
+
+def test_plot_and_report(run: gepf.Run) -> None:
+    """A figure with a plot for each angle that was asked for; a page in the run's folder."""
+    figure = run.plot(["right_knee_flexion", "left_knee_flexion"])
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["right knee flexion", "left knee flexion"]
+    assert run.report() == run.folder / "report.html"
+    assert "Range of motion" in (run.folder / "report.html").read_text()
+    with pytest.raises(gepf.InputError, match="unknown angle"):
+        run.plot(["knee"])
+
+
+def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
+    """What a tracker says of a frame is read by name; saved, it is the run that `load` gives back."""
+    tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+    estimates = [tracker.track(frame) for frame in shown("standing").frames[:2]]
+    first = estimates[0]
+    at = first.model.joint_names.index("right_wrist")
+    assert np.array_equal(first.joint("right_wrist"), first.joint_positions[at])
+    assert first.joint_deviation("right_wrist") == tracker.joint_deviation(first)[at]
+    elbow = first.angle("right_elbow_flexion", degrees=True)
+    assert elbow == pytest.approx(np.degrees(first.angle("r_elbow_flexion")))
+    with pytest.raises(gepf.InputError, match="unknown angle 'elbow'"):
+        first.angle("elbow")
+    run = gepf.load(tracker.save(estimates, tmp_path / "saved"))
+    assert run.angle("right_elbow_flexion", degrees=True)[0] == pytest.approx(elbow)
+    assert run.summary["status"]["tracked"] == 2
+    run.report()
+    with pytest.raises(gepf.InputError, match="holds a run already"):
+        tracker.save(estimates, tmp_path / "saved")
+    with pytest.raises(gepf.InputError, match="nothing to save"):
+        tracker.save([], tmp_path / "empty")
+
+
+def test_nothing_private_shows() -> None:
+    """`dir(gepf)` is what the library documents, and each of it is there."""
+    assert dir(gepf) == sorted(gepf.__all__)
+    assert all(hasattr(gepf, name) for name in gepf.__all__)
