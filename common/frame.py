@@ -28,15 +28,22 @@ class DepthFrame:
         return self.depth.astype(np.float32) / np.float32(self.depth_scale)
 
 
+UNKNOWN, SUBJECT, EMPTY, HIDDEN = 0, 1, 2, 3
+"""Kinds of pixels: nothing was measured, or it is unclear what; the subject; something farther was measured,
+so that the subject is not there; something nearer was, behind which it may be."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SubjectFrame:
     """A frame cropped to the subject: every pixel that is not the subject's is 0.
 
     picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points.
     view: (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open; what
-    lies inside it and shows no subject is known to be empty, what lies outside was not seen.
+    lies outside was not seen, what lies inside it and not in the crop is known to be empty.
+    kinds: uint8 (H, W) of the crop; None where all that is not the subject's is empty.
     """
 
     frame: DepthFrame
     picked: NDArray[np.uint32]  # (P,)
     view: tuple[int, int, int, int]
+    kinds: NDArray[np.uint8] | None = None  # (H, W)

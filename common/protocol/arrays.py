@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from common.errors import ProtocolError
 
-DType = Literal["<u2", "<u4", "<i8", "<f4", "<f8"]
+DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]
 Extent = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 Dims = tuple[int | str, ...]  # extents: a number, or a letter that has one value throughout a message
 TYPES = {name: (np.dtype(name), np.dtype(name).newbyteorder("=")) for name in get_args(DType)}

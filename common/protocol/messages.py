@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.errors import ProtocolError
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import HIDDEN, SUBJECT, DepthFrame, SubjectFrame
 from common.protocol.arrays import Dims, check_finite, check_indices, pack, unpack
 from common.protocol.checks import check_camera, check_model, check_poses, check_refined, check_settings
 from common.protocol.wire import (
@@ -75,6 +75,7 @@ def encode_frame(subject: SubjectFrame) -> bytes:
         depth=pack(frame.depth),
         picked=pack(subject.picked),
         view=subject.view,
+        kinds=None if subject.kinds is None else pack(subject.kinds),
     )
     return encode(message)
 
@@ -88,7 +89,19 @@ def decode_frame(payload: bytes) -> SubjectFrame:
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
-    return SubjectFrame(frame, picked, message.view)
+    kinds = None
+    if message.kinds is not None:
+        kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {})
+        check_kinds(kinds, frame.depth)
+    return SubjectFrame(frame, picked, message.view, kinds)
+
+
+def check_kinds(kinds: NDArray[np.uint8], depth: NDArray[np.uint16]) -> None:
+    """ProtocolError unless these are kinds of pixels, the subject's those with depth."""
+    if kinds.size and kinds.max() > HIDDEN:
+        raise ProtocolError(f"kinds go up to {kinds.max()}, not {HIDDEN}")
+    if not np.array_equal(kinds == SUBJECT, depth > 0):
+        raise ProtocolError("kinds and depth differ in what is the subject's")
 
 
 def check_picked(picked: NDArray[np.uint32], depth: NDArray[np.uint16]) -> None:

@@ -15,7 +15,7 @@ from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
 
-PROTOCOL = 1
+PROTOCOL = 2
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_REASON = 1_000  # characters
 
@@ -50,6 +50,7 @@ class FrameMessage(Message, frozen=True, tag="frame"):
     depth: Array
     picked: Array
     view: tuple[Pixel, Pixel, Pixel, Pixel]
+    kinds: Array | None = None
 
 
 class LiveFrameMessage(Message, frozen=True, tag="live-frame"):

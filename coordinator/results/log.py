@@ -23,7 +23,7 @@ from coordinator.tracking.start import Start
 from coordinator.tracking.state import Checkpoint
 
 HEAD = struct.Struct("<II")
-FORM = 4
+FORM = 5
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

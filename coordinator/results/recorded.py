@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from coordinator.results.log import Began, Entry, Opening, Resumed, read_records
 from coordinator.results.run_configuration import RunConfiguration
 from coordinator.results.track import Track
 from coordinator.results.uncertainty import joint_deviation, with_angles
+from coordinator.scene.scene import Scene
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.start import Start
 from coordinator.tracking.state import TrackerState
@@ -41,6 +42,7 @@ def read_log(path: Path) -> Recorded | None:
     start: Start | None = None
     estimates: list[Estimate] = []
     last: Entry | None = None
+    scene = Scene()
     resumes = end = 0
     with path.open("rb") as file:
         for record, place in read_records(file):
@@ -54,10 +56,11 @@ def read_log(path: Path) -> Recorded | None:
                     resumes += 1
                 case Entry():
                     last = record
+                    scene.recall(record.checkpoint.scene)
                     estimates.append(record.estimate)
     if start is None or last is None:
         return None
-    state = TrackerState(start, last.checkpoint)
+    state = TrackerState(start, replace(last.checkpoint, scene=scene.all()))
     return Recorded(configuration, estimates, state, last.statistics, last.seconds, resumes, end)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coordinator.filters.belief import Belief
+from coordinator.scene.scene import SceneChange
 from coordinator.tracking.start import Start
 
 
@@ -20,6 +21,7 @@ class Checkpoint:
     around: NDArray[np.float64]  # pose (D,) near which the next frame shows the subject
     time_s: float  # of the last frame that showed something
     generator: str  # the random generator's state as JSON, whose integers have any size
+    scene: SceneChange  # what the frame changed in what is known of the scene; of a resumed run, all of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,11 +33,11 @@ class TrackerState:
 
 
 def take_checkpoint(
-    belief: Belief, around: NDArray[np.float64], time_s: float, rng: np.random.Generator
+    belief: Belief, around: NDArray[np.float64], time_s: float, rng: np.random.Generator, scene: SceneChange
 ) -> Checkpoint:
-    """A belief, a pose (D,), a time and a generator as values that can be recorded."""
+    """A belief, a pose (D,), a time, a generator and a scene as values that can be recorded."""
     arrays = {field.name: getattr(belief, field.name) for field in fields(belief)}
-    return Checkpoint(arrays, around, time_s, json.dumps(rng.bit_generator.state))
+    return Checkpoint(arrays, around, time_s, json.dumps(rng.bit_generator.state), scene)
 
 
 def load_generator(state: str) -> np.random.Generator:

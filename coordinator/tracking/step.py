@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import DepthFrame
 from coordinator.filters.belief import Belief
 from coordinator.filters.proposal import Proposal
+from coordinator.tracking.isolation import Isolated
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.stopwatch import Stopwatch
@@ -15,11 +16,11 @@ from coordinator.tracking.stopwatch import Stopwatch
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CutOut:
-    """A frame, and what it shows of the subject."""
+    """A frame, and what it shows of the subject and of the scene."""
 
     frame: DepthFrame
-    subject: SubjectFrame | None  # None where nothing of it is seen
-    clock: Stopwatch = field(default_factory=Stopwatch)
+    isolated: Isolated
+    clock: Stopwatch
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""The subject's pixels in a depth frame: nothing else within 80 cm of it is assumed (section 6)."""
+"""The subject's pixels in a depth frame, and those of them that become observed points (section 6)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import SUBJECT, DepthFrame, SubjectFrame
+from coordinator.scene.cutting import Cut
 
 Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]
@@ -16,7 +17,7 @@ CLEARANCE = 0.8  # metres around the subject in which there is nothing else
 
 
 def isolate(frame: DepthFrame, around: Array | None, points: int) -> SubjectFrame | None:
-    """Crop a frame to the subject and pick the pixels that become observed points.
+    """Crop a frame to the subject where nothing else is seen within 80 cm of it.
 
     Args:
         frame: The whole image.
@@ -47,6 +48,28 @@ def isolate(frame: DepthFrame, around: Array | None, points: int) -> SubjectFram
         ),
         picked=pick(depth, points),
         view=(-left, -top, camera.width - left, camera.height - top),
+    )
+
+
+def subject_of(frame: DepthFrame, cut: Cut, points: int) -> SubjectFrame | None:
+    """The crop of a frame from which this was cut out, with its pixels' kinds; None without a subject."""
+    left, top, right, bottom = cut.window
+    mine = cut.kinds == SUBJECT
+    if not mine.any():
+        return None
+    camera = frame.intrinsics
+    depth = np.where(mine, frame.depth[top:bottom, left:right], np.uint16(0))
+    return SubjectFrame(
+        frame=DepthFrame(
+            frame.number,
+            frame.time_s,
+            depth,
+            frame.depth_scale,
+            camera.crop(left, top, right - left, bottom - top),
+        ),
+        picked=pick(depth, points),
+        view=(-left, -top, camera.width - left, camera.height - top),
+        kinds=cut.kinds,
     )
 
 

@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import bounding_box, joint_positions, natural_angles
+from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
 from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
+from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.isolation import Isolation, Posed
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
@@ -32,7 +34,7 @@ from coordinator.tracking.state import TrackerState, load_generator, take_checkp
 from coordinator.tracking.status import judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
-from coordinator.tracking.subject import CLEARANCE, isolate
+from coordinator.tracking.subject import CLEARANCE
 
 Array = NDArray[np.float64]
 
@@ -49,6 +51,7 @@ class Tracker:
         start: Values of degrees of freedom in the first frame, metres and radians; None to find
             them, which can be done for people only.
         state: Go on from here, where another tracker of the same settings left off.
+        isolation: Cuts the body out of the frames; None for the usual way.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class Tracker:
         bodies: Bodies,
         start: Mapping[str, float] | None = None,
         state: TrackerState | None = None,
+        isolation: Isolation | None = None,
     ) -> None:
         require_start(start, bodies)
         self._refiner = refiner
@@ -71,7 +75,11 @@ class Tracker:
         self._around: Array | None = None  # pose (D,) near which the next frame shows the subject
         self._time_s: float | None = None  # of the last frame that showed something
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
+        self._isolation = isolation or Isolation(settings.points)
+        self._scene = SceneChange()  # what the frame that was submitted last changed in it
         if state is not None:
+            self._scene = state.checkpoint.scene
+            self._isolation.recall(self._scene)
             self._around = state.checkpoint.around
             self._time_s = state.checkpoint.time_s
             self._rng = load_generator(state.checkpoint.generator)
@@ -96,7 +104,7 @@ class Tracker:
         assert self._belief is not None
         assert self._around is not None
         assert self._time_s is not None
-        checkpoint = take_checkpoint(self._belief, self._around, self._time_s, self._rng)
+        checkpoint = take_checkpoint(self._belief, self._around, self._time_s, self._rng, self._scene)
         return TrackerState(self.start, checkpoint)
 
     @property
@@ -110,18 +118,19 @@ class Tracker:
 
     def submit(self, frame: DepthFrame) -> Submitted:
         """Draw particles for the next frame and let the workers refine them; `collect` has to follow."""
-        view, self._ahead = self._cut_out(frame), None
-        first, clock = self._belief is None, view.clock
-        if view.subject is None:
+        cut, self._ahead = self._cut_out(frame), None
+        first, clock, subject = self._belief is None, cut.clock, cut.isolated.subject
+        self._scene = cut.isolated.change
+        if subject is None:
             self._around = self._require_belief(frame).reported
             return Submitted(frame, None, first, clock)
         with clock.stage("publish"):
-            self._refiner.publish(view.subject)
+            self._refiner.publish(subject)
         with clock.stage("start"):
-            past = self._begin(view.subject) if self._belief is None else self._belief
+            past = self._begin(subject) if self._belief is None else self._belief
             self._around = past.reported
         with clock.stage("draw"):
-            sighting = see(view.subject, self._time_s)
+            sighting = see(subject, self._time_s)
             proposal = self._method.propose(self.model, past, sighting, self._settings.filter, self._rng)
         with clock.stage("refine"):
             return Submitted(frame, self._request(proposal), first, clock)
@@ -131,9 +140,10 @@ class Tracker:
         if frame is None:
             return
         self._ahead = self._cut_out(frame)
-        if self._ahead.subject is not None:
+        subject = self._ahead.isolated.subject
+        if subject is not None:
             with self._ahead.clock.stage("publish"):
-                self._refiner.send_ahead(self._ahead.subject)
+                self._refiner.send_ahead(subject)
 
     def collect(self, submitted: Submitted) -> Tracked:
         """Wait for the refined particles of the frame that was submitted last, and update the belief."""
@@ -212,15 +222,15 @@ class Tracker:
             return self._ahead
         clock = Stopwatch()
         with clock.stage("isolate"):
-            return CutOut(frame, isolate(frame, self._surroundings(), self._settings.points), clock)
+            return CutOut(frame, self._isolation.cut(frame, self._body()), clock)
 
-    def _surroundings(self) -> Array | None:
-        """Box (2, 3) around which a frame is cut out, at first of the given pose; None for all of it."""
+    def _body(self) -> Posed | None:
+        """Near what a frame is cut out, at first the given pose; None where nothing is known yet."""
         if self._around is not None:
-            return bounding_box(self.model, self._around)
+            return Posed(self.model, self._around)
         if self._given is not None:
             start = given_start(self._given, self._bodies)
-            return bounding_box(start.model, start.pose)
+            return Posed(start.model, start.pose)
         return None
 
     def _begin(self, subject: SubjectFrame) -> Belief:

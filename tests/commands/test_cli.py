@@ -128,7 +128,7 @@ def test_the_summary_tells_what_was_decided_and_how_it_went(tracked: Tracked) ->
     _, summary = tracked(
         "--particles", "7", "--points", "300", "--seed", "9", "--preset", "default", "--workers", "3"
     )
-    assert summary["sequence"] == "wall"
+    assert summary["sequence"] == "board"
     assert summary["complete"] is True
     assert (summary["method"], summary["preset"], summary["seed"]) == ("gepf", "default", 9)
     assert (summary["frames"], summary["particles"]) == (5, 7)

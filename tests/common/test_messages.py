@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.errors import ProtocolError
-from common.frame import SubjectFrame
+from common.frame import EMPTY, SUBJECT, SubjectFrame
 from common.protocol import messages
 from common.protocol.messages import (
     decode_frame,
@@ -79,6 +79,16 @@ def same(one: object, other: object) -> bool:
 def test_frame_survives() -> None:
     """Depth, camera, time, number, picked pixels and view arrive as they were."""
     assert same(tiny_frame(), decode_frame(KINDS["frame"].payload))
+
+
+def test_kinds_of_pixels_survive() -> None:
+    """A frame of a room arrives with what each pixel says."""
+    frame = tiny_frame()
+    kinds = np.where(frame.frame.depth > 0, SUBJECT, EMPTY).astype(np.uint8)
+    arrived = decode_frame(encode_frame(replace(frame, kinds=kinds))).kinds
+    assert arrived is not None
+    np.testing.assert_array_equal(arrived, kinds)
+    assert decode_frame(encode_frame(frame)).kinds is None
 
 
 def test_model_survives() -> None:
@@ -251,6 +261,17 @@ BAD = {
     "nan camera": ("frame", set_to("intrinsics", "cy", value=float("nan")), "camera holds values"),
     "scale": ("frame", set_to("depth_scale", value=-1.0), "must be above zero"),
     "time": ("frame", set_to("time_s", value=float("inf")), "time holds values"),
+    "kinds range": (
+        "frame",
+        set_to("kinds", value=packed(np.full((32, 32), 4, np.uint8))),
+        "kinds go up",
+    ),
+    "kinds": ("frame", set_to("kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))), "kinds and depth"),
+    "kinds size": (
+        "frame",
+        set_to("kinds", value=packed(np.zeros((32, 31), np.uint8))),
+        r"kinds has shape \(32, 31\)",
+    ),
     "view": ("frame", set_to("view", value=[3, 0, 2, 9]), "ends before it begins"),
     "vertex": (
         "model",

@@ -25,6 +25,7 @@ from coordinator.results.log import frame_record, read_records
 from coordinator.results.recorded import Recorded, read_log
 from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.track import Track, read_track
+from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.start import Start
 from coordinator.tracking.state import Checkpoint, TrackerState
@@ -66,9 +67,9 @@ ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")
 def state(number: int) -> TrackerState:
     """What the tracker knew after a frame; its arrays hold what is hard to write down."""
     belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
-    return TrackerState(
-        START, Checkpoint(belief, np.array([0.5]), number / 3.0, f'{{"state": {2**127 + number}}}')
-    )
+    generator = f'{{"state": {2**127 + number}}}'
+    scene = SceneChange(seen=number)
+    return TrackerState(START, Checkpoint(belief, np.array([0.5]), number / 3.0, generator, scene))
 
 
 def record(

@@ -20,6 +20,7 @@ from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_records
+from coordinator.results.recorded import read_log
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.start import Start
@@ -27,6 +28,7 @@ from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import STANDING, as_bytes, empty, shown
+from tests.support.rooms import in_a_room
 from tests.support.still_workers import StillWorkers, no_pictures, sequence, workers  # noqa: F401 fixtures
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -69,6 +71,26 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
         following = Tracker(DirectRefiner(), settings, bodies(), None, state)
 
 
+def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    """What is known of the scene is folded from the log: resumed after every frame, a run says the same."""
+    settings = choose_settings("gepf", "default", 4, 400, seed=5)
+    frames = [in_a_room(frame) for frame in shown("standing").frames]
+    calm = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    said = [as_bytes(estimate) for estimate, _ in follow(calm, frames)]
+    following = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    with (tmp_path / "log").open("ab") as file:
+        for number, frame in enumerate(frames):
+            estimate = following.track(frame)
+            assert as_bytes(estimate) == said[number]
+            state = following.state
+            assert len(state.checkpoint.scene.learned.pixels) > 0 or number > 1
+            entry = Entry(estimate, state.checkpoint, PoolStatistics(), 0.0)
+            append_records(file.fileno(), [Began(state.start), entry])
+            recorded = read_log(tmp_path / "log")
+            assert recorded is not None
+            following = Tracker(DirectRefiner(), settings, bodies(), None, recorded.state)
+
+
 def test_all_that_a_tracker_changes_is_in_its_state() -> None:
     """Attributes that tracking changes are those that are recorded; a new one fails here."""
     following = Tracker(DirectRefiner(), preset("default"), bodies(), STANDING)
@@ -76,10 +98,10 @@ def test_all_that_a_tracker_changes_is_in_its_state() -> None:
     generator = json.dumps(following._rng.bit_generator.state)
     following.track(shown("standing").frames[0])
     changed = {name for name, value in vars(following).items() if value is not before[name]}
-    assert changed == {"_start", "_belief", "_around", "_time_s"}
+    assert changed == {"_start", "_belief", "_around", "_time_s", "_scene"}
     assert generator != following.state.checkpoint.generator
     assert set(TrackerState.__slots__) == {"start", "checkpoint"}
-    assert set(Checkpoint.__slots__) == {"belief", "around", "time_s", "generator"}
+    assert set(Checkpoint.__slots__) == {"belief", "around", "time_s", "generator", "scene"}
     assert isinstance(following.state.start, Start)
 
 

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics, back_project, project
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import EMPTY, DepthFrame, SubjectFrame
 from common.kinematics import difference, dof_transforms, pose_vertices, retract, step_axes
 from common.settings import RefineSettings
 from tests.support.bodies import moves
@@ -148,7 +148,8 @@ def project_onto_silhouette(
     cells = np.floor(pixels + 0.5).astype(int)
     viewed = np.all((cells >= (left, top)) & (cells < (right, bottom)), axis=1)
     inside = np.clip(cells, 0, np.array(depth.shape[::-1]) - 1)
-    nearest = distance_transform_edt(depth == 0, return_distances=False, return_indices=True)
+    empty = depth == 0 if subject.kinds is None else subject.kinds == EMPTY
+    nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
     outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
     off = outline - pixels
     apart = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)

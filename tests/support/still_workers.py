@@ -84,11 +84,12 @@ def workers() -> StillWorkers:
 
 @pytest.fixture
 def sequence(tmp_path: Path) -> Path:
-    """Five frames of a wall at two metres, with a start; nothing is seen in frame 3."""
-    folder = tmp_path / "wall"
+    """Five frames of a board at two metres, with a start; nothing is seen in frame 3."""
+    folder = tmp_path / "board"
     (folder / "depth").mkdir(parents=True)
     for number in range(5):
-        depth = np.full((48, 64), 0 if number == 3 else 2000, dtype=np.uint16)
+        depth = np.zeros((48, 64), dtype=np.uint16)
+        depth[:, 12:52] = 0 if number == 3 else 2000
         Image.fromarray(depth).save(folder / "depth" / f"{number:06d}.png")
     (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA))
     (folder / "init.json").write_text(json.dumps({"root_tz": 2.0, "r_elbow_flexion": 0.5}))

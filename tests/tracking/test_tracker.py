@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from errno import ENOSPC
 from functools import cache
 from pathlib import Path
@@ -39,6 +39,7 @@ from tests.support.people import (
     shown,
     tracker,
 )
+from tests.support.rooms import in_a_room
 
 Array = NDArray[np.float64]
 
@@ -68,6 +69,35 @@ def test_it_starts_by_itself_and_follows(posture: str, stature: float) -> None:
     assert fresh.start.stature == pytest.approx(stature, rel=0.05)
 
 
+def test_a_room_around_the_person_changes_little() -> None:
+    """With a floor and a wall in every frame it starts by itself and follows as it does without them."""
+    frames, joints = shown("standing", 1.82)
+    fresh = Tracker(DirectRefiner(), SETTINGS, people())
+    for frame, truth in zip(frames, joints, strict=True):
+        estimate = fresh.track(in_a_room(frame))
+        assert estimate.status == "tracked"
+        assert np.median(apart(estimate, truth)) < 0.03
+        assert apart(estimate, truth).max() < 0.08
+
+
+def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
+    """What hides the legs is no evidence that they are not there; the same pixels empty are."""
+    frames, joints = shown("standing", 1.82)
+    legs = [n for n, name in enumerate(known().full(1.82, 1.0).joint_names) if "ankle" in name]
+    rows = slice(160, 240)
+
+    def error(nearer: bool) -> float:
+        following = tracker()
+        for frame in frames:
+            scene = in_a_room(frame)
+            depth = scene.depth.copy()
+            depth[rows] = 1500 if nearer else 3300
+            estimate = following.track(replace(scene, depth=depth))
+        return float(apart(estimate, joints[-1])[legs].max())
+
+    assert error(nearer=True) < 0.5 * error(nearer=False)
+
+
 def test_it_starts_where_it_is_told() -> None:
     """A given pose is taken as it is, on the body that is known."""
     told = tracker()
@@ -89,12 +119,12 @@ def test_the_way_from_the_initial_guess_is_no_motion() -> None:
 
 
 def test_a_wall_behind_does_not_count_where_the_start_is_told() -> None:
-    """The first frame is cut out around the given pose: the estimate is that of the person alone."""
+    """The first frame is cut out around the given pose: the estimate is all but that of the person alone."""
     frame = shown("standing").frames[0]
     walled = frame_of(0, np.where(frame.depth > 0, frame.metres(), 5.0))
     alone, before = (tracker().track(seen) for seen in (frame, walled))
     assert before.status == "tracked"
-    np.testing.assert_array_equal(before.pose, alone.pose)
+    np.testing.assert_allclose(before.pose, alone.pose, atol=0.005)
 
 
 def test_an_estimate_is_whole() -> None:

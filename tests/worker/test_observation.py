@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from common.camera import Intrinsics, back_project, project
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
 from worker.kernel.observation import BLOCK, Observation, observe
-from worker.kernel.silhouette import nearest_subject_pixels
+from worker.kernel.silhouette import nearest_occupied_pixels
 
 CAMERA = Intrinsics(40, 30, 35.0, 36.0, 18.2, 14.9)
 
@@ -52,7 +54,7 @@ def test_every_picked_pixel_becomes_one_point(seed: int) -> None:
 def test_the_nearest_pixel_of_the_subject_is_nearest(seed: int) -> None:
     """From any pixel the one named has depth, and none with depth is nearer."""
     depth = some_depth(seed).astype(np.float32)
-    nearest = nearest_subject_pixels(depth)
+    nearest = nearest_occupied_pixels(depth)
     assert np.all(depth[tuple(nearest)] > 0.0)
     here = np.indices(depth.shape).reshape(2, -1).T
     expected, _ = cKDTree(np.argwhere(depth > 0.0)).query(here)
@@ -64,13 +66,28 @@ def test_the_same_frame_gives_the_same_bytes() -> None:
     depth = some_depth(0)
     picked = np.flatnonzero(depth).astype(np.uint32)
     one, other = (observe(frame_of(depth.copy(), picked.copy())) for _ in range(2))
-    for name in ("points", "depth", "nearest", "view"):
+    for name in ("points", "occupied", "nearest", "view"):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (30, 40)])
 def test_a_picture_of_nothing_points_nowhere(size: tuple[int, int]) -> None:
     """Without any depth every pixel is its own nearest, so nothing is pulled anywhere."""
-    nearest = nearest_subject_pixels(np.zeros(size, dtype=np.float32))
+    nearest = nearest_occupied_pixels(np.zeros(size, dtype=np.float32))
     np.testing.assert_array_equal(nearest, np.indices(size))
     assert nearest.dtype == np.int32
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_what_may_hide_the_subject_is_no_evidence_against_it(seed: int) -> None:
+    """Of the other pixels only empty ones are where the body is not; the nearest of the others is named."""
+    depth = some_depth(seed)
+    other = np.random.default_rng(seed).choice([UNKNOWN, EMPTY, HIDDEN], size=depth.shape)
+    kinds = np.where(depth > 0, SUBJECT, other).astype(np.uint8)
+    frame = frame_of(depth, np.flatnonzero(depth).astype(np.uint32))
+    observation = observe(replace(frame, kinds=kinds))
+    np.testing.assert_array_equal(observation.occupied > 0.0, kinds != EMPTY)
+    np.testing.assert_array_equal(
+        observation.nearest, nearest_occupied_pixels((kinds != EMPTY).astype(np.float32))
+    )
+    np.testing.assert_array_equal(observation.points, observe(frame).points)

@@ -34,19 +34,19 @@ def project_onto_silhouette(
     """Find the nearest points of the silhouette to the visible ones of posed (V, 3), at their own depth.
 
     Fills points (V, 3) with the nearest points on the silhouette's cone and squared (V,) with their squared
-    distances (m^2), in the order of `visible`; 0 where a vertex projects onto the subject or outside what the
-    camera saw, or where the surface is seen from the side.
+    distances (m^2), in the order of `visible`; 0 where a vertex projects onto the subject or what may
+    hide it, or outside what the camera saw, or where the surface is seen from the side.
     """
-    nearest, depth, fx, fy, cx, cy = (
+    nearest, occupied, fx, fy, cx, cy = (
         observed.nearest,
-        observed.depth,
+        observed.occupied,
         observed.fx,
         observed.fy,
         observed.cx,
         observed.cy,
     )
     left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
-    height, width = depth.shape
+    height, width = occupied.shape
     for m in range(len(visible)):
         x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
         squared[m] = 0.0
@@ -56,7 +56,7 @@ def project_onto_silhouette(
         if 0.0 <= across < right - left and 0.0 <= along < bottom - top and z > CLOSEST:
             column, row = left + int(across), top + int(along)
             inside = 0 <= column < width and 0 <= row < height
-            if inside and depth[np.uint64(row), np.uint64(column)] > 0.0:
+            if inside and occupied[np.uint64(row), np.uint64(column)] > 0.0:
                 continue
             i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
             du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
-from common.frame import SubjectFrame
+from common.frame import EMPTY, SubjectFrame
 from worker.kernel.neighbourhoods import neighbourhoods
-from worker.kernel.silhouette import nearest_subject_pixels
+from worker.kernel.silhouette import nearest_occupied_pixels
 
 TILE = 16  # points that are searched for together
 BLOCK = 64  # points that share a list of candidates
@@ -24,12 +24,13 @@ BLOCK = 64  # points that share a list of candidates
 class Observation:
     """Observed points in the camera frame, neighbours together, padded to whole blocks by repeating the last.
 
-    nearest: for each pixel of the cropped depth the nearest pixel (row, column) of the subject.
+    occupied: above 0 where the body may be seen or hidden, 0 where it is known not to be.
+    nearest: for each pixel the nearest one (row, column) that is occupied.
     """
 
     points: NDArray[np.float32]  # (blocks * BLOCK, 3)
     count: int  # points that are not padding
-    depth: NDArray[np.float32]  # (H, W) metres
+    occupied: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
     view: NDArray[np.int64]  # (4,)
@@ -38,13 +39,14 @@ class Observation:
 def observe(subject: SubjectFrame) -> Observation:
     """Observed points of the picked pixels of a frame."""
     depth = subject.frame.metres()
+    occupied = depth if subject.kinds is None else (subject.kinds != EMPTY).astype(np.float32)
     points = pick_points(depth, subject.picked, subject.frame.intrinsics)
     ordered = points.astype(np.float32)[neighbourhoods(points, TILE, BLOCK)]
     return Observation(
         points=pad_to_blocks(ordered),
         count=len(points),
-        depth=depth,
-        nearest=nearest_subject_pixels(depth),
+        occupied=occupied,
+        nearest=nearest_occupied_pixels(occupied),
         camera=subject.frame.intrinsics,
         view=np.array(subject.view, dtype=np.int64),
     )

@@ -21,7 +21,7 @@ class PackedObservation(NamedTuple):
     blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
     tiles: NDArray[np.float32]  # (6, tiles) and of smaller parts
     count: int  # type: ignore[assignment]  # tuples have a method of that name
-    depth: NDArray[np.float32]  # (H, W)
+    occupied: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
     fx: float
@@ -61,7 +61,7 @@ def pack_observation(observation: Observation, settings: RefineSettings) -> Pack
         boxes_of(points, BLOCK),
         boxes_of(points, TILE),
         observation.count,
-        observation.depth,
+        observation.occupied,
         observation.nearest,
         observation.view,
         camera.fx,

@@ -1,4 +1,4 @@
-"""The nearest pixel of the subject for every pixel of a frame: what draws the model into the silhouette.
+"""The nearest pixel where the subject may be, for every pixel: what draws the model into the silhouette.
 
 Exact, in two passes (Meijster, Roerdink and Hesselink, 2000): along columns, and then along rows by the lower
 envelope of the parabolas that the columns leave. scipy.ndimage finds the same, but its import would be a
@@ -16,11 +16,11 @@ FAR = -1
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_subject_pixels(depth: NDArray[np.float32]) -> Pixels:
-    """Row and column (2, H, W) of the nearest pixel with depth; its own where there is none."""
-    height, width = depth.shape
+def nearest_occupied_pixels(occupied: NDArray[np.float32]) -> Pixels:
+    """Row and column (2, H, W) of the nearest occupied pixel; its own where there is none."""
+    height, width = occupied.shape
     found = np.empty((2, height, width), dtype=np.int32)
-    nearest_rows(depth, found[0])
+    nearest_rows(occupied, found[0])
     row, best, start = found[0].copy(), np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
     for v in range(height):
         last = lower_envelope(v, row[v], best, start)
@@ -35,13 +35,13 @@ def nearest_subject_pixels(depth: NDArray[np.float32]) -> Pixels:
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_rows(depth: NDArray[np.float32], out: Pixels) -> None:
-    """Fill out (H, W) with the row of the nearest pixel with depth in the same column, FAR without any."""
-    height, width = depth.shape
+def nearest_rows(occupied: NDArray[np.float32], out: Pixels) -> None:
+    """Fill out (H, W) with the row of the nearest occupied pixel in the same column, FAR without any."""
+    height, width = occupied.shape
     for v in range(height):
         for u in range(width):
             above = out[v - 1, u] if v > 0 else FAR
-            out[v, u] = v if depth[v, u] > 0.0 else above
+            out[v, u] = v if occupied[v, u] > 0.0 else above
     for v in range(height - 2, -1, -1):
         for u in range(width):
             below = out[v + 1, u]

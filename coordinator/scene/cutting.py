@@ -1,0 +1,244 @@
+"""The subject's pixels in a scene, and which of the others are empty and which hide something.
+
+What is near the posed body and no part of the room, and what continues it in depth, is the subject's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN
+from coordinator.scene.nearness import CELL, Nearness, square_at, surround
+from coordinator.scene.noise import margin_at
+from coordinator.scene.room import FOREGROUND, PLANE, UNMEASURED, Depth, Lens, mark_room
+from coordinator.scene.view import SceneView
+
+Array = NDArray[np.float64]
+Kinds = NDArray[np.uint8]
+Squares = NDArray[np.uint8]
+Window = tuple[int, int, int, int]  # left, top, right, bottom, half-open
+
+REACH = 0.28  # metres from the posed surface to what may be the subject's
+CLOSE = 0.08  # and to what is, if it is no part of the room
+CAME = 0.2  # the same, where it was not there before
+STEP = 0.03  # metres between neighbouring pixels of one surface, the noise aside
+LEAST_PIXELS = 6  # of a patch that hangs together
+BLOCK = 8  # pixels a side, for each of which it is known how far back the body reaches
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """A subject cut out of a picture.
+
+    window: what of the picture was looked at. kinds: (H, W) of its pixels: SUBJECT; EMPTY, where something
+    farther was measured; HIDDEN, where something nearer was; UNKNOWN. near: distances from the body.
+    """
+
+    window: Window
+    kinds: Kinds
+    near: Nearness
+
+
+def cut_out(view: SceneView, surface: Array) -> Cut:
+    """The subject near the points (V, 3) of a posed body, metres."""
+    near = surround(surface)
+    window = left, top, right, bottom = find_window(view, surface)
+    depth = view.depth[top:bottom, left:right]
+    kinds = np.empty(depth.shape, dtype=np.uint8)
+    if depth.size:
+        fx, fy, cx, cy = view.lens
+        lens = (fx, fy, cx - left, cy - top)
+        growth, background = view.noise.growth, view.background[top:bottom, left:right]
+        mark_room(depth, background, lens, view.planes.coefficients, growth, kinds)
+        mark_near(depth, background, lens, near.low, near.squares, kinds)
+        grow(depth, growth, kinds)
+        tell_kinds(depth, reach_back(surface, lens, depth.shape), not view.furnished, kinds)
+    return Cut(window, kinds, near)
+
+
+def cut_mask(view: SceneView, mask: NDArray[np.bool_]) -> Cut:
+    """The same of somebody whose pixels (H, W) are known, of whom there is no posed body yet."""
+    around = view.depth[mask]
+    rows, columns = np.nonzero(mask)
+    fx, fy, cx, cy = view.lens
+    z = around.astype(np.float64)
+    points = np.column_stack([(columns - cx) / fx * z, (rows - cy) / fy * z, z])
+    behind = points * (1.0 + THICKNESS / z)[:, None]
+    cut = cut_out(view, np.concatenate([points, behind]))
+    left, top, right, bottom = cut.window
+    other = (cut.kinds == SUBJECT) & ~mask[top:bottom, left:right]
+    cut.kinds[mask[top:bottom, left:right]] = SUBJECT
+    cut.kinds[other] = UNKNOWN
+    return cut
+
+
+THICKNESS = 0.25  # metres that a person goes on behind what is seen
+
+
+def find_window(view: SceneView, surface: Array) -> Window:
+    """The pixels in which something within REACH of the surface (V, 3) can be seen."""
+    width, height = view.camera.width, view.camera.height
+    left, top, right, bottom = bounds(np.ascontiguousarray(surface, dtype=np.float64), view.lens)
+    first, above = int(min(max(left, 0), width)), int(min(max(top, 0), height))
+    last, below = int(min(max(right + 2, 0), width)), int(min(max(bottom + 2, 0), height))
+    return first, above, max(first, last), max(above, below)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def bounds(surface: Array, lens: Lens) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom in pixels of what is within REACH of points (V, 3)."""
+    fx, fy, cx, cy = lens
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    for n in range(len(surface)):
+        z = surface[n, 2]
+        if z - REACH < CLOSEST:
+            return -np.inf, -np.inf, np.inf, np.inf
+        u, v = cx + fx * surface[n, 0] / z, cy + fy * surface[n, 1] / z
+        across, along = REACH * fx / (z - REACH), REACH * fy / (z - REACH)
+        left, right = min(left, u - across), max(right, u + across)
+        top, bottom = min(top, v - along), max(bottom, v + along)
+    return left, top, right, bottom
+
+
+CLOSEST = 0.1  # metres from the camera's plane
+
+
+DOUBTFUL, NEAR, SEED, TAKEN = 4, 8, 9, 10  # while the subject grows: body on the floor, what may be it
+TOUCHING = 1  # squared cells between the posed surface and the room, where the two cannot be told apart
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def mark_near(
+    depth: Depth, background: Depth, lens: Lens, low: Array, squares: Squares, marks: Kinds
+) -> None:
+    """Mark what of the foreground is near the body, and what of the room touches it; marks of `mark_room`.
+
+    Where the background is known, what came before it is the subject's from somewhat farther, too.
+    """
+    fx, fy, cx, cy = lens
+    reach, close, came = (REACH / CELL) ** 2, (CLOSE / CELL) ** 2, (CAME / CELL) ** 2
+    nearest, farthest = low[2], low[2] + CELL * squares.shape[2]
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            z = depth[v, u]
+            if marks[v, u] == UNMEASURED or not nearest <= z < farthest:
+                continue
+            square = square_at((u - cx) / fx * z, (v - cy) / fy * z, z, low, squares)
+            if marks[v, u] != FOREGROUND:
+                if square <= TOUCHING:
+                    marks[v, u] = DOUBTFUL
+            elif square <= close or (square <= came and background[v, u] > 0.0):
+                marks[v, u] = SEED
+            elif square <= reach:
+                marks[v, u] = NEAR
+
+
+@numba.njit(cache=True, nogil=True)
+def grow(depth: Depth, growth: float, marks: Kinds) -> None:
+    """Turn into TAKEN what is a seed or hangs together with one; what else was near is foreground again."""
+    rows, columns = depth.shape
+    flooded = np.zeros((rows, columns), dtype=np.bool_)
+    stack = np.empty(rows * columns, dtype=np.int64)
+    for v in range(rows):
+        for u in range(columns):
+            if marks[v, u] == SEED and not flooded[v, u]:
+                count = flood(v, u, depth, growth, marks, flooded, stack)
+                if count < LEAST_PIXELS:
+                    for n in range(count):
+                        flooded[stack[n] // columns, stack[n] % columns] = False
+    for v in range(rows):
+        for u in range(columns):
+            if marks[v, u] == NEAR or marks[v, u] == SEED:
+                marks[v, u] = TAKEN if flooded[v, u] else FOREGROUND
+
+
+@numba.njit(cache=True, nogil=True)
+def flood(
+    v: int,
+    u: int,
+    depth: Depth,
+    growth: float,
+    marks: Kinds,
+    flooded: NDArray[np.bool_],
+    stack: NDArray[np.int64],
+) -> int:
+    """Flood from a pixel what hangs together with it; its pixels are the first on the stack: how many."""
+    rows, columns = depth.shape
+    flooded[v, u] = True
+    stack[0] = v * columns + u
+    count, done = 1, 0
+    while done < count:
+        row, column = stack[done] // columns, stack[done] % columns
+        done += 1
+        z = depth[row, column]
+        step = STEP + margin_at(z, growth)
+        for k in range(4):
+            r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
+            if not (0 <= r < rows and 0 <= c < columns) or marks[r, c] < NEAR or flooded[r, c]:
+                continue
+            if abs(depth[r, c] - z) < step:
+                flooded[r, c] = True
+                stack[count] = r * columns + c
+                count += 1
+    return count
+
+
+def reach_back(surface: Array, lens: Lens, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """How far back the points (V, 3) reach in each block of pixels, and in those around; metres."""
+    rows, columns = -(-shape[0] // BLOCK), -(-shape[1] // BLOCK)
+    back = np.zeros((rows, columns), dtype=np.float32)
+    fill_back(np.ascontiguousarray(surface, dtype=np.float64), lens, back)
+    return back
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def fill_back(surface: Array, lens: Lens, back: Depth) -> None:
+    """Fill back (R, C) with the greatest z of the points (V, 3) in each block, or in those nearest to it."""
+    fx, fy, cx, cy = lens
+    rows, columns = back.shape
+    for n in range(len(surface)):
+        z = surface[n, 2]
+        if z > CELL:
+            c, r = int((cx + fx * surface[n, 0] / z) // BLOCK), int((cy + fy * surface[n, 1] / z) // BLOCK)
+            if 0 <= r < rows and 0 <= c < columns:
+                back[r, c] = max(back[r, c], z)
+    while spread_back(back.copy(), back):
+        pass
+
+
+@numba.njit(cache=True, nogil=True)
+def spread_back(before: Depth, back: Depth) -> bool:
+    """Fill what is 0 in back (R, C) with the greatest of its neighbours; gives whether more is to do."""
+    rows, columns = back.shape
+    filled = missing = False
+    for r in range(rows):
+        for c in range(columns):
+            if before[r, c] > 0.0:
+                continue
+            around = before[max(0, r - 1) : r + 2, max(0, c - 1) : c + 2]
+            back[r, c] = around.max()
+            filled, missing = filled or back[r, c] > 0.0, missing or back[r, c] == 0.0
+    return filled and missing
+
+
+@numba.njit(cache=True, nogil=True)
+def tell_kinds(depth: Depth, back: Depth, unmeasured_is_empty: bool, marks: Kinds) -> None:
+    """Turn marks (H, W) into kinds: what is nearer than the body reaches hides it; no wall does."""
+    rows, columns = depth.shape
+    for v in range(rows):
+        for u in range(columns):
+            mark = marks[v, u]
+            if mark == TAKEN:
+                marks[v, u] = SUBJECT
+            elif mark == UNMEASURED:
+                marks[v, u] = EMPTY if unmeasured_is_empty else UNKNOWN
+            elif mark == DOUBTFUL:
+                marks[v, u] = UNKNOWN
+            elif mark != PLANE and depth[v, u] < back[v // BLOCK, u // BLOCK]:
+                marks[v, u] = HIDDEN
+            else:
+                marks[v, u] = EMPTY

@@ -1,0 +1,146 @@
+"""The scene that a camera sees: what is known of it, frame after frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.frame import SUBJECT, DepthFrame
+from coordinator.scene.background import Learned, given, learn, nothing_known
+from coordinator.scene.candidates import candidates
+from coordinator.scene.cutting import Cut
+from coordinator.scene.noise import DepthNoise, fit_noise
+from coordinator.scene.planes import NONE, Planes, find_planes, follow_planes, sample
+from coordinator.scene.view import SceneView
+
+Array = NDArray[np.float64]
+
+SPAN = 2.4  # metres between the measured points of a frame from which on it shows more than a person
+EXTREMES = (1.0, 99.0)  # per cent
+FILLED = 0.4  # of the picture, from which on so much is measured that it cannot be people alone
+EVERY = 30  # frames after which planes are sought again, where none were found
+NOTHING = nothing_known(0, 0).only(np.empty(0, np.uint32))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneChange:
+    """What a frame changed in what is known of a scene: of the background its pixels, of the rest all."""
+
+    seen: int = 0  # frames
+    growth: float = 0.0  # of the depth's noise; 0 before anything was measured
+    planes: Array = field(default_factory=lambda: NONE.coefficients)  # (P, 3)
+    has_floor: bool = False
+    furnished: bool = False
+    size: tuple[int, int] = (0, 0)  # rows and columns of the background; none are known in the beginning
+    learned: Learned = field(default_factory=lambda: NOTHING)
+
+
+class Scene:
+    """What is known of a scene so far.
+
+    Each frame is given to `see`, and then, with what was cut out of it, to `learn`. From the same frames and
+    bodies the same follows, bit for bit; `recall` does it from the changes alone.
+
+    Args:
+        background: Depth (H, W) in metres where nobody is, 0 where that is not known; None to learn it all.
+    """
+
+    def __init__(self, background: NDArray[np.float32] | None = None) -> None:
+        self._seen = 0
+        self._noise: DepthNoise | None = None
+        self._planes = NONE
+        self._furnished = background is not None
+        self._background = None if background is None else given(background)
+
+    def see(self, frame: DepthFrame) -> SceneView:
+        """A frame with what is known of its scene."""
+        depth = frame.metres()
+        self._look(depth, sample(depth, frame.intrinsics))
+        known = self._background
+        return SceneView(
+            number=frame.number,
+            depth=depth,
+            camera=frame.intrinsics,
+            noise=self._noise or DepthNoise(),
+            planes=self._planes,
+            background=np.zeros_like(depth) if known is None else known.depth,
+            furnished=self._furnished,
+        )
+
+    def learn(self, view: SceneView, cut: Cut | None) -> SceneChange:
+        """Take in the frame that was seen last, and give what it changed.
+
+        Args:
+            view: The frame, as it was seen.
+            cut: The body that was cut out of it; None where nobody is found yet, or who was is lost: then
+                whoever may be a person is learned late.
+        """
+        learned = NOTHING
+        if self._furnished:
+            if self._background is None:
+                self._background = nothing_known(*view.depth.shape)
+            near = cut.near if cut else None
+            doubtful = somebodys(view, cut)
+            learned = learn(self._background, view.depth, view.lens, view.noise.growth, near, doubtful)
+        return self._change(learned)
+
+    def recall(self, change: SceneChange) -> None:
+        """Know what was known after the frame that made this change, if all before it were recalled, too."""
+        self._seen, self._furnished = change.seen, change.furnished
+        self._noise = DepthNoise(change.growth) if change.growth else None
+        self._planes = Planes(change.planes, change.has_floor)
+        if self._background is None and change.size != (0, 0):
+            self._background = nothing_known(*change.size)
+        if self._background is not None:
+            self._background.recall(change.learned)
+
+    def all(self) -> SceneChange:
+        """The change that leads from nothing to what is known now."""
+        if self._background is None:
+            return self._change(NOTHING)
+        known = self._background
+        touched = (known.depth > 0.0) | (known.frames > 0)
+        return self._change(known.only(np.flatnonzero(touched).astype(np.uint32)))
+
+    def _look(self, depth: NDArray[np.float32], rays: Array) -> None:
+        if len(rays):
+            self._noise = self._noise or fit_noise(depth)
+            if len(self._planes.coefficients):
+                self._planes = follow_planes(self._planes, rays, self._noise)
+            elif self._seen % EVERY == 0 and shows_more_than_a_person(rays):
+                self._planes = find_planes(rays, self._noise)
+                filled = float(np.mean(depth > 0.0)) > FILLED
+                self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
+        self._seen += 1
+
+    def _change(self, learned: Learned) -> SceneChange:
+        return SceneChange(
+            self._seen,
+            self._noise.growth if self._noise else 0.0,
+            self._planes.coefficients,
+            self._planes.has_floor,
+            self._furnished,
+            (0, 0) if self._background is None else self._background.depth.shape,
+            learned,
+        )
+
+
+def somebodys(view: SceneView, cut: Cut | None) -> NDArray[np.bool_]:
+    """Pixels (H, W) of the subject that was cut out, or without one of whoever may be a person."""
+    found = np.zeros(view.depth.shape, dtype=np.bool_)
+    if cut is None:
+        for each in candidates(view):
+            found |= each.mask
+    else:
+        left, top, right, bottom = cut.window
+        found[top:bottom, left:right] = cut.kinds == SUBJECT
+    return found
+
+
+def shows_more_than_a_person(rays: Array) -> bool:
+    """Whether points (N, 3) of `sample` spread farther than one person can."""
+    z = 1.0 / rays[:, 2]
+    low, high = np.percentile(np.stack([rays[:, 0] * z, rays[:, 1] * z, z]), EXTREMES, axis=1)
+    return bool((high - low).max() > SPAN)

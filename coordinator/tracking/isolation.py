@@ -1,0 +1,86 @@
+"""The subject cut out of frame after frame, in a scene that becomes known meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.frame import DepthFrame, SubjectFrame
+from common.kinematics import bounding_box, pose_vertices
+from coordinator.scene.candidates import candidates
+from coordinator.scene.cutting import Cut, cut_mask, cut_out
+from coordinator.scene.limits import Limits
+from coordinator.scene.person import Person
+from coordinator.scene.scene import Scene, SceneChange
+from coordinator.scene.view import SceneView
+from coordinator.tracking.subject import isolate, subject_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posed:
+    """A body in a pose (D,)."""
+
+    model: BodyModel
+    pose: Array
+
+    @property
+    def surface(self) -> Array:
+        """Its vertices (V, 3) in the camera frame."""
+        vertices: Array = pose_vertices(self.model, self.pose[None])[0]
+        return vertices
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Isolated:
+    """What a frame shows of the subject, of the scene, and what it changed in what is known of that."""
+
+    subject: SubjectFrame | None  # None where nothing of it is seen
+    view: SceneView
+    change: SceneChange
+
+
+class Isolation:
+    """Cuts the subject out of one frame after the other.
+
+    Args:
+        points: How many pixels to pick at the most.
+        limits: What of the frames counts.
+        person: Who is meant, where there are several.
+        background: The depth (H, W) in metres of the room without anybody, 0 where that is not known.
+    """
+
+    def __init__(
+        self,
+        points: int,
+        limits: Limits | None = None,
+        person: Person | None = None,
+        background: NDArray[np.float32] | None = None,
+    ) -> None:
+        self._points = points
+        self._limits, self._person = limits or Limits(), person or Person()
+        self._scene = Scene(background)
+
+    def recall(self, change: SceneChange) -> None:
+        """Know what was known after a frame that made this change, if all before it were recalled, too."""
+        self._scene.recall(change)
+
+    def cut(self, frame: DepthFrame, body: Posed | None) -> Isolated:
+        """What the next frame shows near a body; without one, of whoever is the likeliest to be a person."""
+        frame = self._limits.keep(frame)
+        view = self._scene.see(frame)
+        if not view.furnished:
+            box = None if body is None else bounding_box(body.model, body.pose)
+            return Isolated(isolate(frame, box, self._points), view, self._scene.learn(view, None))
+        cut = self._somebody(view) if body is None else cut_out(view, body.surface)
+        subject = None if cut is None else subject_of(frame, cut, self._points)
+        return Isolated(subject, view, self._scene.learn(view, None if body is None else cut))
+
+    def _somebody(self, view: SceneView) -> Cut | None:
+        """The likeliest of those who may be the person that is meant."""
+        found = self._person.choose(view, candidates(view))
+        return cut_mask(view, found[0].mask) if found else None

@@ -1,0 +1,93 @@
+"""The background is learned outside the body, forgets what goes away, and takes in what stays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.scene.background import DEEPER, FIRST, NEARER
+from coordinator.scene.cutting import cut_out
+from coordinator.scene.scene import Scene
+from tests.support.rooms import CABINET, Room
+
+PERSON = (-0.4, 2.6)
+CHAIR = ((0.5, 0.4, 2.3), (0.9, 1.1, 2.7))
+
+
+def watch(scene: Scene, room: Room, frames: int, person: tuple[float, float] = PERSON) -> None:
+    """Frames of a room, in which the body is known."""
+    for number in range(frames):
+        view = scene.see(room.see(person, number).frame)
+        scene.learn(view, cut_out(view, room.surface(person)))
+
+
+def known(scene: Scene) -> NDArray[np.float32]:
+    """The background (H, W), metres."""
+    return scene.see(Room().see(None).frame).background.copy()
+
+
+def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
+    """After many frames of somebody who stands still, the background holds the room and not the person."""
+    scene, room = Scene(), Room((CABINET,))
+    watch(scene, room, NEARER + 5)
+    truth = room.see(PERSON)
+    empty = room.see(None).frame.metres()
+    background = known(scene)
+    learned = background > 0.0
+    assert learned[~truth.mask].mean() > 0.95
+    np.testing.assert_allclose(background[learned], empty[learned], atol=0.03)
+
+
+def test_who_goes_away_is_forgotten_in_three_frames() -> None:
+    """Where a thing stood, the wall behind it is known after three frames of it."""
+    scene = Scene()
+    watch(scene, Room((CHAIR,)), 2)
+    before = known(scene)
+    watch(scene, Room(), DEEPER - 1)
+    np.testing.assert_array_equal(known(scene), before)
+    watch(scene, Room(), 1)
+    changed = known(scene) > before + 0.2
+    shown = Room((CHAIR,)).see(None).frame.metres() < Room().see(None).frame.metres() - 0.2
+    assert changed[shown].mean() > 0.95
+
+
+def test_what_comes_to_stay_is_taken_in_after_thirty_frames() -> None:
+    """A chair that is put down is foreground until then, and background after it."""
+    scene = Scene()
+    watch(scene, Room(), FIRST)
+    watch(scene, Room((CHAIR,)), NEARER - 1)
+    shown = Room((CHAIR,)).see(None).frame.metres() < Room().see(None).frame.metres() - 0.2
+    chair, empty = (Room(boxes).see(None).frame.metres()[shown] for boxes in ((CHAIR,), ()))
+    np.testing.assert_allclose(known(scene)[shown], empty, atol=0.03)
+    watch(scene, Room((CHAIR,)), 1)
+    assert np.mean(np.abs(known(scene)[shown] - chair) < 0.03) > 0.95
+
+
+def test_changes_alone_lead_to_the_same_knowledge() -> None:
+    """A scene that recalls what every frame changed, or all at once, goes on as the one that watched."""
+    first, second, third = Scene(), Scene(), Scene()
+    room = Room((CABINET,), noise=0.002)
+    for number in range(8):
+        person = (PERSON[0] + 0.05 * number, PERSON[1])
+        view = first.see(room.see(person, number).frame)
+        second.recall(first.learn(view, cut_out(view, room.surface(person))))
+    third.recall(second.all())
+    frame = room.see(PERSON, 9).frame
+    views = [scene.see(frame) for scene in (first, second, third)]
+    for view in views[1:]:
+        np.testing.assert_array_equal(view.background, views[0].background)
+        np.testing.assert_array_equal(view.planes.coefficients, views[0].planes.coefficients)
+        assert view.noise == views[0].noise
+    changes = [scene.learn(view, None) for scene, view in zip((first, second, third), views, strict=True)]
+    for change in changes[1:]:
+        for name in ("pixels", "depth", "rival", "frames"):
+            np.testing.assert_array_equal(getattr(change.learned, name), getattr(changes[0].learned, name))
+
+
+def test_an_empty_room_that_is_given_is_known() -> None:
+    """With a picture of the empty room, a chair in it is no candidate's and the person is what came."""
+    room = Room((CHAIR,))
+    scene = Scene(room.see(None).frame.metres())
+    view = scene.see(room.see(PERSON).frame)
+    assert view.furnished
+    np.testing.assert_array_equal(view.background, room.see(None).frame.metres())

@@ -1,0 +1,89 @@
+"""Who may be a person in a room: found whole, before furniture, and chosen as asked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.scene.candidates import Candidate, candidates
+from coordinator.scene.limits import Limits
+from coordinator.scene.person import Person
+from coordinator.scene.scene import Scene
+from tests.support.rooms import CABINET, TABLE, Room
+
+PERSON = (-0.4, 2.6)
+
+
+def found_in(room: Room, person: tuple[float, float] | None) -> list[Candidate]:
+    """Candidates of a first frame."""
+    return candidates(Scene().see(room.see(person).frame))
+
+
+def overlap(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> tuple[float, float]:
+    """Precision and recall."""
+    both = np.sum(mask & truth)
+    return float(both / mask.sum()), float(both / truth.sum())
+
+
+def test_a_person_is_found_and_not_the_cabinet() -> None:
+    """The only candidate beside a cabinet is the person, whole and nothing else."""
+    room = Room((CABINET,), noise=0.002)
+    (found,) = found_in(room, PERSON)
+    precision, recall = overlap(found.mask, room.see(PERSON).mask)
+    assert precision > 0.98
+    assert recall > 0.95
+    assert "m high" in found.why
+
+
+def test_what_a_table_hides_in_part_is_one_candidate() -> None:
+    """Head and trunk over a table and feet under it are the same person."""
+    table = ((-0.7, 0.3, 1.7), (0.7, 0.42, 1.9))
+    room = Room((table,), noise=0.001)
+    best = found_in(room, PERSON)[0]
+    truth = room.see(PERSON).mask
+    assert truth[: len(truth) // 2].any()
+    assert overlap(best.mask, truth)[1] > 0.95
+
+
+def test_nobody_is_found_in_an_empty_room() -> None:
+    """Floor, wall and cabinet are no person, and a table hardly one."""
+    assert all(each.score < 0.3 for each in found_in(Room((CABINET, TABLE), noise=0.002), None))
+    assert found_in(Room((CABINET,), noise=0.002), None) == []
+
+
+def test_one_of_two_is_chosen_as_asked() -> None:
+    """The nearest, or who is at a pixel, or who moved, is first."""
+    near, far = Room(noise=0.001).see((-0.5, 2.2)), Room(noise=0.001).see((0.7, 3.0))
+    both = np.where(near.mask, near.frame.depth, far.frame.depth)
+    frame = type(near.frame)(0, 0.0, both, 1000.0, near.frame.intrinsics)
+    view = Scene().see(frame)
+    found = candidates(view)
+    assert len(found) == 2
+    row, column = np.argwhere(far.mask & ~near.mask).mean(axis=0).astype(int).tolist()
+    assert Person("nearest").choose(view, found)[0].mask[near.mask].mean() > 0.9
+    assert Person(pixel=(column, row)).choose(view, found)[0].mask[far.mask].mean() > 0.9
+    assert Person("moving").choose(view, found) == []
+
+
+def test_who_moved_stands_before_a_known_background() -> None:
+    """Of two people, one of whom was there before, the other is the one who moves."""
+    room = Room(noise=0.001)
+    scene = Scene()
+    for number in range(40):
+        view = scene.see(room.see(None, number).frame)
+        scene.learn(view, None)
+    view = scene.see(room.see(PERSON, 41).frame)
+    assert len(Person("moving").choose(view, candidates(view))) == 1
+
+
+def test_limits_leave_nothing_else() -> None:
+    """Beyond near, far and region nothing is measured any more; without limits the frame is the same one."""
+    frame = Room().see(PERSON).frame
+    kept = Limits(near=2.4, far=2.8, region=(10, 20, 90, 100)).keep(frame)
+    rows, columns = np.nonzero(kept.depth)
+    assert kept.metres()[kept.depth > 0].min() >= 2.4
+    assert kept.metres().max() <= 2.8
+    assert (columns.min(), rows.min()) >= (10, 20)
+    assert columns.max() < 90
+    assert rows.max() < 100
+    assert Limits().keep(frame) is frame

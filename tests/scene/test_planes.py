@@ -1,0 +1,58 @@
+"""Floor and walls are found where they are, and nothing else is taken for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from coordinator.scene.noise import fit_noise
+from coordinator.scene.planes import Planes, find_planes, follow_planes, sample
+from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Room
+
+PERSON = (-0.4, 2.6)
+
+
+def planes_of(room: Room) -> Planes:
+    """What is found with a person in the room."""
+    depth = room.see(PERSON).frame.metres()
+    return find_planes(sample(depth, CAMERA), fit_noise(depth))
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.2, 0.5])
+def test_the_floor_is_found_at_its_height_and_angle(pitch: float) -> None:
+    """Height within 1.5 cm, up within a degree, with noise, furniture and a person, for a tilted camera."""
+    room = Room((TABLE, CABINET), pitch, noise=0.002)
+    found = planes_of(room)
+    assert found.camera_height == pytest.approx(HEIGHT, abs=0.015)
+    assert found.up @ (room.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(1.0))
+
+
+def test_the_wall_is_found_and_no_furniture() -> None:
+    """Besides the floor there is one plane, as far away as the wall."""
+    found = planes_of(Room((TABLE, CABINET), noise=0.002))
+    assert len(found.coefficients) == 2
+    assert 1.0 / np.linalg.norm(found.coefficients[1]) == pytest.approx(WALL, abs=0.02)
+
+
+def test_planes_are_followed_when_the_camera_moves_a_little() -> None:
+    """A camera that tilts by half a degree a frame keeps its floor."""
+    followed = planes_of(Room(noise=0.002))
+    for number in range(1, 9):
+        after = Room(noise=0.002, pitch=np.radians(0.5 * number))
+        depth = after.see(PERSON, number).frame.metres()
+        followed = follow_planes(followed, sample(depth, CAMERA), fit_noise(depth))
+    assert followed.up @ (after.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.7))
+
+
+def test_a_person_alone_has_no_planes() -> None:
+    """Where nothing but a person is measured, no part of it is taken for a wall or a floor."""
+    seen = Room().see(PERSON)
+    depth = np.where(seen.mask, seen.frame.metres(), np.float32(0.0))
+    assert len(find_planes(sample(depth, CAMERA), fit_noise(depth)).coefficients) == 0
+
+
+@pytest.mark.parametrize("growth", [0.001, 0.004])
+def test_noise_is_measured(growth: float) -> None:
+    """The growth of the noise is found within a quarter, whatever is seen."""
+    depth = Room((TABLE,), noise=growth).see(PERSON).frame.metres()
+    assert fit_noise(depth).growth == pytest.approx(growth, rel=0.25)
