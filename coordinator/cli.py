@@ -268,15 +268,17 @@ def info(
     camera: CameraOptions,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    thumbnail: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a frame as PNG.")] = None,
     picture: Annotated[
-        Path | None, typer.Option("--thumbnail", metavar="FILE", help="Draw a frame as PNG.")
+        Path | None, typer.Option(metavar="FILE", help="Draw floor, walls and people that are found as PNG.")
     ] = None,
 ) -> None:
-    """Show what a sequence is: format, frames, size, rate, camera, range of depth."""
-    from coordinator.commands.info import run_info
+    """Show what a sequence is, and what would be found in it: camera, depth, floor, walls, people."""
+    from coordinator.commands.info import Pictures, run_info
     from coordinator.sources.given import parse_given
 
-    run_info(sequence, picture, parse_given(camera.intrinsics, camera.depth_scale), as_json=as_json)
+    given = parse_given(camera.intrinsics, camera.depth_scale)
+    run_info(sequence, given, Pictures(thumbnail, picture), as_json=as_json)
 
 
 @app.command(rich_help_panel=PREPARING)

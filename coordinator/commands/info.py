@@ -1,8 +1,9 @@
-"""`gepf info`: facts about a sequence, and a picture of it."""
+"""`gepf info`: facts about a sequence and its scene, and pictures of them."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -11,26 +12,44 @@ from PIL import Image
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources import Source, find_format
+from coordinator.commands.scene_facts import describe_scene, look, picture_of
+from coordinator.sources import Source, find_format, open_source
 from coordinator.sources.given import NOTHING, Given
 
 SAMPLED = 10  # frames, evenly spread, from which the range of depth is read
 
 
-def run_info(sequence: Path, picture: Path | None, given: Given, *, as_json: bool) -> None:
-    """Print facts about a sequence, and draw a frame of it: into a file, and on a terminal."""
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Files to draw into: a frame as it is, and one with what is found in its scene."""
+
+    thumbnail: Path | None = None
+    scene: Path | None = None
+
+
+def run_info(sequence: Path, given: Given, pictures: Pictures, *, as_json: bool) -> None:
+    """Print facts about a sequence and its scene, and draw frames of it: into files, and on a terminal."""
     facts, middle = describe(sequence, given)
-    if picture is not None:
-        try:
-            thumbnail(middle).save(picture, "PNG")
-        except OSError as error:
-            raise InputError(f"cannot write {picture}: {error.strerror}; choose another file") from error
+    view, found = look(open_source(sequence, given))
+    facts |= describe_scene(view, found)
+    if pictures.thumbnail is not None:
+        save(thumbnail(middle), pictures.thumbnail)
+    if pictures.scene is not None:
+        save(picture_of(view, found), pictures.scene)
     if as_json:
         sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
         return
-    sys.stdout.write("".join(f"{name:<12} {value}\n" for name, value in facts.items()))
+    sys.stdout.write("".join(f"{name:<15} {value}\n" for name, value in facts.items()))
     if sys.stdout.isatty():
         draw_in_terminal(thumbnail(middle))
+
+
+def save(picture: Image.Image, path: Path) -> None:
+    """Write a PNG; InputError where that cannot be."""
+    try:
+        picture.save(path, "PNG")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}; choose another file") from error
 
 
 def draw_in_terminal(picture: Image.Image) -> None:

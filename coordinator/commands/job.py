@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.settings import Settings
 from coordinator.bodies.choice import HUMAN
 from coordinator.bodies.tracked import Bodies
+from coordinator.commands.scope import AskedScope
 from coordinator.pool.options import Pool
 from coordinator.results.run_configuration import Asked
+from coordinator.scene.scope import Scope
 from coordinator.sources.given import NOTHING, Given
 
 
@@ -29,7 +31,8 @@ class Job:
     resume: bool = False
     colour: Path | None = None  # frames to draw results over
     given: Given = NOTHING  # of the camera
+    scope: AskedScope = field(default_factory=AskedScope)  # what of the scene is tracked
 
-    def asked(self, bodies: Bodies, start: Mapping[str, float] | None) -> Asked:
+    def asked(self, bodies: Bodies, start: Mapping[str, float] | None, scope: Scope) -> Asked:
         """What decides the results besides the input."""
-        return Asked(self.settings, bodies, self.model, self.active, start, self.pool.deadline)
+        return Asked(self.settings, bodies, self.model, self.active, start, self.pool.deadline, scope)

@@ -15,6 +15,7 @@ from coordinator.commands.options import (
     set_noise,
 )
 from coordinator.commands.progress import Show
+from coordinator.commands.scope import choose_scope
 from coordinator.commands.track import track_sequence
 from coordinator.commands.track_arguments import TrackOptions
 from coordinator.commands.track_live import track_stream
@@ -55,4 +56,5 @@ def choose_job(options: TrackOptions) -> Job:
         resume=options.output.resume,
         colour=source.color,
         given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
+        scope=choose_scope(options.scene),
     )

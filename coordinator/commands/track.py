@@ -22,9 +22,11 @@ from coordinator.results.run_configuration import AUTOMATIC, run_configuration
 from coordinator.results.summary import summarise
 from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
+from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import first_frame, select_frames
+from coordinator.tracking.isolation import Isolation
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.start import require_start
 from coordinator.tracking.start_file import read_start
@@ -40,6 +42,7 @@ class Run:
     numbers: Sequence[int]
     bodies: Bodies
     start: Mapping[str, float] | None
+    scope: Scope
     recorder: Recorder
     colours: ColourFolder | None = None
 
@@ -59,12 +62,14 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> Non
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
     first = first_frame(source, numbers)
-    configuration = run_configuration(job.sequence, first, numbers, job.asked(bodies, start), job.given)
+    scope = job.scope.read(source)
+    asked = job.asked(bodies, start, scope)
+    configuration = run_configuration(job.sequence, first, numbers, asked, job.given)
     if job.resume and is_complete(job.out, configuration):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
         return
     with Recorder(job.out, configuration, resume=job.resume) as recorder:
-        run = Run(job, source, numbers, bodies, start, recorder, colours)
+        run = Run(job, source, numbers, bodies, start, scope, recorder, colours)
         meter = show.frames(len(numbers), recorder.frames)
         if job.resume:
             show.say(describe_resume(run))
@@ -100,7 +105,8 @@ def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[Poole
     recorder = run.recorder
     with connect(run.job.pool, show) as refiner, meter:
         past = recorder.past.state if recorder.past else None
-        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past)
+        isolation = Isolation(run.job.settings.points, run.scope)
+        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past, isolation)
         frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
         for estimate, state in follow(tracker, frames):
             meter.advance(estimate)

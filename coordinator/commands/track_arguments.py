@@ -17,7 +17,7 @@ from coordinator.commands.arguments import (
     SecurityOptions,
 )
 
-INPUT, METHOD, WORKERS = "Input", "Method", "Workers"
+INPUT, SCENE, METHOD, WORKERS = "Input", "Scene", "Method", "Workers"
 
 RecordingOrStream = Annotated[
     Path,
@@ -62,6 +62,44 @@ class InputOptions:
         typer.Option(metavar="DIR", help="Draw results over these colour frames.", rich_help_panel=INPUT),
     ] = None
     camera: CameraOptions = RECORDED_CAMERA
+
+
+@dataclass(frozen=True, slots=True)
+class SceneOptions:
+    """What of the scene counts, and who in it is tracked."""
+
+    person: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y|nearest|largest|moving",
+            help="Who is tracked, of several: at a pixel of the first frame, or so (default: the likeliest).",
+            rich_help_panel=SCENE,
+        ),
+    ] = "best"
+    background: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FRAME|SEQ",
+            help="The room without anybody: a frame's number, a depth PNG, or a sequence.",
+            rich_help_panel=SCENE,
+        ),
+    ] = None
+    near: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Nothing nearer counts, metres.", rich_help_panel=SCENE),
+    ] = None
+    far: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Nothing farther counts, metres.", rich_help_panel=SCENE),
+    ] = None
+    roi: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LEFT,TOP,RIGHT,BOTTOM",
+            help="Only this part of the picture counts, pixels.",
+            rich_help_panel=SCENE,
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +216,7 @@ class TrackOptions:
     """All options of `gepf track`."""
 
     input: InputOptions
+    scene: SceneOptions
     output: OutputOptions
     method: MethodOptions
     pool: WorkerOptions

@@ -18,7 +18,9 @@ from coordinator.commands.workers import Connect, ListeningRefiner
 from coordinator.results.recorder import Recorder
 from coordinator.results.run_configuration import AUTOMATIC, live_run_configuration
 from coordinator.results.track import read_track
+from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
+from coordinator.tracking.isolation import Isolation
 from coordinator.tracking.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 
@@ -32,6 +34,7 @@ class LiveRun:
     frames: LiveFrames
     bodies: Bodies
     start: Mapping[str, float] | None
+    scope: Scope
     recorder: Recorder
 
 
@@ -43,8 +46,10 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> No
     key = check_live(job)
     bodies = choose_bodies(job.active, job.settings.preset)
     start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), HUMAN_DOFS)
-    with Recorder(job.out, live_run_configuration(str(job.sequence), job.asked(bodies, start))) as recorder:
-        run = LiveRun(job, key, LiveFrames(key, show.say), bodies, start, recorder)
+    scope = job.scope.read(None)
+    configuration = live_run_configuration(str(job.sequence), job.asked(bodies, start, scope))
+    with Recorder(job.out, configuration) as recorder:
+        run = LiveRun(job, key, LiveFrames(key, show.say), bodies, start, scope, recorder)
         meter, complete = show.frames(None), False
         try:
             with until_interrupted(recorder):
@@ -88,7 +93,8 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
     """Track whatever frame is the newest; each is recorded before the next begins."""
     with connect(run.job.pool, show) as refiner, meter:
         refiner.listen(run.key, run.frames.receive)
-        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start)
+        isolation = Isolation(run.job.settings.points, run.scope)
+        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, isolation=isolation)
         for frame in from_first_seen(iter(run.frames)):
             estimate = tracker.track(frame)
             meter.advance(estimate, f", {run.frames.counts.skipped} frames skipped")

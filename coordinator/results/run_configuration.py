@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.versions import versions
+from coordinator.scene.scope import Scope
 from coordinator.sources.given import NOTHING, Given
 
 RunConfiguration = dict[str, Any]
@@ -36,6 +37,11 @@ OPTIONS = {
     "init": "--init",
     "frame_range": "--frames",
     "deadline_ms": "--deadline",
+    "scene.person": "--person",
+    "scene.near": "--near",
+    "scene.far": "--far",
+    "scene.roi": "--roi",
+    "scene.background": "--background",
     "versions.gepf": "gepf's version",
 }
 """Dotted name -> what the user calls it. Names that are not listed are settings without an option."""
@@ -59,6 +65,7 @@ class Asked:
     active: Sequence[str] | None
     start: Mapping[str, float] | None  # None for one that is found
     deadline: float | None  # seconds
+    scope: Scope = field(default_factory=Scope)  # what of the scene is tracked
 
 
 def run_configuration(
@@ -89,6 +96,7 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
         "dof": None if asked.active is None else ",".join(asked.active),
         "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
         "settings": msgspec.to_builtins(asked.settings),
+        "scene": asked.scope.describe(),
         "deadline_ms": None if asked.deadline is None else 1000 * asked.deadline,
         "versions": {"gepf": versions().get("gepf")},
     }

@@ -12,9 +12,8 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
 from coordinator.scene.candidates import candidates
 from coordinator.scene.cutting import Cut, cut_mask, cut_out
-from coordinator.scene.limits import Limits
-from coordinator.scene.person import Person
 from coordinator.scene.scene import Scene, SceneChange
+from coordinator.scene.scope import Scope
 from coordinator.scene.view import SceneView
 from coordinator.tracking.subject import isolate, subject_of
 
@@ -49,21 +48,13 @@ class Isolation:
 
     Args:
         points: How many pixels to pick at the most.
-        limits: What of the frames counts.
-        person: Who is meant, where there are several.
-        background: The depth (H, W) in metres of the room without anybody, 0 where that is not known.
+        scope: What of the scene counts, and who is meant.
     """
 
-    def __init__(
-        self,
-        points: int,
-        limits: Limits | None = None,
-        person: Person | None = None,
-        background: NDArray[np.float32] | None = None,
-    ) -> None:
+    def __init__(self, points: int, scope: Scope | None = None) -> None:
         self._points = points
-        self._limits, self._person = limits or Limits(), person or Person()
-        self._scene = Scene(background)
+        self._scope = scope or Scope()
+        self._scene = Scene(self._scope.background)
 
     def recall(self, change: SceneChange) -> None:
         """Know what was known after a frame that made this change, if all before it were recalled, too."""
@@ -71,7 +62,7 @@ class Isolation:
 
     def cut(self, frame: DepthFrame, body: Posed | None) -> Isolated:
         """What the next frame shows near a body; without one, of whoever is the likeliest to be a person."""
-        frame = self._limits.keep(frame)
+        frame = self._scope.limits.keep(frame)
         view = self._scene.see(frame)
         if not view.furnished:
             box = None if body is None else bounding_box(body.model, body.pose)
@@ -82,5 +73,5 @@ class Isolation:
 
     def _somebody(self, view: SceneView) -> Cut | None:
         """The likeliest of those who may be the person that is meant."""
-        found = self._person.choose(view, candidates(view))
+        found = self._scope.person.choose(view, candidates(view))
         return cut_mask(view, found[0].mask) if found else None

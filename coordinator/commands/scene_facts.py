@@ -1,0 +1,65 @@
+"""What `gepf track` would find in a sequence's scene, told by `gepf info`."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+
+from coordinator.scene.candidates import Candidate, candidates
+from coordinator.scene.scene import Scene
+from coordinator.scene.view import SceneView
+from coordinator.sources import Source
+
+LOOKED_AT = 60  # frames from the first on, among which somebody is waited for
+PROMISING = 0.3  # score from which on a candidate is worth to be shown
+
+
+def look(source: Source) -> tuple[SceneView, list[Candidate]]:
+    """The first frame that shows somebody, or else the last that was looked at, and who may be a person."""
+    scene = Scene()
+    for number in source.numbers[:LOOKED_AT]:
+        view = scene.see(source.frame(number))
+        found = [each for each in candidates(view) if each.score > PROMISING]
+        if found:
+            break
+        scene.learn(view, None)
+    return view, found
+
+
+def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]:
+    """Facts by name: floor, walls and candidates."""
+    height = view.floor_height
+    walls = view.planes.coefficients[1 if view.planes.has_floor else 0 :]
+    down = -view.up
+    return {
+        "floor": None
+        if height is None
+        else {
+            "camera_height_m": round(height, 3),
+            "pitch_deg": round(float(np.degrees(np.arcsin(down[2]))), 1),
+            "roll_deg": round(float(np.degrees(np.arcsin(down[0]))), 1),
+        },
+        "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
+        "room": view.furnished,
+        "noise_mm": round(1000.0 * float(view.noise.sigma(np.array([2.0]))[0]), 1),
+        "people_in_frame": view.number,
+        "people": [describe_candidate(each) for each in found],
+    }
+
+
+def describe_candidate(candidate: Candidate) -> dict[str, object]:
+    """Where a candidate is, and why it is one."""
+    rows, columns = np.nonzero(candidate.mask)
+    return {
+        "pixel": [int(np.median(columns)), int(np.median(rows))],
+        "distance_m": round(float(np.median(candidate.points[:, 2])), 2),
+        "score": round(candidate.score, 2),
+        "why": candidate.why,
+    }
+
+
+def picture_of(view: SceneView, found: list[Candidate]) -> Image.Image:
+    """All that was found, in the frame."""
+    from coordinator.pictures.scene import draw_scene
+
+    return draw_scene(view, found)
