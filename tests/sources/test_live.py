@@ -23,6 +23,7 @@ from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.messages import encode_live, encode_live_end
+from common.protocol.wire import PROTOCOL
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import open_worker
@@ -79,7 +80,11 @@ def test_what_makes_no_sense_is_counted_and_told_once() -> None:
     """Rubbish does not displace a frame that waits, and does not end the stream."""
     frames, told = heard()
     frames.receive(encode_live(image(7)))
-    for rubbish in (b"", b"\xc1" * 100, encode_live(image(8)).replace(b"version\x01", b"version\x09")):
+    for rubbish in (
+        b"",
+        b"\xc1" * 100,
+        encode_live(image(8)).replace(b"version" + bytes([PROTOCOL]), b"version\x09"),
+    ):
         frames.receive(rubbish)
     frames.receive(encode_live_end())
     assert [frame.number for frame in frames] == [7]
