@@ -1,8 +1,8 @@
 """The command `gepf`.
 
 What another program would read goes to stdout, all else to stderr. Exit codes: 0 done, 2 the user's input
-is at fault (one line on stderr), 1 anything else. What takes long to load is imported by the command that
-needs it.
+is at fault (one line on stderr), 130 interrupted, 1 anything else. What
+takes long to load is imported by the command that needs it.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from coordinator.commands.arguments import (
     ExportOptions,
     FitOptions,
     Model,
+    PicturesOptions,
     PublishOptions,
     Quiet,
     Recording,
@@ -35,6 +36,8 @@ from coordinator.commands.arguments import (
     ViewOptions,
 )
 from coordinator.commands.grouped import grouped
+from coordinator.commands.loading import loading
+from coordinator.commands.misuse import describe_misuse
 from coordinator.commands.track_arguments import TrackOptions
 
 if TYPE_CHECKING:
@@ -70,7 +73,7 @@ def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = 
     except InputError as error:
         return complain(error, INPUT_AT_FAULT)
     except typer.TyperException as error:
-        return complain(error, error.exit_code, error.format_message())
+        return complain(error, error.exit_code, describe_misuse(error))
     except GepfError as error:
         return complain(error, FAILED)
     except ModuleNotFoundError as error:
@@ -148,27 +151,33 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Track an arm behind heavy noise: a table of errors, and pictures."""
-    from coordinator.commands.demo import run_demo
+    show = on_stderr(quiet=quiet)
+    with loading(show, "an arm behind noise, tracked twice; loading"):
+        from coordinator.commands.demo import run_demo
 
-    run_demo(out, on_stderr(quiet=quiet), connect_of(context))
+    run_demo(out, show, connect_of(context))
 
 
 @app.command(rich_help_panel=TRACKING)
 @grouped
 def track(context: typer.Context, options: TrackOptions) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
-    from coordinator.commands.run import run_track
+    show = on_stderr(quiet=options.output.quiet)
+    with loading(show, f"tracking {options.input.sequence} into {options.output.out}; loading"):
+        from coordinator.commands.run import run_track
 
-    run_track(options, on_stderr(quiet=options.output.quiet), connect_of(context))
+    run_track(options, show, connect_of(context))
 
 
 @app.command(rich_help_panel=TRACKING)
 @grouped
 def fit(context: typer.Context, options: FitOptions) -> None:
     """Measure a person in a few frames, for track --model: stature, girth and the lengths of limbs."""
-    from coordinator.commands.fit import run_fit
+    show = on_stderr(quiet=options.quiet)
+    with loading(show, f"measuring who is in {options.sequence}; loading"):
+        from coordinator.commands.fit import run_fit
 
-    run_fit(options, on_stderr(quiet=options.quiet), connect_of(context))
+    run_fit(options, show, connect_of(context))
 
 
 @app.command(rich_help_panel=HOSTS)
@@ -198,6 +207,17 @@ def export(options: ExportOptions, quiet: Quiet = False) -> None:
     from coordinator.commands.export import run_export
 
     run_export(options, on_stderr(quiet=quiet))
+
+
+@app.command(rich_help_panel=LOOKING)
+@grouped
+def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
+    """Draw a run's pictures anew, into its folder."""
+    show = on_stderr(quiet=quiet)
+    with loading(show, f"drawing pictures of {options.run}; loading"):
+        from coordinator.commands.pictures import run_pictures
+
+    run_pictures(options, show)
 
 
 @model_app.callback(invoke_without_command=True)

@@ -16,8 +16,9 @@ from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
-from coordinator.bodies.choice import HUMAN, bodies_of, choose_bodies, choose_model, person
+from coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, person
 from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.mpeg4 import HUMAN
 from coordinator.bodies.tracked import Bodies
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner

@@ -7,14 +7,12 @@ from pathlib import Path
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.mpeg4 import JOINT_ANGLES
+from coordinator.bodies.human.mpeg4 import HUMAN, HUMAN_DOFS
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 from coordinator.bodies.person_file import read_person
 from coordinator.bodies.tracked import Bodies, OneBody
 
-HUMAN = "human"
 PERSON_SUFFIX = ".json"
-HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
 JOINTS = "joints"
 """Stands for all that is usually active but the root: what moves where the base is known to stand still."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,18 +10,12 @@ import msgspec
 from common.errors import InputError
 from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
 from coordinator.files.atomic import write_atomically
+from coordinator.files.numbers import read_numbers
 
 
 def read_person(path: Path) -> Measures:
     """Measures in metres; what is missing follows from stature. InputError for what is no person's."""
-    try:
-        values = msgspec.convert(json.loads(path.read_bytes()), dict[str, float])
-    except FileNotFoundError:
-        raise InputError(f"no such file: {path}; gepf fit writes one") from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; give --model another file") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; write {{measure: metres}}") from error
+    values = read_numbers(path, "gepf fit writes one for --model", "measure: metres")
     stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
     try:
         return Measures.of(stature, girth, **values)

@@ -126,6 +126,19 @@ class ExportOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class PicturesOptions:
+    """All options of `gepf pictures`."""
+
+    run: Run
+    sequence: Annotated[
+        Path | None, typer.Option(metavar="SEQ", help="Where the sequence is now, if it was moved.")
+    ] = None
+    color: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Draw over these colour frames (default: as tracked).")
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
 class RouterOptions:
     """Where a router is reached."""
 

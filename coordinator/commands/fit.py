@@ -14,8 +14,9 @@ from common.body import BodyModel
 from common.errors import InputError
 from common.kinematics import pose_vertices
 from common.settings import Settings
-from coordinator.bodies.choice import HUMAN_DOFS, PERSON_SUFFIX, choose_bodies, person
+from coordinator.bodies.choice import PERSON_SUFFIX, choose_bodies, person
 from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.person_file import write_person
 from coordinator.commands.arguments import FitOptions
 from coordinator.commands.options import choose_pool, choose_settings

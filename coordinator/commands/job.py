@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.settings import Settings
-from coordinator.bodies.choice import HUMAN
+from coordinator.bodies.human.mpeg4 import HUMAN
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.scope import AskedScope
 from coordinator.pool.options import Pool
@@ -32,6 +32,7 @@ class Job:
     colour: Path | None = None  # frames to draw results over
     given: Given = NOTHING  # of the camera
     scope: AskedScope = field(default_factory=AskedScope)  # what of the scene is tracked
+    pictures: bool = True
 
     def asked(self, bodies: Bodies, start: Mapping[str, float] | None, scope: Scope) -> Asked:
         """What decides the results besides the input."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from coordinator.bodies.choice import choose_model, load_body
+from coordinator.bodies.human.mpeg4 import HUMAN, HUMAN_DOFS
 
 
 def draw_model(model: str, out: Path) -> None:
     """Draw a body at rest from three sides."""
+    from coordinator.bodies.choice import choose_model, load_body
     from coordinator.pictures.portrait import draw_portrait
 
     draw_portrait(load_body(choose_model(model)), out)
@@ -17,11 +18,21 @@ def draw_model(model: str, out: Path) -> None:
 
 def list_dofs(model: str) -> None:
     """Print the names of a body's degrees of freedom, one a line."""
-    sys.stdout.write("".join(f"{name}\n" for name in load_body(choose_model(model)).dof_names))
+    sys.stdout.write("".join(f"{name}\n" for name in dofs_of(model)))
+
+
+def dofs_of(model: str) -> tuple[str, ...]:
+    """A body's degrees of freedom; the template's without building it, which takes seconds."""
+    if model == HUMAN:
+        return HUMAN_DOFS
+    from coordinator.bodies.choice import choose_model, load_body
+
+    return load_body(choose_model(model)).dof_names
 
 
 def write_as_urdf(model: str, out: Path) -> None:
     """Write a body as URDF, with a mesh for every link."""
+    from coordinator.bodies.choice import choose_model, load_body
     from coordinator.bodies.urdf.writing import write_urdf
 
     write_urdf(load_body(choose_model(model)), out)

@@ -7,12 +7,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from coordinator.tracking.estimate import Estimate
+if TYPE_CHECKING:
+    from coordinator.tracking.estimate import Estimate
 
 QUIET_SECONDS = 5.0  # between two lines where there is no terminal
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from coordinator.commands.loading import loading
 from coordinator.commands.progress import Show
-from coordinator.report import write_report
+from coordinator.results.track import read_track
 
 REPORT_FILE = "report.html"
 
@@ -13,5 +14,8 @@ REPORT_FILE = "report.html"
 def run_report(run: Path, out: Path | None, show: Show) -> None:
     """Write the page. Raises InputError if the folder holds no finished run."""
     page = out or run / REPORT_FILE
+    read_track(run)
+    with loading(show, f"writing {page}"):
+        from coordinator.report import write_report
     write_report(run, page)
     show.say(f"the report is in {page}")

@@ -57,4 +57,5 @@ def choose_job(options: TrackOptions) -> Job:
         colour=source.color,
         given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
         scope=choose_scope(options.scene),
+        pictures=options.output.pictures,
     )

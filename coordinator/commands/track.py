@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from common.body import BodyModel
-from coordinator.bodies.choice import HUMAN_DOFS, choose_bodies
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import Job
+from coordinator.commands.pictures import draw_pictures
 from coordinator.commands.progress import FrameMeter, Show
 from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.exports.csv import write_csv
@@ -71,15 +73,22 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> Non
     with Recorder(job.out, configuration, resume=job.resume) as recorder:
         run = Run(job, source, numbers, bodies, start, scope, recorder, colours)
         meter = show.frames(len(numbers), recorder.frames)
-        if job.resume:
-            show.say(describe_resume(run))
+        show.say(describe_resume(run) if job.resume else announce(run))
         try:
             if recorder.frames < len(numbers):
                 track_frames(run, meter, show, connect)
         finally:
             recorded = finish(run, meter, show)
-        if recorded is not None:
-            draw(run, recorded.state.start.model, truth, show)
+    if recorded is not None:
+        draw(run, recorded.state.start.model, truth, show)
+
+
+def announce(run: Run) -> str:
+    """What is about to be done."""
+    job, camera = run.job, run.source.intrinsics
+    size = f"{camera.width}x{camera.height}"
+    how = f"{job.settings.method}, {job.settings.filter.particles} particles"
+    return f"tracking {len(run.numbers)} frames ({size}) of {job.sequence} into {job.out}: {how}"
 
 
 def describe_resume(run: Run) -> str:
@@ -155,9 +164,13 @@ def write_results(
 
 def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:
     """Pictures of a finished run."""
-    from coordinator.pictures.run import draw_run
-
-    track = read_track(run.job.out)
-    show.say("drawing pictures")
-    files = draw_run(run.source, model, track, run.job.out, truth, run.colours)
-    show.say(f"{len(track.frame)} frames and {len(files)} pictures are in {run.job.out}")
+    out, frames = run.job.out, f"{len(run.numbers)} frames"
+    if not run.job.pictures:
+        show.say(f"{frames} are in {out}; gepf pictures {out} draws them")
+        return
+    try:
+        files = draw_pictures(run.source, model, read_track(out), out, show, truth, run.colours)
+    except KeyboardInterrupt:
+        show.say(f"{frames} are in {out}, without pictures; gepf pictures {out} draws them")
+        raise
+    show.say(f"{frames} and {len(files)} pictures are in {out}")

@@ -204,6 +204,14 @@ class OutputOptions:
             "--resume", help="Go on with the run in --out, if there is one.", rich_help_panel=OUTPUT
         ),
     ] = False
+    pictures: Annotated[
+        bool,
+        typer.Option(
+            "--pictures/--no-pictures",
+            help="Draw pictures at the end; gepf pictures draws them later.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = True
     quiet: Quiet = False
     as_json: Annotated[
         bool,

@@ -9,12 +9,14 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.protocol.keys import check_stream
-from coordinator.bodies.choice import HUMAN_DOFS, choose_bodies
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameMeter, Show
 from coordinator.commands.track import describe_pool, write_results
 from coordinator.commands.workers import Connect, ListeningRefiner
+from coordinator.files.names import HYPOTHESES_FILE
 from coordinator.results.recorder import Recorder
 from coordinator.results.run_configuration import AUTOMATIC, live_run_configuration
 from coordinator.results.track import read_track
@@ -59,7 +61,7 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> No
             finish(run, meter, complete=complete)
         if not recorder.frames:
             raise InputError(f"the stream on {key} ended before any depth came; start its publisher later")
-        draw(run, show)
+    draw(run, show)
 
 
 def check_live(job: Job) -> str:
@@ -114,9 +116,10 @@ def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> None:
 
 def draw(run: LiveRun, show: Show) -> None:
     """The hypotheses of a finished run; the frames themselves were not kept."""
-    from coordinator.pictures.hypotheses import HYPOTHESES_FILE, draw_hypotheses
-
     out = run.job.out
     track = read_track(out)
-    draw_hypotheses(track, None, out / HYPOTHESES_FILE)
+    if run.job.pictures:
+        from coordinator.pictures.hypotheses import draw_hypotheses
+
+        draw_hypotheses(track, None, out / HYPOTHESES_FILE)
     show.say(f"{len(track.frame)} of {run.frames.counts.received} frames were tracked; results are in {out}")

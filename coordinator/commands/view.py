@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import signal
 from pathlib import Path
 from urllib.parse import quote
@@ -12,15 +11,11 @@ import rerun as rr
 from common.errors import GepfError, InputError
 from coordinator.commands.arguments import ViewOptions
 from coordinator.commands.progress import Show
+from coordinator.commands.tracked_sequence import find_sequence
 from coordinator.results.model_file import read_tracked_body
-from coordinator.results.run_configuration import GIVEN, PATH
-from coordinator.results.summary import read_summary
 from coordinator.results.track import Track, read_track
-from coordinator.sources import Source, open_source
-from coordinator.sources.given import Given
+from coordinator.sources import Source
 from coordinator.viewing.scene import layout, log_run
-
-logger = logging.getLogger(__name__)
 
 APPLICATION = "gepf"
 
@@ -68,16 +63,3 @@ def write(recording: rr.RecordingStream, run: Path, track: Track, source: Source
     with show.steps("preparing frames") as advance:
         log_run(recording, track, model, source, advance)
         recording.flush()
-
-
-def find_sequence(run: Path, given: Path | None) -> Source | None:
-    """The sequence that was tracked: as given, else where it was; None, with a warning, if it is gone."""
-    if given is not None:
-        return open_source(given)
-    summary = read_summary(run)
-    recorded, camera = summary.get(PATH), summary.get(GIVEN) or {}
-    if recorded is not None and Path(recorded).exists():
-        lens = camera.get("lens")
-        return open_source(Path(recorded), Given(tuple(lens) if lens else None, camera.get("depth_scale")))
-    logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
-    return None

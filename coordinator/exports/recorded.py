@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.exports.smoothing import smooth_track
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.model_file import TrackedBody, read_tracked_body
 from coordinator.results.track import Track
@@ -69,5 +68,12 @@ class RecordedRun:
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged."""
     track = read_track_with_angles(folder)
-    shown = track if smooth_hz is None else smooth_track(track, read_tracked_body(folder).model, smooth_hz)
+    shown = track if smooth_hz is None else smoothed(track, folder, smooth_hz)
     return RecordedRun(folder.resolve().name, shown, folder, track, smooth_hz)
+
+
+def smoothed(track: Track, folder: Path, cutoff_hz: float) -> Track:
+    """The track low-passed; the filters are loaded here, since they take longer than all else."""
+    from coordinator.exports.smoothing import smooth_track
+
+    return smooth_track(track, read_tracked_body(folder).model, cutoff_hz)

@@ -15,7 +15,6 @@ from coordinator.pictures.style import HYPOTHESIS, REPORTED, TRUE, draw_status, 
 from coordinator.results.track import Track
 from coordinator.results.truth import Truth
 
-HYPOTHESES_FILE = "hypotheses.png"
 MOST_ANGLES = 6
 OUTLIERS = 1.0  # percent of the hypotheses at either end that need not be shown
 

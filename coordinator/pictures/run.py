@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -12,9 +13,10 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.errors import GepfError, InputError
 from coordinator.files.atomic import write_atomically
+from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, HYPOTHESES_FILE, SHEET_FILE
 from coordinator.pictures.animation import encode_gif
 from coordinator.pictures.errors import draw_errors
-from coordinator.pictures.hypotheses import HYPOTHESES_FILE, draw_hypotheses
+from coordinator.pictures.hypotheses import draw_hypotheses
 from coordinator.pictures.overlay import Painter, Shown
 from coordinator.pictures.sheet import spread, tile
 from coordinator.pictures.view import around
@@ -25,10 +27,11 @@ from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 from coordinator.synthesis.rendering import DepthRenderer
 
-ANIMATION_FILE, SHEET_FILE = "overlay.gif", "sheet.png"
-ERRORS_FILE = "errors.png"
 PICTURE_SIZE = (360, 400)  # at the most
 ANIMATION_FRAMES, SHEET_FRAMES, SHEET_COLUMNS = 75, 15, 5
+FINAL_STEPS = 2  # after the frames: animation and sheet, then curves
+
+Advance = Callable[[int, int], None]
 
 logger = logging.getLogger(__name__)
 
@@ -40,36 +43,50 @@ def draw_run(
     out: Path,
     truth: Truth | None = None,
     colours: ColourFolder | None = None,
+    advance: Advance = lambda *_: None,
 ) -> list[Path]:
     """Write overlay.gif, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
 
     `model` is the body that was tracked, with the track's degrees of freedom. Without OpenGL it is drawn as
     its vertices, and a warning says so. With `colours`, overlay and sheet are drawn over these.
+    `advance` is called with the steps that are done and their number.
     """
     files = [out / ANIMATION_FILE, out / SHEET_FILE, out / HYPOTHESES_FILE]
     chosen = spread(len(track.frame), ANIMATION_FRAMES)
-    pictures = paint(source, model, track, chosen, colours)
+    steps = len(chosen) + FINAL_STEPS
+    pictures = paint(source, model, track, chosen, colours, lambda done: advance(done, steps))
     write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
     write_sheet(pictures, files[1])
+    advance(steps - 1, steps)
     draw_hypotheses(track, truth, files[2])
     if truth is not None and comparable(track, truth):
         files.append(out / ERRORS_FILE)
         draw_errors(track, truth, files[-1])
+    advance(steps, steps)
     return files
 
 
 def paint(
-    source: Source, model: BodyModel, track: Track, chosen: list[int], colours: ColourFolder | None = None
+    source: Source,
+    model: BodyModel,
+    track: Track,
+    chosen: list[int],
+    colours: ColourFolder | None = None,
+    done: Callable[[int], None] = lambda _: None,
 ) -> list[Image.Image]:
-    """Pictures of the track's frames at positions `chosen`."""
+    """Pictures of the track's frames at positions `chosen`; `done` is called with how many there are."""
     view = around(track, source.intrinsics, *PICTURE_SIZE)
-    with closing(Painter(model, view, opengl=opengl_starts())) as painter:
-        return [
-            painter.paint(
-                source.frame(number), shown_at(track, f), colour=colours.frame(number) if colours else None
-            )
-            for f, number in zip(chosen, track.frame[chosen].tolist(), strict=True)
-        ]
+    fault = opengl_fault()
+    done(0)
+    if fault is not None:
+        logger.warning("pictures show the body as dots: %s", fault)
+    pictures: list[Image.Image] = []
+    with closing(Painter(model, view, opengl=fault is None)) as painter:
+        for f, number in zip(chosen, track.frame[chosen].tolist(), strict=True):
+            colour = colours.frame(number) if colours else None
+            pictures.append(painter.paint(source.frame(number), shown_at(track, f), colour=colour))
+            done(len(pictures))
+    return pictures
 
 
 def write_animation(pictures: list[Image.Image], seconds_each: float, file: Path) -> None:
@@ -104,11 +121,10 @@ def shown_at(track: Track, position: int) -> Shown:
     )
 
 
-def opengl_starts() -> bool:
-    """Whether surfaces can be rendered; else a warning."""
+def opengl_fault() -> GepfError | None:
+    """Why surfaces cannot be rendered; None if they can."""
     try:
         DepthRenderer(Intrinsics(8, 8, 8.0, 8.0, 3.5, 3.5)).close()
     except GepfError as error:
-        logger.warning("pictures show the body as dots: %s", error)
-        return False
-    return True
+        return error
+    return None

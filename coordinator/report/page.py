@@ -12,8 +12,7 @@ from markupsafe import Markup
 
 from common.errors import InputError
 from coordinator.files.atomic import write_atomically
-from coordinator.pictures.hypotheses import HYPOTHESES_FILE
-from coordinator.pictures.run import ANIMATION_FILE, ERRORS_FILE, SHEET_FILE
+from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, HYPOTHESES_FILE, SHEET_FILE
 from coordinator.report.angles import draw_angles, group_angles
 from coordinator.report.doubts import find_banner, find_doubts, find_leaps
 from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings

@@ -14,6 +14,7 @@ import msgspec
 
 from common.errors import InputError
 from coordinator.files.atomic import sync_folder, write_atomically
+from coordinator.files.names import LOG_FILE
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Opening, Record, Resumed, append_records
 from coordinator.results.recorded import Recorded, assemble, read_log
@@ -23,7 +24,6 @@ from coordinator.results.track import TRACK_FILE, Track, write_track
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import TrackerState
 
-LOG_FILE = "frames.log"
 CSV_FILE = "poses.csv"
 RESULTS = (TRACK_FILE, SUMMARY_FILE, CSV_FILE)
 ELSEWHERE = "choose another --out or delete what is there"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 
 from common.errors import InputError
 from coordinator.files.arrays import read_arrays
+from coordinator.files.names import LOG_FILE
 
 TRACK_FILE = "track.npz"
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +42,14 @@ class Track:
     particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
 
 
+def report_unfinished(folder: Path) -> None:
+    """Warn that the folder holds only a part of a run's frames; InputError where it has no track yet."""
+    where = f"{folder} holds a run that is still going on or was interrupted"
+    if not (folder / TRACK_FILE).exists():
+        raise InputError(f"{where}; end it by the same gepf track command with --resume")
+    logger.warning("%s, here only its first frames; the same gepf track command with --resume goes on", where)
+
+
 def write_track(track: Track, file: BinaryIO) -> None:
     """Write the `.npz` form; equal tracks give equal bytes (nothing compressed, no dates)."""
     values: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
@@ -49,6 +61,8 @@ def read_track(folder: Path) -> Track:
     """The track of a run's folder; InputError if there is none or it is damaged."""
     if not folder.is_dir():
         raise InputError(f"no such folder: {folder}; give the --out folder of a finished gepf track")
+    if (folder / LOG_FILE).exists():
+        report_unfinished(folder)
     if not (folder / TRACK_FILE).exists():
         raise InputError(f"{folder} holds no {TRACK_FILE}; give the --out folder of a finished gepf track")
     arrays = read_arrays(folder / TRACK_FILE)

@@ -126,7 +126,7 @@ def without(name: str) -> Damage:
             with_file("init.json", '{"elbow": 1}'),
             "init.json: unknown degree of freedom 'elbow'; gepf model dofs",
         ),
-        (with_file("init.json", '{"root_tz": NaN}'), "init.json: root_tz is nan; give a finite number"),
+        (with_file("init.json", '{"root_tz": NaN}'), "init.json: root_tz is NaN; give a finite number"),
         (with_file("init.json", '{"root_tz": "2"}'), "init.json"),
         (with_file("truth.npz", "truth"), "truth.npz is damaged"),
         (with_file("depth/copy.png", ""), "copy.png is not named by a frame number"),
@@ -184,7 +184,9 @@ def test_a_path_without_a_sequence_is_refused(tmp_path: Path, refused: Callable[
     assert "no such file or folder" in refused("track", tmp_path / "nowhere", "--out", tmp_path / "out")
     assert "holds no depth sequence" in refused("track", tmp_path / "empty", "--out", tmp_path / "out")
     assert "cannot read" in refused("track", "x" * 5000, "--out", tmp_path / "out")
-    assert "no depth sequence" in refused("track", tmp_path / "film.mp4", "--out", tmp_path / "out")
+    assert "is not read; a film holds colours" in refused(
+        "track", tmp_path / "film.mp4", "--out", tmp_path / "out"
+    )
 
 
 def test_a_damaged_mat_file_is_refused(tmp_path: Path, refused: Callable[..., str]) -> None:
@@ -264,7 +266,7 @@ def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Calla
 def test_bodies_tell_what_can_be_asked_of_them(capsys: pytest.CaptureFixture[str]) -> None:
     """All degrees of freedom on stdout, one a line; and help where nothing is asked."""
     assert main(["model", "dofs"]) == 0
-    assert capsys.readouterr().out.splitlines() == list(human().dof_names)
+    assert sorted(capsys.readouterr().out.split()) == sorted(human().dof_names)
     assert main(["model"]) == 0
     assert "dofs" in capsys.readouterr().out
 
@@ -279,6 +281,7 @@ def test_the_process_itself_ends_with_two_and_one_line(tmp_path: Path) -> None:
         command = [sys.executable, "-c", code, *arguments]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (2, "")
-        assert done.stderr.count("\n") == 1
-        assert says in done.stderr
+        (fault,) = [line for line in done.stderr.splitlines() if line.startswith("gepf: ")]
+        assert says in fault
+        assert done.stderr.splitlines()[-1] == fault  # before it at most what was about to be done
     assert list(tmp_path.iterdir()) == []

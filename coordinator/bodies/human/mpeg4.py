@@ -8,6 +8,10 @@ signs of `coordinator.bodies.human.skeleton`, and moves the root by `root_tx` ..
 
 from __future__ import annotations
 
+from common.body import ROOT_DOFS
+
+HUMAN = "human"
+
 FINGERS = ("pinky", "ring", "middle", "index")
 VERTEBRAE_UPWARD = tuple(
     f"{region}{n}" for region, count in (("vl", 5), ("vt", 12), ("vc", 7)) for n in range(count, 0, -1)
@@ -44,6 +48,8 @@ JOINT_ANGLES: tuple[str, ...] = (
     "sacroiliac_tilt", "sacroiliac_torsion", "sacroiliac_roll",
     *_both_sides(_LEG), *_both_sides(_ARM), *_spine(), *_both_sides(_hand()),
 )  # fmt: skip
+
+HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
 
 BODY_ANIMATION_PARAMETERS: dict[int, str] = dict(enumerate(JOINT_ANGLES, start=1))
 """Parameter number -> degree of freedom, for the joint angles, 1-180."""

@@ -1,0 +1,64 @@
+"""Pictures of a finished run: at its end, or again by `gepf pictures`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from common.body import BodyModel
+from common.errors import InputError
+from coordinator.commands.arguments import PicturesOptions
+from coordinator.commands.interrupts import noted_interrupts
+from coordinator.commands.progress import Show
+from coordinator.commands.tracked_sequence import find_sequence
+from coordinator.results.model_file import read_tracked_body
+from coordinator.results.summary import read_summary
+from coordinator.results.track import Track, read_track
+from coordinator.results.truth import Truth, read_truth
+from coordinator.sources import Source
+from coordinator.sources.colour_folder import ColourFolder
+
+COLOUR = "color"  # in the summary
+
+
+def run_pictures(options: PicturesOptions, show: Show) -> None:
+    """Draw a run's pictures anew. InputError for a folder without a run, or frames that are gone."""
+    run = options.run
+    track, summary = read_track(run), read_summary(run)
+    source = find_sequence(run, options.sequence)
+    if source is None:
+        raise InputError(f"the frames of {run} are not where they were; say where with --sequence SEQ")
+    colours = open_colours(options.color, summary, source, track)
+    truth = read_truth(source.truth) if source.truth else None
+    files = draw_pictures(source, read_tracked_body(run).model, track, run, show, truth, colours)
+    show.say(f"{len(files)} pictures are in {run}: {', '.join(file.name for file in files)}")
+
+
+def open_colours(
+    given: Path | None, summary: Mapping[str, Any], source: Source, track: Track
+) -> ColourFolder | None:
+    """Colour frames to draw over: as given, else those that the run was drawn over."""
+    folder = given or (Path(summary[COLOUR]) if summary.get(COLOUR) else None)
+    numbers = range(int(track.frame[0]), int(track.frame[-1]) + 1)
+    return ColourFolder(folder, source.intrinsics, numbers) if folder else None
+
+
+def draw_pictures(
+    source: Source,
+    model: BodyModel,
+    track: Track,
+    out: Path,
+    show: Show,
+    truth: Truth | None,
+    colours: ColourFolder | None,
+) -> list[Path]:
+    """Draw with a bar; an interrupt ends it at once, and the pictures before it stay as they were."""
+    with noted_interrupts() as interrupts, show.steps("drawing pictures") as advance:
+        from coordinator.pictures.run import draw_run
+
+        def step(done: int, total: int) -> None:
+            interrupts.check()
+            advance(done, total)
+
+        return draw_run(source, model, track, out, truth, colours, step)

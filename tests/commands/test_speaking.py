@@ -1,0 +1,197 @@
+"""Commands that speak: at once, with what there is to choose from, and when they are interrupted."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from coordinator.cli import main
+from coordinator.results.log import Opening, append_records
+from tests.support.processes import wait_until
+from tests.support.still_workers import StillWorkers, no_pictures, sequence, workers  # noqa: F401 fixtures
+from tests.support.warm_processes import start
+
+GEPF = (sys.executable, "-m", "coordinator.cli")
+SOON = 1.0  # seconds of processor time, so that a busy machine does not count
+
+
+@pytest.fixture
+def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
+    """A finished run without pictures."""
+    out = tmp_path / "run"
+    assert main(["track", str(sequence), "--out", str(out), "--no-pictures"], workers.connect) == 0
+    return out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("export", "run", "--out", "x"), "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
+        (("synth", "--out", "x"), "Missing argument 'SCENE': arm, turn, or roam"),
+        (("nonsense",), "No such command 'nonsense'; there are demo, track, fit"),
+        (("model", "nonsense"), "No such command 'nonsense'; there are show, dofs, export"),
+        (("export", "run", "--to", "avi", "--out", "x"), "choose from bap, bvh, c3d, csv"),
+        (("track", "seq"), "Missing option '--out' DIR: New folder for the results."),
+    ],
+)
+def test_what_there_is_to_choose_from_is_listed(
+    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line, exit code 2, for each thing that is missing or unknown."""
+    assert main(arguments) == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert said.count("\n") == 1
+
+
+def test_faults_of_json_name_the_entry(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Of a start and of a person's measures."""
+    file, out = tmp_path / "wrong.json", str(tmp_path / "out")
+    for option, content, says in (
+        ("--init", '{"root_tx": 1, "root_ty": "a"}', 'root_ty is "a"; give a finite number'),
+        ("--init", '{"root_tx": null}', "root_tx is null; give a finite number"),
+        ("--init", "[1]", "holds no names with numbers; write {degree of freedom: number}"),
+        ("--model", '{"stature": [1.8]}', "stature is [1.8]; give a finite number"),
+    ):
+        file.write_text(content)
+        assert main(["track", str(sequence), "--out", out, option, str(file)], workers.connect) == 2
+        assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("report", "{run}"),
+        ("evaluate", "{run}", "--truth", "{run}/track.npz"),
+        ("export", "{run}", "--to", "csv", "--out", "{run}/x.csv"),
+        ("view", "{run}", "--save", "{run}/x.rrd"),
+        ("pictures", "{run}"),
+    ],
+)
+def test_every_command_says_that_a_killed_run_can_be_gone_on_with(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder with a log of frames and no results: exit code 2, and what to do."""
+    run = tmp_path / "killed"
+    run.mkdir()
+    descriptor = os.open(run / "frames.log", os.O_CREAT | os.O_WRONLY)
+    append_records(descriptor, [Opening({})])
+    os.close(descriptor)
+    assert main([word.format(run=run) for word in command]) == 2
+    assert "was interrupted; end it by the same gepf track command with --resume" in capsys.readouterr().err
+
+
+def test_results_of_a_part_of_a_run_are_said_to_be_that(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """What ended early is exported all the same, with a warning."""
+    workers.fail_at, workers.failure = 2, KeyboardInterrupt()
+    out = tmp_path / "part"
+    assert main(["track", str(sequence), "--out", str(out)], workers.connect) == 130
+    assert main(["export", str(out), "--to", "csv", "--out", str(tmp_path / "part.csv")]) == 0
+    assert "the same gepf track command with --resume goes on" in caplog.text
+
+
+def test_track_says_at_once_what_it_does(sequence: Path, tmp_path: Path) -> None:
+    """Its first line comes before a second of processor time is gone, while libraries load."""
+    with subprocess.Popen(
+        [*GEPF, "track", str(sequence), "--out", str(tmp_path / "out")], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        used = Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
+        process.send_signal(signal.SIGINT)
+        process.stderr.read()
+    assert re.match(rf"tracking .*{sequence.name} into .*out", line)
+    assert sum(map(int, used)) / os.sysconf("SC_CLK_TCK") < SOON
+    assert process.returncode == 130
+
+
+@pytest.mark.parametrize(
+    ("command", "unused"),
+    [
+        (("export", "{run}", "--to", "csv", "--out", "{run}/x.csv"), ("numba", "matplotlib", "scipy.signal")),
+        (("report", "{run}/none"), ("numba", "matplotlib", "scipy")),
+        (("evaluate", "{run}", "--truth", "{run}/none.npz"), ("numba", "matplotlib", "scipy")),
+        (("model", "dofs"), ("numba", "scipy")),
+        (("pictures", "{run}/none"), ("matplotlib",)),
+    ],
+)
+@pytest.mark.usefixtures("no_pictures")
+def test_short_commands_load_what_they_need_alone(
+    tracked: Path, command: tuple[str, ...], unused: tuple[str, ...]
+) -> None:
+    """Loading is most of their time: without the compiler, filters and figures it is under a second."""
+    words = [word.format(run=tracked) for word in command]
+    code = (
+        f"import sys; from coordinator.cli import main; main({words!r});"
+        f"sys.exit(' '.join(set({unused!r}) & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_a_run_without_pictures_says_how_to_draw_them(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """--no-pictures; then gepf pictures draws, as a real process, and says what it wrote."""
+    tracked = tmp_path / "run"
+    assert main(["track", str(sequence), "--out", str(tracked), "--no-pictures"], workers.connect) == 0
+    assert f"gepf pictures {tracked} draws them" in capsys.readouterr().err
+    assert not list(tracked.glob("*.gif"))
+    done = subprocess.run([*GEPF, "pictures", tracked], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "3 pictures are in" in done.stderr
+    assert {path.name for path in tracked.iterdir()} >= {"overlay.gif", "sheet.png", "hypotheses.png"}
+
+
+def draw_slowly(run: Path, delay: float) -> None:
+    """`gepf pictures` with a step of drawing that takes long and hides interrupts, as libraries do."""
+    import coordinator.pictures.run as drawing
+
+    whole = drawing.opengl_fault
+
+    def swallowing() -> object:
+        (run / "drawing").touch()
+        with suppress(BaseException):  # as trimesh and PyOpenGL do while they load
+            time.sleep(delay)
+        return whole()
+
+    vars(drawing)["opengl_fault"] = swallowing
+    sys.exit(main(["pictures", str(run)]))
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_an_interrupt_ends_drawing(tracked: Path, tmp_path: Path) -> None:
+    """Even one that a library swallows: exit code 130 soon, no picture, nothing said about OpenGL."""
+    process = start(draw_slowly, tracked, 60.0, log=tmp_path / "log")
+    wait_until((tracked / "drawing").exists, 60.0)
+    time.sleep(0.2)
+    assert process.pid is not None
+    os.kill(process.pid, signal.SIGINT)
+    process.join(20.0)
+    assert process.exitcode == 130
+    said = (tmp_path / "log").read_text()
+    assert "stopped" in said
+    assert "dots" not in said
+    assert not list(tracked.glob("*.gif"))
