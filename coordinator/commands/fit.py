@@ -12,7 +12,6 @@ import numpy as np
 
 from common.body import BodyModel
 from common.errors import InputError
-from common.kinematics import pose_vertices
 from common.settings import Settings
 from coordinator.bodies.choice import PERSON_SUFFIX, choose_bodies, person
 from coordinator.bodies.human.measures import Measures
@@ -28,8 +27,8 @@ from coordinator.sources import Source, open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import first_frame, select_frames
 from coordinator.tracking.fitting import FITTED, Fit, Fitter, Posed
+from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.subject import isolate
 from coordinator.tracking.tracker import Tracker
 
 USED = 20  # frames that are fitted to, spread over those that are explained well
@@ -104,14 +103,14 @@ def follow(
     """Track, and keep some of the frames in which the person was seen well."""
     bodies = choose_bodies(None, job.settings.preset)
     tracker = Tracker(refiner, job.settings, bodies, choose_start(job.init, source, HUMAN_DOFS))
+    isolation = Isolation(job.settings.points)
     seen = []
     with show.frames(len(numbers)) as meter:
         for number in numbers:
             frame = source.frame(number)
             estimate = tracker.track(frame)
             meter.advance(estimate)
-            surface = pose_vertices(tracker.model, estimate.pose[None])[0]
-            subject = isolate(frame, surface, job.settings.points)
+            subject = isolation.cut(frame, PosedBody(tracker.model, estimate.pose)).subject
             if estimate.status == "tracked" and subject is not None:
                 seen.append((estimate.residual, Posed(subject, estimate.pose)))
     if not seen:

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Posed:
+class PosedBody:
     """A body in a pose (D,)."""
 
     model: BodyModel
@@ -60,7 +60,7 @@ class Isolation:
         """Know what was known after a frame that made this change, if all before it were recalled, too."""
         self._scene.recall(change)
 
-    def cut(self, frame: DepthFrame, body: Posed | None) -> Isolated:
+    def cut(self, frame: DepthFrame, body: PosedBody | None) -> Isolated:
         """What the next frame shows near a body; without one, of whoever is the likeliest to be a person."""
         frame = self._scope.limits.keep(frame)
         view = self._scene.see(frame)

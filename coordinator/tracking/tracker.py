@@ -24,7 +24,7 @@ from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.isolation import Isolation, Posed
+from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
@@ -224,13 +224,13 @@ class Tracker:
         with clock.stage("isolate"):
             return CutOut(frame, self._isolation.cut(frame, self._body()), clock)
 
-    def _body(self) -> Posed | None:
+    def _body(self) -> PosedBody | None:
         """Near what a frame is cut out, at first the given pose; None where nothing is known yet."""
         if self._around is not None:
-            return Posed(self.model, self._around)
+            return PosedBody(self.model, self._around)
         if self._given is not None:
             start = given_start(self._given, self._bodies)
-            return Posed(start.model, start.pose)
+            return PosedBody(start.model, start.pose)
         return None
 
     def _begin(self, subject: SubjectFrame) -> Belief:

@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from common.body import BodyModel
 from common.camera import back_project
 from common.frame import DepthFrame
-from common.kinematics import pose_vertices
-from coordinator.tracking.subject import isolate
+from coordinator.tracking.isolation import Isolation, PosedBody
 
 Array = NDArray[np.float64]
 
@@ -26,15 +24,15 @@ class Correspondences:
     residual: Array  # (P,)
 
 
-def correspond(frame: DepthFrame, model: BodyModel, pose: Array, most: int) -> Correspondences | None:
-    """For at most `most` points of the subject near the pose (D,); None where nothing of it was seen."""
-    surface: Array = pose_vertices(model, pose[None])[0]
-    subject = isolate(frame, surface, most)
+def correspond(isolation: Isolation, frame: DepthFrame, body: PosedBody) -> Correspondences | None:
+    """For the points of the subject near a body in the next frame; None where nothing of it was seen."""
+    subject = isolation.cut(frame, body).subject
     if subject is None:
         return None
+    surface = body.surface
     cropped = subject.frame
     observed = back_project(cropped.metres(), cropped.intrinsics).reshape(-1, 3)[subject.picked]
-    faced = surface[facing(surface, model.triangles)]
+    faced = surface[facing(surface, body.model.triangles)]
     distance, at = KDTree(faced).query(observed)
     return Correspondences(observed, faced[at], distance)
 

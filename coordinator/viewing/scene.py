@@ -12,11 +12,13 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.pictures.skeleton import bones
 from coordinator.pictures.style import STATUS
 from coordinator.results.track import Track
 from coordinator.sources import Source
+from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.viewing.correspondences import Correspondences, correspond
 from coordinator.viewing.spread import ellipsoids
 
@@ -63,13 +65,15 @@ def log_run(
     to.log("/", rr.ViewCoordinates.RDF, static=True)
     if source is not None:
         log_camera(to, source)
+    isolation = Isolation(POINTS)
     for f in range(len(track.frame)):
         to.set_time("frame", sequence=int(track.frame[f]))
         to.set_time("time", duration=float(track.time_s[f]))
         log_pose(to, track, model, f)
         log_numbers(to, track, model, f)
         if source is not None:
-            log_observation(to, source, model, track, f)
+            frame, body = source.frame(int(track.frame[f])), PosedBody(model, track.pose[f])
+            log_observation(to, frame, correspond(isolation, frame, body))
         advance(f + 1, len(track.frame))
 
 
@@ -131,11 +135,9 @@ def log_numbers(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) 
         to.log("/status", rr.TextLog(status, color=to_rgb(STATUS[status])))
 
 
-def log_observation(to: rr.RecordingStream, source: Source, model: BodyModel, track: Track, f: int) -> None:
+def log_observation(to: rr.RecordingStream, frame: DepthFrame, found: Correspondences | None) -> None:
     """The depth image, the subject's points coloured by residual, and lines to what explains them."""
-    frame = source.frame(int(track.frame[f]))
     to.log("/camera/image/depth", rr.DepthImage(frame.depth, meter=frame.depth_scale))
-    found = correspond(frame, model, track.pose[f], POINTS)
     if found is None:
         to.log("/observed", rr.Clear(recursive=True))
         return

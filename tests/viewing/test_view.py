@@ -19,6 +19,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.sequence import synthesise
+from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.viewing.correspondences import correspond
 from coordinator.viewing.spread import SMALLEST, ellipsoids
 from tests.support.runs import write_run
@@ -94,7 +95,7 @@ def test_correspondences_of_the_true_pose_are_short() -> None:
     with DepthRenderer(scene.camera) as renderer:
         metres = renderer.depth(surface, model.triangles)
     frame = DepthFrame(0, 0.0, (metres * 1000.0).astype(np.uint16), 1000.0, scene.camera)
-    found = correspond(frame, model, pose, 500)
+    found = correspond(Isolation(500), frame, PosedBody(model, pose))
     assert found is not None
     assert len(found.observed) == 500
     assert found.residual == pytest.approx(np.linalg.norm(found.observed - found.nearest, axis=1))

@@ -1,0 +1,137 @@
+"""Rooms at the command line: what is found is shown, what is asked for is understood."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+
+from common.errors import InputError
+from common.kinematics import joint_positions
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
+from coordinator.cli import main
+from coordinator.commands.scope import choose_scope
+from coordinator.commands.track_arguments import SceneOptions
+from coordinator.scene.scope import Scope
+from coordinator.sources import open_source
+from coordinator.tracking.isolation import Isolation, PosedBody
+from tests.support.people import STANDING, shown
+from tests.support.rooms import CABINET, CAMERA, HEIGHT, Room, in_a_room
+
+PERSON = (-0.4, 2.6)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """An empty room in two frames, and then a person in it, as recorders write it."""
+    folder = tmp_path / "room"
+    (folder / "depth").mkdir(parents=True)
+    room = Room((CABINET,), noise=0.001)
+    for number, person in enumerate((None, None, PERSON, PERSON)):
+        frame = room.see(person, number).frame
+        Image.fromarray(frame.depth).save(folder / "depth" / f"{number:06d}.png")
+    camera = {"width": CAMERA.width, "height": CAMERA.height, "depth_scale": 1000}
+    matrix = [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy, 1]
+    (folder / "camera_intrinsic.json").write_text(json.dumps({**camera, "intrinsic_matrix": matrix}))
+    return folder
+
+
+def test_info_shows_floor_wall_and_who_comes(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The camera's height and tilt, the wall's distance, and in the third frame somebody; all in a picture."""
+    picture = tmp_path / "scene.png"
+    assert main(["info", str(recording), "--json", "--picture", str(picture)]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["floor"]["camera_height_m"] == pytest.approx(HEIGHT, abs=0.02)
+    assert abs(facts["floor"]["pitch_deg"]) < 1.0
+    assert facts["walls_m"] == [pytest.approx(3.6, abs=0.05)]
+    assert facts["people_in_frame"] == 2
+    (found,) = facts["people"]
+    assert found["distance_m"] == pytest.approx(2.5, abs=0.15)
+    with Image.open(picture) as image:
+        colours = np.asarray(image).astype(int)
+    assert colours.shape == (CAMERA.height, CAMERA.width, 3)
+    assert np.any((colours[..., 0] == 255) & (colours[..., 1] == 200))
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (SceneOptions(near=-1.0), "--near -1 is no distance; give metres above 0"),
+        (SceneOptions(near=3.0, far=2.0), "--near 3 is not below --far 2"),
+        (SceneOptions(roi="1,2,3"), "--roi 1,2,3 is not understood; give 4 whole numbers"),
+        (SceneOptions(roi="9,2,3,8"), "--roi 9,2,3,8 holds no pixel"),
+        (SceneOptions(person="tallest"), "--person tallest is unknown; give X,Y in pixels or one of nearest"),
+        (SceneOptions(person="4,"), "--person 4, is not understood; give 2 whole numbers"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(options: SceneOptions, says: str) -> None:
+    """One line says what is wrong and what to give."""
+    with pytest.raises(InputError) as caught:
+        choose_scope(options)
+    assert says in str(caught.value)
+
+
+def test_an_empty_room_is_read_from_a_frame_a_picture_or_a_sequence(recording: Path) -> None:
+    """All three give the same room; a number that is no frame is refused."""
+    source = open_source(recording)
+    first = source.frame(0).metres()
+    for asked in ("0", str(recording / "depth" / "000000.png")):
+        read = choose_scope(SceneOptions(background=asked)).read(source).background
+        assert read is not None
+        np.testing.assert_array_equal(read, first)
+    whole = choose_scope(SceneOptions(background=str(recording))).read(source).background
+    assert whole is not None
+    assert np.median(np.abs(whole - first)) < 0.01
+    with pytest.raises(InputError, match="--background 9: the frames are 0 to 3"):
+        choose_scope(SceneOptions(background="9")).read(source)
+
+
+def test_all_that_decides_the_results_is_described() -> None:
+    """Of two scopes that differ in anything, the descriptions do."""
+    asked = (
+        SceneOptions(),
+        SceneOptions(near=1.0),
+        SceneOptions(far=3.0),
+        SceneOptions(roi="1,2,30,40"),
+        SceneOptions(person="nearest"),
+        SceneOptions(person="4,5"),
+    )
+    scopes = [choose_scope(each).read(None) for each in asked]
+    scopes.append(Scope(background=np.ones((2, 2), np.float32)))
+    described = {msgspec.json.encode(scope.describe()) for scope in scopes}
+    assert len(described) == len(scopes)
+
+
+def test_a_chair_in_the_empty_room_is_none_of_the_body() -> None:
+    """A box that touches the person is cut out with it, unless the room is given without anybody."""
+    alone = shown("standing").frames[0]
+    frame = in_a_room(alone)
+    model = human(1.82)
+    pose = name_pose(model, STANDING)
+    knee = joint_positions(model, pose[None])[0][model.joint_names.index("left_knee")]
+    camera = frame.intrinsics
+    column = int(camera.cx + camera.fx * knee[0] / knee[2])
+    row = int(camera.cy + camera.fy * knee[1] / knee[2])
+    box = np.zeros(frame.depth.shape, dtype=bool)
+    box[row - 20 : row + 20, column - 12 : column + 40] = True
+    box &= alone.depth == 0
+    furnished = frame.depth.copy()
+    furnished[box] = int(1000 * knee[2])
+    empty = in_a_room(alone).metres()
+    empty[alone.depth > 0] = 0.0
+    empty[box] = knee[2]
+    seen = type(frame)(0, 0.0, furnished, 1000.0, camera)
+    counts = []
+    for scope in (None, Scope(background=empty)):
+        subject = Isolation(2000, scope).cut(seen, PosedBody(model, pose)).subject
+        assert subject is not None
+        counts.append(np.count_nonzero(subject.frame.depth))
+    assert counts[0] > counts[1] + 0.3 * box.sum()
+    assert counts[1] == pytest.approx(np.count_nonzero(alone.depth), rel=0.03)
