@@ -44,7 +44,7 @@ def recording(tmp_path: Path) -> Path:
 def test_info_shows_floor_wall_and_who_comes(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The camera's height and tilt, the wall's distance, and in the third frame somebody; all in a picture."""
+    """Camera height and tilt, the wall, and who comes in the third frame; all in a picture."""
     picture = tmp_path / "scene.png"
     assert main(["info", str(recording), "--json", "--picture", str(picture)]) == 0
     facts = json.loads(capsys.readouterr().out)
