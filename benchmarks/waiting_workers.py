@@ -18,7 +18,7 @@ from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.transport.bus import open_worker
+from common.transport.opening import open_worker
 from worker.service import Kernel, Service
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from common.errors import InputError
 from common.protocol import keys
-from common.transport.bus import Bus, open_worker
+from common.transport.bus import Bus
+from common.transport.opening import open_worker
 from common.transport.session import Security
 
 PATIENCE = 5.0  # seconds

@@ -8,7 +8,8 @@ import time
 from dataclasses import dataclass
 
 from common.errors import BusError, InputError
-from common.transport.bus import Bus, open_worker
+from common.transport.bus import Bus
+from common.transport.opening import open_worker
 from common.transport.session import Security
 
 REPEATED_S = 10.0  # between lines that say that nobody answers

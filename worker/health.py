@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from common.errors import BusError
 from common.protocol import keys
-from common.transport.bus import open_worker
+from common.transport.opening import open_worker
 from common.transport.session import Security
 
 PATIENCE = 3.0  # seconds

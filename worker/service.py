@@ -30,7 +30,8 @@ from common.protocol.messages import (
 )
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.transport.bus import Bus, Request, Requests
+from common.transport.bus import Bus
+from common.transport.requests import Request, Requests
 from worker.activity import Activity
 from worker.fair_queue import FairQueue
 from worker.store import Memory, RunMemory

@@ -11,7 +11,9 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from common.protocol.messages import encode_live, encode_live_end
-from common.transport.bus import Bus, Publisher, open_coordinator
+from common.transport.bus import Bus
+from common.transport.opening import open_coordinator
+from common.transport.publishers import Publisher
 from coordinator.commands.arguments import PublishOptions, SecurityOptions
 from coordinator.commands.options import choose_pool, secure
 from coordinator.commands.progress import Show

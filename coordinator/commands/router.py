@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable
 
 from common.transport.access import ROUTER
-from common.transport.bus import open_router
+from common.transport.opening import open_router
 from coordinator.commands.arguments import RouterOptions, SecurityOptions
 from coordinator.commands.options import secure
 

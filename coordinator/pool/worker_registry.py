@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from common.protocol import keys
-from common.transport.bus import Asker, Bus
+from common.transport.bus import Bus
+from common.transport.requests import Asker
 from coordinator.pool.local_workers import LocalWorkers
 from coordinator.pool.no_worker_timeout import NoWorkerTimeout
 

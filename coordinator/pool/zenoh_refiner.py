@@ -21,7 +21,7 @@ from common.protocol import keys
 from common.protocol.messages import RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.transport.bus import open_coordinator
+from common.transport.opening import open_coordinator
 from coordinator.pool.exchange import Exchange
 from coordinator.pool.local_workers import LocalWorkers, private_folder
 from coordinator.pool.options import Pool, no_worker_timeout

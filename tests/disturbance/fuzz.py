@@ -41,7 +41,9 @@ from common.protocol.messages import (
     encode_request,
 )
 from common.settings import RefineSettings, preset
-from common.transport.bus import Bus, FramePublisher, open_worker
+from common.transport.bus import Bus
+from common.transport.opening import open_worker
+from common.transport.publishers import FramePublisher
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.extremes import Extremes

@@ -20,7 +20,7 @@ from common.protocol import keys
 from common.protocol.messages import encode_request
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.transport.bus import open_router, open_worker
+from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.instant_worker import KERNEL, observe, refine

@@ -20,15 +20,9 @@ from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import decode_refusal, encode_request
 from common.refinement import Refined
-from common.transport.bus import (
-    WAITING_REQUESTS,
-    Arrivals,
-    Bus,
-    Request,
-    open_coordinator,
-    open_router,
-    open_worker,
-)
+from common.transport.bus import Bus
+from common.transport.opening import open_coordinator, open_router, open_worker
+from common.transport.requests import WAITING_REQUESTS, Arrivals, Request
 from coordinator.pool.options import Pool
 from coordinator.pool.scheduler import REFUSALS_LEAST
 from coordinator.pool.zenoh_refiner import ZenohRefiner

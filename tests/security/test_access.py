@@ -13,11 +13,7 @@ import pytest
 from common.errors import InputError
 from common.protocol import keys
 from common.protocol.messages import encode_request
-from common.transport.bus import (
-    open_router,
-    open_session,
-    open_worker,
-)
+from common.transport.opening import open_router, open_session, open_worker
 from common.transport.session import Security
 from common.transport.tls_probe import why_refused
 from coordinator.pool.options import Pool

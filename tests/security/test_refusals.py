@@ -9,13 +9,8 @@ import pytest
 
 from common.errors import BusError, InputError
 from common.protocol import keys
-from common.transport.bus import (
-    open_coordinator,
-    open_router,
-    open_session,
-    open_worker,
-)
 from common.transport.credentials import Credentials
+from common.transport.opening import open_coordinator, open_router, open_session, open_worker
 from common.transport.session import Security, session_settings
 from common.transport.tls_probe import why_refused
 from coordinator.pool.options import Pool

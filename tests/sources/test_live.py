@@ -26,7 +26,7 @@ from common.protocol.messages import encode_live, encode_live_end
 from common.protocol.wire import PROTOCOL
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.transport.bus import open_worker
+from common.transport.opening import open_worker
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key

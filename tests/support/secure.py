@@ -6,10 +6,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from common.transport.bus import (
-    Bus,
-    open_worker,
-)
+from common.transport.bus import Bus
+from common.transport.opening import open_worker
 from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner

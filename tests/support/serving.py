@@ -15,7 +15,8 @@ from common.frame import SubjectFrame
 from common.protocol.messages import RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.transport.bus import Bus, open_worker
+from common.transport.bus import Bus
+from common.transport.opening import open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.instant_worker import KERNEL, observe, refine

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from common.errors import BusError
-from common.transport.bus import open_coordinator
+from common.transport.opening import open_coordinator
 from tests.support.serving import serving
 from worker.health import check_alive
 

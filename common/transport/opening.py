@@ -1,0 +1,95 @@
+"""Sessions on the bus, as coordinator, worker and router open them."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import zenoh
+
+from common.errors import BusError, InputError
+from common.transport.bus import Bus
+from common.transport.session import Security, session_settings
+from common.transport.tls_probe import why_refused
+from common.transport.zenoh_errors import mapped
+
+ATTEMPT_MS = 2_000  # to connect, until we ask why we are not let in
+UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time
+
+
+def ignore(_: float) -> None:
+    """Do nothing about silence."""
+
+
+def open_coordinator(
+    listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None
+) -> Bus:
+    """A session that workers connect to, and that itself connects to routers.
+
+    InputError if a router refuses us; one that is not there yet is tried in the background.
+    """
+    return open_peer(listen, connect, security, shared_pool_bytes=4 * 2**20)
+
+
+def open_peer(
+    listen: Sequence[str], connect: Sequence[str], security: Security | None, shared_pool_bytes: int
+) -> Bus:
+    """A session with links to all its endpoints. InputError if one refuses us before any lets us in."""
+    bus = open_session(session_settings("peer", listen, connect, security), shared_pool_bytes)
+    if connect and not bus.is_linked(within=ATTEMPT_MS / 1000):
+        try:
+            check_refusals(connect, security)
+        except InputError:
+            bus.close()
+            raise
+    return bus
+
+
+def open_worker(
+    connect: Sequence[str], security: Security | None = None, on_silence: Callable[[float], None] = ignore
+) -> Bus:
+    """A session of a worker, which tries to connect for ever, unless it is refused; that is an InputError.
+
+    `on_silence` is called after each attempt that nobody answered, with the seconds since the first began;
+    what it raises ends the attempts. While one lasts, 2 s, Python handles no signals. With several endpoints
+    the session is on all of them as they come.
+    """
+    if len(connect) > 1:  # a client would be on one of them only
+        return open_peer((), connect, security, shared_pool_bytes=2**20)
+    settings = session_settings("client", (), connect, security)
+    settings["connect"] |= {"timeout_ms": ATTEMPT_MS, "exit_on_failure": True}
+    began = time.monotonic()
+    while True:
+        try:
+            return open_session(settings, shared_pool_bytes=2**20)
+        except BusError as error:
+            if UNREACHABLE not in str(error):
+                raise
+        check_refusals(connect, security)
+        on_silence(time.monotonic() - began)
+
+
+def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
+    """A session that coordinators and workers meet at."""
+    return open_session(session_settings("router", listen, connect, security), shared_pool_bytes=2**20)
+
+
+def check_refusals(connect: Sequence[str], security: Security | None) -> None:
+    """InputError if somebody listens at an endpoint and refuses us."""
+    for endpoint in connect:
+        reason = why_refused(endpoint, None if security is None else security.credentials)
+        if reason is not None:
+            raise InputError(reason)
+
+
+def open_session(settings: dict[str, Any], shared_pool_bytes: int) -> Bus:
+    """A session as the settings say, with shared memory towards programs of this host."""
+    # For frames only: replies by shared memory are never given back.
+    shared = {"transport_optimization": {"pool_size": shared_pool_bytes, "messages": ["put"]}}
+    transport = settings["transport"] | {"shared_memory": shared}
+    config = json.dumps(settings | {"transport": transport})
+    endpoints = [*settings["listen"]["endpoints"], *settings["connect"]["endpoints"]]
+    with mapped("opening " + ", ".join(endpoints)):
+        return Bus(zenoh.open(zenoh.Config.from_json5(config)))

@@ -1,0 +1,139 @@
+"""Requests to one worker: as the coordinator sends them, and as the worker receives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Self
+
+import zenoh
+from zenoh import handlers
+
+from common.transport.zenoh_errors import bus_error, mapped
+
+WAITING_REQUESTS = 64  # at one worker; the oldest is dropped, and so sent elsewhere
+SIGNALS_S = 0.2  # between looks for a signal that came just before a wait, which it would not end
+
+Payload = Callable[[bytes], None]
+
+
+class Requests:
+    """What a worker is asked for, oldest first."""
+
+    def __init__(self, queryable: zenoh.Queryable[None], arrivals: Arrivals) -> None:
+        self._queryable = queryable
+        self._arrivals = arrivals
+
+    def receive(self, *, wait: bool) -> list[Request] | None:
+        """What has come; if that is nothing and `wait`, what comes within a while. None after the end."""
+        queries = self._arrivals.take(wait=wait)
+        return None if queries is None else [Request(query) for query in queries]
+
+    def wake(self) -> None:
+        """Have `receive` return; may be called from another thread."""
+        self._arrivals.wake()
+
+    def close(self) -> None:
+        """No more requests; may be called from another thread."""
+        self._arrivals.end()
+        with mapped("closing the queryable"):
+            self._queryable.undeclare()  # type: ignore[no-untyped-call]
+
+
+class Arrivals:
+    """Queries between a thread of the bus, which puts them, and the worker's, which takes them."""
+
+    def __init__(self) -> None:
+        self._waiting: SimpleQueue[zenoh.Query | None] = SimpleQueue()  # None to wake who waits
+        self._ended = False
+
+    def put(self, query: zenoh.Query) -> None:
+        """A query has come; the oldest ends if too many wait."""
+        if self._waiting.qsize() >= WAITING_REQUESTS:
+            with suppress(Empty):
+                oldest = self._waiting.get_nowait()
+                if oldest is not None:
+                    oldest.drop()  # type: ignore[no-untyped-call]
+        self._waiting.put(query)
+
+    def take(self, *, wait: bool) -> list[zenoh.Query] | None:
+        """All that wait; if that is none and `wait`, the first to come in a while. None after the end."""
+        taken = []
+        with suppress(Empty):
+            taken.append(self._waiting.get(block=wait, timeout=SIGNALS_S))
+            while len(taken) < WAITING_REQUESTS:
+                taken.append(self._waiting.get_nowait())
+        return None if self._ended else [query for query in taken if query is not None]
+
+    def wake(self) -> None:
+        """Let who waits go on; nobody waits where there is something to take."""
+        if self._waiting.empty():
+            self._waiting.put(None)
+
+    def end(self) -> None:
+        """No more queries will come."""
+        self._ended = True
+        self.wake()
+
+
+class Request:
+    """One request, a context manager; it ends without an answer if neither method is called."""
+
+    def __init__(self, query: zenoh.Query) -> None:
+        self._query = query
+        self.payload = b"" if query.payload is None else query.payload.to_bytes()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._query.drop()  # type: ignore[no-untyped-call]
+
+    def reply(self, payload: bytes) -> None:
+        """Answer it."""
+        with mapped("replying"):
+            self._query.reply(self._query.key_expr, payload)
+
+    def refuse(self, payload: bytes) -> None:
+        """Say why it cannot be answered."""
+        with mapped("replying"):
+            self._query.reply_err(payload)
+
+
+class Asker:
+    """Asks one worker."""
+
+    def __init__(self, querier: zenoh.Querier) -> None:
+        self._querier = querier
+
+    def ask(self, payload: bytes, on_reply: Payload, on_refusal: Payload, on_end: Callable[[], None]) -> None:
+        """Send a request. It ends with an answer, of several the first one, or else `on_end` is called."""
+        answered = False
+
+        def receive(reply: zenoh.Reply) -> None:
+            nonlocal answered
+            if answered:
+                return
+            answered = True
+            if reply.ok is not None:
+                on_reply(reply.ok.payload.to_bytes())
+            elif reply.err is not None:
+                on_refusal(reply.err.payload.to_bytes())
+
+        def end() -> None:
+            if not answered:
+                on_end()
+
+        try:  # not `mapped`, which costs more than the rest: this is done for every batch
+            self._querier.get(handlers.Callback(receive, drop=end, indirect=False), payload=payload)
+        except zenoh.ZError as error:
+            raise bus_error("asking a worker", error) from error
+
+    def close(self) -> None:
+        """No more requests."""
+        with mapped("closing a querier"):
+            self._querier.undeclare()  # type: ignore[no-untyped-call]
