@@ -12,11 +12,11 @@ from common.kinematics.chain import forward_kinematics
 from common.settings import RefineSettings
 from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
 from worker.kernel.solver.priors import clamp_to_limits
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_surface, repose_visible, visible_vertices
-from worker.kernel.warm_start import find_correspondences
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import make_workspace
 

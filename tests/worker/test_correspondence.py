@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from worker.kernel.correspondence import (
+from worker.kernel.observation import BLOCK, TILE, pad_to_blocks
+from worker.kernel.search.correspondence import (
     bounding_boxes,
     boxes_of,
     closest_points,
     closest_points_from_guess,
     make_search_buffers,
 )
-from worker.kernel.neighbourhoods import neighbourhoods
-from worker.kernel.observation import BLOCK, TILE, pad_to_blocks
+from worker.kernel.search.neighbourhoods import neighbourhoods
 from worker.kernel.surface import LEAF
 
 Array = NDArray[np.float64]

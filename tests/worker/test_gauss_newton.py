@@ -26,6 +26,7 @@ from tests.support.kernel_cases import (
 )
 from worker.kernel.observation import observe
 from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, solve_ltl
 from worker.kernel.solver.normal_equations import (
     NormalEquations,
@@ -35,7 +36,6 @@ from worker.kernel.solver.normal_equations import (
     subtree_moments,
 )
 from worker.kernel.surface import pack_model
-from worker.kernel.warm_start import find_correspondences
 from worker.kernel.weighting import accumulate_correspondences
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from tests.support.kernel_cases import (
 )
 from worker.kernel.observation import observe
 from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.surface import pack_model, weights_first
-from worker.kernel.warm_start import find_correspondences
 
 
 def test_a_body_is_packed_whole() -> None:

@@ -17,6 +17,7 @@ from common.bounds import LARGEST_POSE
 from common.kinematics.chain import forward_kinematics, motion_axes
 from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import KernelParameters, PackedObservation
+from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.shared_counter import take_next
 from worker.kernel.soft.fisher_scoring import fisher_scoring_step
 from worker.kernel.soft.responsibilities import sample_distance
@@ -25,7 +26,6 @@ from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_r
 from worker.kernel.solver.priors import clamp_to_limits
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_surface, repose_visible, update_visibility
-from worker.kernel.warm_start import find_correspondences
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import Workspace
 

@@ -16,10 +16,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.kernel.correspondence import SearchBuffers
 from worker.kernel.observation import BLOCK
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.robust import robust_cost
+from worker.kernel.search.correspondence import SearchBuffers
+from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.soft.responsibilities import (
     OUTLIER_DENSITY,
     SoftBuffers,
@@ -30,7 +31,6 @@ from worker.kernel.soft.responsibilities import (
 from worker.kernel.soft.samples import SampleGrid, sample
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import repose_visible, update_visibility
-from worker.kernel.warm_start import find_correspondences
 from worker.kernel.weighting import find_silhouette_points
 from worker.kernel.workspace import Workspace
 

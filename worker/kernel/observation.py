@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.frame import EMPTY, SubjectFrame
-from worker.kernel.neighbourhoods import neighbourhoods
+from worker.kernel.search.neighbourhoods import neighbourhoods
 from worker.kernel.silhouette import nearest_occupied_pixels
 
 TILE = 16  # points that are searched for together

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.settings import RefineSettings
-from worker.kernel.correspondence import boxes_of
 from worker.kernel.observation import BLOCK, TILE, Observation
+from worker.kernel.search.correspondence import boxes_of
 
 FAR_NOISIER = 2.0  # along than across, from which on the closest point misleads
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
-from worker.kernel.neighbourhoods import neighbourhoods
+from worker.kernel.search.neighbourhoods import neighbourhoods
 
 LEAF = 8  # vertices that are ruled out together
 

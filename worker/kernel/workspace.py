@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.kernel.correspondence import SearchBuffers, make_search_buffers
 from worker.kernel.observation import TILE
 from worker.kernel.packing import PackedObservation
+from worker.kernel.search.correspondence import SearchBuffers, make_search_buffers
 from worker.kernel.soft.responsibilities import SoftBuffers, make_soft_buffers
 from worker.kernel.soft.samples import SampleBuffers, make_sample_buffers
 from worker.kernel.solver.normal_equations import NormalEquations, make_equations

@@ -10,8 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.kernel.correspondence import closest_points, closest_points_from_guess
 from worker.kernel.packing import KernelParameters, PackedObservation
+from worker.kernel.search.correspondence import closest_points, closest_points_from_guess
 from worker.kernel.surface import Surface
 from worker.kernel.workspace import Workspace
 
