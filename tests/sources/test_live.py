@@ -18,7 +18,6 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-import coordinator.bodies.choice
 from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame
@@ -33,7 +32,6 @@ from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, li
 from tests.support.instant_worker import KERNEL
 from tests.support.processes import INSTANT, wait_until
 from tests.support.serving import MODEL, pool, serving
-from tests.support.still_workers import one_human
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
 
@@ -133,11 +131,6 @@ class Still:
     def kernel(self) -> Kernel[Any]:
         """What a worker is given."""
         return Kernel(KERNEL.observe, self.refine)
-
-
-@pytest.fixture(autouse=True)
-def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coordinator.bodies.choice, "human", one_human)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""`gepf track` without what takes long and takes no part: no pictures, and a body that is read, not built.
+"""`gepf track` without what takes long and takes no part: no pictures, and a body that was built before.
 
 For sequences of `tests.support.small_sequence`. Importing it imports all that a run needs.
 """
@@ -10,21 +10,19 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-import coordinator.bodies.choice
-import coordinator.commands.track
-from common.protocol.messages import decode_model
+from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from coordinator.commands.progress import Show
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.small_sequence import BODY, OPTIONS
+from tests.support.small_sequence import OPTIONS
+
+human()  # built once, and kept, for all processes that are forked from this one
 
 
 def track(sequence: Path, out: Path, endpoint: str, *options: str) -> int:
     """Run the command line in this process, with workers of others; gives its exit code."""
-    body = decode_model((sequence / BODY).read_bytes())
-    vars(coordinator.bodies.choice)["human"] = lambda *_: body
     pictures = ModuleType("coordinator.pictures.run")
     vars(pictures)["draw_run"] = lambda *_: []
     sys.modules[pictures.__name__] = pictures

@@ -8,13 +8,11 @@ import numpy as np
 
 MOVING = "r_shoulder_flexion,r_shoulder_abduct,r_shoulder_twisting,r_elbow_flexion"
 OPTIONS = ("--dof", MOVING, "--preset", "paper", "--points", "200", "--particles", "12")
-BODY = "body.msgpack"  # the template, which takes seconds to build, for `tests.support.bare_gepf`
 
 
 def write_small_sequence(folder: Path, frames: int) -> None:
-    """Depth, camera, start and body; the start is that of the first frame."""
+    """Depth, camera and start; the start is that of the first frame."""
     from common.camera import Intrinsics
-    from common.protocol.messages import encode_model
     from coordinator.synthesis.scenes.arm import arm
     from coordinator.synthesis.scenes.scene import Scene
     from coordinator.synthesis.sequence import write_camera, write_depth, write_start
@@ -28,4 +26,3 @@ def write_small_sequence(folder: Path, frames: int) -> None:
     write_depth(scene, SensorNoise(0.0, 0.0), 0, folder / "depth", None)
     write_camera(scene, folder / "camera_intrinsic.json")
     write_start(scene, folder / "init.json")
-    (folder / BODY).write_bytes(encode_model(scene.model))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,13 +12,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-import coordinator.bodies.choice
 import coordinator.pictures.run
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from coordinator.bodies.human.template import human
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
@@ -31,7 +28,6 @@ CAMERA = {
     "intrinsic_matrix": [50.0, 0, 0, 0, 50.0, 0, 32.0, 24.0, 1],
     "depth_scale": 1000,
 }
-one_human = functools.cache(human)
 
 
 class StillWorkers:
@@ -70,9 +66,8 @@ class StillWorkers:
 
 @pytest.fixture
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs draw nothing, and their body is made once."""
+    """Runs draw nothing."""
     monkeypatch.setattr(coordinator.pictures.run, "draw_run", lambda *_: [])
-    monkeypatch.setattr(coordinator.bodies.choice, "human", one_human)
     monkeypatch.delenv("GEPF_DEBUG", raising=False)
 
 

@@ -7,6 +7,7 @@ body = activate(model, DEFAULT_ACTIVE, np.zeros(len(model.dof_names)))
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +55,9 @@ def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: f
     return human_of(Measures.of(stature_m, girth, **lengths))
 
 
+@lru_cache(maxsize=4)
 def human_of(measures: Measures) -> BodyModel:
-    """A person of these measures. The same measures give the same bytes."""
+    """A person of these measures. The same measures give the same bytes; the last few are kept."""
     skeleton = build_skeleton(measures)
     bare = _without_skin(skeleton)
     raised = dof_transforms(bare, _building_pose(bare)[None])[0]  # (D, 3, 4)

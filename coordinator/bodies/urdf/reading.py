@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -39,19 +40,12 @@ def read_urdf(path: Path) -> BodyModel:
     moving = [joint for joint in joints if joint.type in MOVING]
     dof_of = assign_dofs(robot, joints, moving)
 
-    carried = surfaces(path, t_links)
-    sampled = sample_evenly(list(carried.values()))
-    vertices, triangles = join(sampled)
-    owners = np.repeat([dof_of[link] for link in carried], [len(part.vertices) for part in sampled])
-    skin_links = (owners - BASE)[:, None].astype(np.int64)
-    skin_weights = np.ones((len(owners), 1))
-
-    dofs = len(ROOT_DOFS) + len(moving)
+    skin = cover(path, t_links, dof_of)
     kinds = np.array([TRANSLATION] * 3 + [ROTATION] * 3 + [MOVING[j.type] for j in moving], dtype=np.int64)
     parents = np.array([*range(-1, BASE), *(dof_of[j.parent] for j in moving)], dtype=np.int64)
     axes = np.array([*np.eye(3), *np.eye(3), *(axis_at_rest(j, t_links) for j in moving)])
     points = np.array([*np.zeros((6, 3)), *(t_links[j.child][:3, 3] for j in moving)])
-    link_dofs = np.arange(BASE, dofs, dtype=np.int64)
+    link_dofs = np.arange(BASE, len(kinds), dtype=np.int64)
     base = base_link(robot)
     return BodyModel(
         name=robot.name,
@@ -61,17 +55,37 @@ def read_urdf(path: Path) -> BodyModel:
         axes=axes,
         points=points,
         limits=np.array([(-np.inf, np.inf)] * 6 + [limits_of(path, j) for j in moving]),
-        balls=find_balls(kinds, parents, axes, points, surface_carriers(link_dofs, skin_links, skin_weights)),
+        balls=find_balls(kinds, parents, axes, points, surface_carriers(link_dofs, skin.links, skin.weights)),
         link_names=(base, *(j.child for j in moving)),
         link_dofs=link_dofs,
-        vertices=vertices,
-        triangles=triangles,
-        skin_links=skin_links,
-        skin_weights=skin_weights,
+        vertices=skin.vertices,
+        triangles=skin.triangles,
+        skin_links=skin.links,
+        skin_weights=skin.weights,
         joint_names=(base, *(j.name for j in joints)),
         joint_links=np.array([0, *(dof_of[j.child] - BASE for j in joints)], dtype=np.int64),
         joint_points=np.array([t_links[base][:3, 3], *(t_links[j.child][:3, 3] for j in joints)]),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Skin:
+    """A surface at rest: vertices (V, 3), triangles (F, 3), and the one link of each vertex (V, 1)."""
+
+    vertices: Array
+    triangles: NDArray[np.int64]
+    links: NDArray[np.int64]
+    weights: Array
+
+
+def cover(path: Path, t_links: dict[str, Array], dof_of: dict[str, int]) -> Skin:
+    """The surfaces of all links, sampled evenly."""
+    carried = surfaces(path, t_links)
+    sampled = sample_evenly(list(carried.values()))
+    vertices, triangles = join(sampled)
+    owners = np.repeat([dof_of[link] for link in carried], [len(part.vertices) for part in sampled])
+    links = (owners - BASE)[:, None].astype(np.int64)
+    return Skin(vertices, triangles, links, np.ones((len(owners), 1)))
 
 
 def load(path: Path, **what: bool) -> yourdfpy.URDF:
