@@ -31,6 +31,8 @@ class Job:
     resume: bool = False
     colour: Path | None = None  # frames to draw results over
     given: Given = NOTHING  # of the camera
+    results: str | None = None  # a key on which they are published meanwhile
+    results_json: bool = False
     scope: AskedScope = field(default_factory=AskedScope)  # what of the scene is tracked
     pictures: bool = True
 

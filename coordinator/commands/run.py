@@ -15,6 +15,7 @@ from coordinator.commands.options import (
     set_noise,
 )
 from coordinator.commands.progress import Show
+from coordinator.commands.results_stream import check_results
 from coordinator.commands.scope import choose_scope
 from coordinator.commands.track import track_sequence
 from coordinator.commands.track_arguments import TrackOptions
@@ -28,6 +29,7 @@ from coordinator.sources.live import live_key
 def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefiner]) -> None:
     """Track. Raises InputError for options that make no sense, before anything is read or written."""
     job = choose_job(options)
+    check_results(job)
     end_as_interrupted()
     if live_key(job.sequence) is None:
         track_sequence(job, show, connect)
@@ -55,6 +57,8 @@ def choose_job(options: TrackOptions) -> Job:
         frames=source.frames,
         resume=options.output.resume,
         colour=source.color,
+        results=options.output.results,
+        results_json=options.output.results_json,
         given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
         scope=choose_scope(options.scene),
         pictures=options.output.pictures,

@@ -13,6 +13,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import Job
 from coordinator.commands.pictures import draw_pictures
 from coordinator.commands.progress import FrameMeter, Show
+from coordinator.commands.results_stream import open_results
 from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.exports.csv import write_csv
 from coordinator.files.atomic import write_atomically
@@ -112,13 +113,15 @@ def choose_start(
 def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:
     """Track frame after frame; each is recorded while the workers are busy with the next."""
     recorder = run.recorder
-    with connect(run.job.pool, show) as refiner, meter:
+    with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
         past = recorder.past.state if recorder.past else None
         isolation = Isolation(run.job.settings.points, run.scope)
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past, isolation)
         frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
         for estimate, state in follow(tracker, frames):
             meter.advance(estimate)
+            if results is not None:
+                results.put(estimate, tracker.model, tracker.start.held)
             recorder.append(estimate, state, refiner.statistics, meter.seconds)
 
 

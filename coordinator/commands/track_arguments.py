@@ -212,6 +212,18 @@ class OutputOptions:
             rich_help_panel=OUTPUT,
         ),
     ] = True
+    results: Annotated[
+        str | None,
+        typer.Option(
+            "--publish", metavar="KEY", help="Publish results on this key meanwhile.", rich_help_panel=OUTPUT
+        ),
+    ] = None
+    results_json: Annotated[
+        bool,
+        typer.Option(
+            "--publish-json", help="Publish them as JSON, not as MessagePack.", rich_help_panel=OUTPUT
+        ),
+    ] = False
     quiet: Quiet = False
     as_json: Annotated[
         bool,

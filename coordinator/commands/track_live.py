@@ -14,6 +14,7 @@ from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameMeter, Show
+from coordinator.commands.results_stream import open_results
 from coordinator.commands.track import describe_pool, write_results
 from coordinator.commands.workers import Connect, ListeningRefiner
 from coordinator.files.names import HYPOTHESES_FILE
@@ -93,12 +94,14 @@ def until_interrupted(recorder: Recorder) -> Iterator[None]:
 
 def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[ListeningRefiner]) -> None:
     """Track whatever frame is the newest; each is recorded before the next begins."""
-    with connect(run.job.pool, show) as refiner, meter:
+    with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
         refiner.listen(run.key, run.frames.receive)
         isolation = Isolation(run.job.settings.points, run.scope)
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, isolation=isolation)
         for frame in from_first_seen(iter(run.frames)):
             estimate = tracker.track(frame)
+            if results is not None:
+                results.put(estimate, tracker.model, tracker.start.held)
             meter.advance(estimate, f", {run.frames.counts.skipped} frames skipped")
             run.recorder.append(estimate, tracker.state, refiner.statistics, meter.seconds)
 

@@ -22,6 +22,7 @@ from common.protocol.messages import RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.opening import open_coordinator
+from common.transport.publishers import Publisher
 from coordinator.pool.exchange import Exchange
 from coordinator.pool.local_workers import LocalWorkers, private_folder
 from coordinator.pool.options import Pool, no_worker_timeout
@@ -120,6 +121,10 @@ class ZenohRefiner:
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
         """Have `on_message(payload)` called, on a thread of the bus, for what others publish."""
         self._bus.subscribe(key, on_message)
+
+    def speak(self, key: str) -> Publisher:
+        """Where to put what others are to hear on a key."""
+        return self._bus.publish(key)
 
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to all workers; all later calls of `submit` are about it."""

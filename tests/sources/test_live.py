@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -271,6 +272,54 @@ def test_the_first_answer_is_waited_for(endpoint: str) -> None:
         with serving(endpoint, "w", Still(0.01).kernel):
             part = refiner.submit(MODEL, poses, RefineSettings()).result()
     assert 0 < len(part.answered) < 20
+
+
+def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) -> None:
+    """Whoever listens hears of every tracked frame of a 30 Hz stream, soon, and of the end, in both forms."""
+    for form, option in (("msgpack", ()), ("json", ("--publish-json",))):
+        heard_: list[tuple[float, bytes]] = []
+        hearing = threading.Event()
+
+        def listen(stop: threading.Event) -> None:
+            with open_worker([endpoint]) as bus:
+                bus.subscribe("robot/person", lambda payload: heard_.append((time.time(), payload)))  # noqa: B023
+                stop.wait(0.5)
+                hearing.set()  # noqa: B023
+                stop.wait()
+
+        def rest(stop: threading.Event) -> None:
+            while not hearing.wait(0.01) and not stop.is_set():  # noqa: B023
+                pass
+            stop.wait(1.0 / 30.0)
+
+        dark = [encode_live(image(0, depth=0))]  # is passed over, until somebody listens
+        messages = [*dark, *(encode_live(image(number)) for number in range(1, 20)), encode_live_end()]
+        out = tmp_path / form / "run"
+        out.parent.mkdir()
+        with staged(endpoint, messages, rest, Still()), in_thread(listen):
+            assert track_live(endpoint, out, "--publish", "robot/person", *option) == 0
+            wait_until(lambda: b"estimates-end" in heard_[-1][1])  # noqa: B023
+        decode = msgspec.json.decode if form == "json" else msgspec.msgpack.decode
+        told = [(when, decode(payload)) for when, payload in heard_]
+        track = read_track(out)
+        assert [message["frame"] for _, message in told[:-1]] == track.frame.tolist()
+        assert told[-1][1] == {"kind": "estimates-end", "version": 1}
+        assert np.median([when - message["estimated_at"] for when, message in told[:-1]]) < 0.05
+        pose = [list(message["pose"].values()) for _, message in told[:-1]]
+        assert np.array_equal(pose, track.pose)
+        assert list(told[0][1]["angles"]) == list(track.angle_names or ())
+
+
+def test_a_key_that_nobody_could_listen_to_is_refused(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without an endpoint there is no bus to hear it on; a key with a wildcard names no place."""
+    command = ["track", str(recording), "--out", str(tmp_path / "run"), "--publish"]
+    assert main([*command, "robot/person"]) == 2
+    assert "nobody could hear the results; add --listen" in capsys.readouterr().err
+    assert main([*command, "robot/*", "--listen", "tcp/127.0.0.1:7499"]) == 2
+    assert "key 'robot/*' cannot be used" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.fixture

@@ -1,0 +1,90 @@
+"""What is known of a frame, published while the run goes on: docs/live.md has the message.
+
+Each message says all of itself, names and values, so a receiver needs no earlier one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from coordinator.bodies.angles import angles_of
+from coordinator.results.recorded import assemble
+from coordinator.tracking.estimate import Estimate
+
+VERSION = 1
+KIND, END = "estimate", "estimates-end"
+
+
+class Outlet(Protocol):
+    """Where messages go."""
+
+    def put(self, payload: bytes) -> None:
+        """Publish a message, if the link can take it."""
+        ...
+
+    def put_surely(self, payload: bytes) -> None:
+        """Publish a message that waits for its turn."""
+        ...
+
+
+class LiveResults:
+    """Publishes estimates as MessagePack, or as JSON; angles do not leap by a turn from frame to frame."""
+
+    def __init__(
+        self, outlet: Outlet, *, as_json: bool = False, clock: Callable[[], float] = time.time
+    ) -> None:
+        self._outlet, self._clock = outlet, clock
+        self._encode = msgspec.json.encode if as_json else msgspec.msgpack.encode
+        self._last: NDArray[np.float64] | None = None
+
+    def put(self, estimate: Estimate, model: BodyModel, held: Mapping[str, float]) -> None:
+        """Publish what is known of a frame."""
+        estimated_at = self._clock()
+        angles = angles_of(model, held)
+        track = assemble(model, [estimate], held=held)
+        told = angles.measure(track.pose)
+        self._last = told[0] if self._last is None else angles.near(told, self._last)[0]
+        self._outlet.put(
+            self._encode(
+                {
+                    "kind": KIND,
+                    "version": VERSION,
+                    "frame": estimate.frame,
+                    "time_s": estimate.time_s,
+                    "estimated_at": estimated_at,
+                    "status": estimate.status,
+                    "residual": known(estimate.residual),
+                    "pose": by_name(model.dof_names, estimate.pose),
+                    "angles": by_name(angles.names, self._last),
+                    "angle_deviation": by_name(angles.names, first(track.angle_deviation)),
+                    "joints": dict(zip(model.joint_names, estimate.joint_positions.tolist(), strict=True)),
+                    "joint_deviation": by_name(model.joint_names, first(track.joint_deviation)),
+                }
+            )
+        )
+
+    def end(self) -> None:
+        """Say that no more will come."""
+        self._outlet.put_surely(self._encode({"kind": END, "version": VERSION}))
+
+
+def first(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """The only frame's."""
+    return np.empty(0) if values is None else values[0]
+
+
+def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+    """Values by name; null for what nobody knows."""
+    return {name: known(value) for name, value in zip(names, values.tolist(), strict=True)}
+
+
+def known(value: float) -> float | None:
+    """The value, null where it is none."""
+    return value if np.isfinite(value) else None

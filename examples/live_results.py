@@ -1,0 +1,29 @@
+"""Hear what a tracker knows while it tracks.
+
+gepf track SEQ --out DIR --listen tcp/127.0.0.1:7447 --publish robot/person
+python examples/live_results.py tcp/127.0.0.1:7447 robot/person
+"""
+
+from __future__ import annotations
+
+import sys
+
+import msgpack  # type: ignore[import-untyped]
+import zenoh
+
+
+def main(endpoint: str, key: str) -> None:
+    """A line a frame: where the right wrist is, and how far the right elbow is bent."""
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
+    with zenoh.open(config) as session, session.declare_subscriber(key) as subscriber:
+        for sample in subscriber:
+            told = msgpack.unpackb(sample.payload.to_bytes())
+            if told["kind"] == "estimates-end":
+                break
+            x, y, z = told["joints"].get("right_wrist", (0.0, 0.0, 0.0))
+            elbow = told["angles"].get("right_elbow_flexion", 0.0)
+            print(f"{told['frame']} {told['status']}: wrist {x:.2f} {y:.2f} {z:.2f} m, elbow {elbow:.2f} rad")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -1,0 +1,97 @@
+"""Results that are published: what a message holds, and the example that listens."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.kinematics import joint_positions
+from common.transport.opening import open_coordinator
+from coordinator.results.live_results import LiveResults
+from coordinator.tracking.estimate import Estimate, Status
+from tests.support.bodies import person
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "live_results.py"
+
+
+class Heard:
+    """Keeps what is published."""
+
+    def __init__(self) -> None:
+        self.payloads: list[bytes] = []
+
+    def put(self, payload: bytes) -> None:
+        """A message."""
+        self.payloads.append(payload)
+
+    put_surely = put
+
+
+def estimate(frame: int, turn: float, status: Status = "tracked") -> Estimate:
+    """A person turned about the vertical by so many radians."""
+    pose = np.zeros(len(person().dof_names))
+    pose[person().dof("root_ry")] = turn
+    joints = joint_positions(person(), pose[None])[0]
+    return Estimate(frame, frame / 30.0, status, pose, joints, pose[None], np.ones(1), 0.01)
+
+
+def test_a_message_says_all_of_itself() -> None:
+    """Names and values of everything that is known of the frame; null for what is not."""
+    heard = Heard()
+    results = LiveResults(heard, as_json=True, clock=lambda: 12.5)
+    results.put(estimate(3, 0.5), person(), {})
+    results.put(estimate(4, 0.5, "lost"), person(), {})
+    results.end()
+    first, lost, end = (msgspec.json.decode(payload) for payload in heard.payloads)
+    assert (first["kind"], first["version"], first["frame"], first["estimated_at"]) == (
+        "estimate",
+        1,
+        3,
+        12.5,
+    )
+    assert first["pose"]["root_ry"] == 0.5
+    assert first["angles"]["pelvis_turn"] == pytest.approx(-0.5)
+    wrist = person().joint_names.index("right_wrist")
+    assert first["joints"]["right_wrist"] == estimate(3, 0.5).joint_positions[wrist].tolist()
+    assert first["joint_deviation"]["right_wrist"] > 0.0
+    assert lost["angle_deviation"]["pelvis_turn"] is None
+    assert lost["status"] == "lost"
+    assert end == {"kind": "estimates-end", "version": 1}
+
+
+def test_angles_go_on_past_half_a_turn() -> None:
+    """A person who turns on is told on, not back by 360 degrees."""
+    heard = Heard()
+    results = LiveResults(heard)
+    for frame, turn in enumerate(np.linspace(0.0, 6.0, 12)):
+        results.put(estimate(frame, float(turn)), person(), {})
+    turns = [msgspec.msgpack.decode(payload)["angles"]["pelvis_turn"] for payload in heard.payloads]
+    assert np.allclose(turns, -np.linspace(0.0, 6.0, 12))
+
+
+def test_the_example_listens(endpoint: str) -> None:
+    """As a process: it prints a line for each frame that it hears of, and ends with the stream."""
+    command = [sys.executable, str(EXAMPLE), endpoint, "robot/person"]
+    with (
+        open_coordinator((endpoint,), ()) as bus,
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as listener,
+    ):
+        try:
+            publisher = bus.publish("robot/person")
+            results, began = LiveResults(publisher), time.monotonic()
+            while not publisher.followed and time.monotonic() < began + 30.0:
+                time.sleep(0.02)
+            results.put(estimate(7, 0.0), person(), {})
+            results.end()
+            said, _ = listener.communicate(timeout=30.0)
+        finally:
+            listener.kill()
+    assert listener.returncode == 0
+    assert said.startswith("7 tracked: wrist -0.")
+    assert said.endswith("elbow 0.00 rad\n")
