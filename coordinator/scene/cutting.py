@@ -131,7 +131,7 @@ def mark_near(
             if marks[v, u] != FOREGROUND:
                 if square <= TOUCHING:
                     marks[v, u] = DOUBTFUL
-            elif square <= close or (square <= came and background[v, u] > 0.0):
+            elif square <= close or (square <= came and background[v, u] > z):
                 marks[v, u] = SEED
             elif square <= reach:
                 marks[v, u] = NEAR

@@ -1,4 +1,7 @@
-"""Which pixels show the room: on floor or walls or beyond, or where the background was."""
+"""Which pixels show the room: on floor or walls or beyond, or where the background was.
+
+What is deeper than the background is not the room for that: somebody may come through a door.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +43,6 @@ def mark_room(
             for p in range(len(planes)):
                 if planes[p, 0] * x + planes[p, 1] * y + planes[p, 2] > highest:
                     mark = PLANE
-            if mark == FOREGROUND and background[v, u] > 0.0 and z > background[v, u] - TWO_SAMPLES * margin:
+            if mark == FOREGROUND and abs(z - background[v, u]) < TWO_SAMPLES * margin:
                 mark = ROOM
             marks[v, u] = mark

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 SPAN = 2.4  # metres between the measured points of a frame from which on it shows more than a person
 EXTREMES = (1.0, 99.0)  # per cent
 FILLED = 0.4  # of the picture, from which on so much is measured that it cannot be people alone
+MOVED = 0.5  # of what is measured, where so much is not as it was the camera moved: what is known is void
 EVERY = 30  # frames after which planes are sought again, where none were found
 NOTHING = nothing_known(0, 0).only(np.empty(0, np.uint32))
 
@@ -79,11 +80,15 @@ class Scene:
         """
         learned = NOTHING
         if self._furnished:
-            if self._background is None:
-                self._background = nothing_known(*view.depth.shape)
-            near = cut.near if cut else None
-            doubtful = somebodys(view, cut)
-            learned = learn(self._background, view.depth, view.lens, view.noise.growth, near, doubtful)
+            near, doubtful = cut.near if cut else None, somebodys(view, cut)
+            fresh = self._background is None
+            known = self._background or nothing_known(*view.depth.shape)
+            learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful)
+            if not fresh and len(learned.pixels) > MOVED * np.count_nonzero(view.depth):
+                known = nothing_known(*view.depth.shape)
+                learn(known, view.depth, view.lens, view.noise.growth, near, doubtful)
+                learned = known.only(np.arange(view.depth.size, dtype=np.uint32))
+            self._background = known
         return self._change(learned)
 
     def recall(self, change: SceneChange) -> None:

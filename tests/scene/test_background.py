@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.frame import SUBJECT
 from coordinator.scene.background import DEEPER, FIRST, NEARER
 from coordinator.scene.cutting import cut_out
 from coordinator.scene.scene import Scene
@@ -91,3 +92,33 @@ def test_an_empty_room_that_is_given_is_known() -> None:
     view = scene.see(room.see(PERSON).frame)
     assert view.furnished
     np.testing.assert_array_equal(view.background, room.see(None).frame.metres())
+
+
+def test_a_camera_that_was_moved_forgets() -> None:
+    """When most of the picture is another, the background is that of the new picture at once."""
+    scene = Scene()
+    watch(scene, Room((CABINET,)), 5)
+    turned = Room((CABINET,), pitch=0.5)
+    watch(scene, turned, 1)
+    truth = turned.see(PERSON)
+    background = scene.see(turned.see(None).frame).background
+    learned = background > 0.0
+    assert learned[~truth.mask].mean() > 0.9
+    np.testing.assert_allclose(background[learned], turned.see(None).frame.metres()[learned], atol=0.03)
+
+
+def test_who_comes_through_a_door_is_seen() -> None:
+    """Somebody deeper than the background was is the subject, for as long as he stands there."""
+    door = ((-0.9, -0.9, 2.2), (0.1, 1.1, 2.25))
+    scene, behind = Scene(), (PERSON[0], 2.9)
+    watch(scene, Room((door,)), 3, (1.2, 2.4))
+    for number in range(6):
+        frame, truth = Room().see(behind, number)
+        view = scene.see(frame)
+        cut = cut_out(view, Room().surface(behind))
+        scene.learn(view, cut)
+    left, top, right, bottom = cut.window
+    mine = np.zeros_like(truth)
+    mine[top:bottom, left:right] = cut.kinds == SUBJECT
+    assert np.sum(mine & truth) / truth.sum() > 0.95
+    assert np.sum(mine & truth) / mine.sum() > 0.95
