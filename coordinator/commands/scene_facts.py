@@ -11,7 +11,7 @@ from coordinator.scene.view import SceneView
 from coordinator.sources import Source
 
 LOOKED_AT = 60  # frames from the first on, among which somebody is waited for
-PROMISING = 0.3  # score from which on a candidate is worth to be shown
+PROMISING = 0.25  # score from which on a candidate is worth to be shown
 
 
 def look(source: Source) -> tuple[SceneView, list[Candidate]]:
