@@ -26,7 +26,7 @@ from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import first_frame, select_frames
-from coordinator.tracking.fitting import FITTED, Fit, Fitter, Posed
+from coordinator.tracking.fitting import MEASURES, WHOLE_FIT, Fit, Fitter, Posed, Sweeps
 from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.tracker import Tracker
@@ -48,7 +48,7 @@ class FitJob:
     given: Given = NOTHING
 
 
-def run_fit(options: FitOptions, show: Show, connect: Connect[Refiner]) -> None:
+def run_fit(options: FitOptions, show: Show, connect: Connect[Refiner], sweeps: Sweeps = WHOLE_FIT) -> None:
     """Do a `gepf fit`. Raises InputError for options that make no sense, before anything is read."""
     settings = choose_settings("gepf", "default", None, None, options.seed)
     pool = choose_pool(options.workers, None, None)
@@ -58,12 +58,13 @@ def run_fit(options: FitOptions, show: Show, connect: Connect[Refiner]) -> None:
         FitJob(options.sequence, options.out, settings, pool, options.init, options.frames, given),
         show,
         connect,
+        sweeps,
     )
     if options.as_json:
         sys.stdout.write(options.out.read_text(encoding="utf-8"))
 
 
-def fit_sequence(job: FitJob, show: Show, connect: Connect[Refiner]) -> tuple[Fit, Fit]:
+def fit_sequence(job: FitJob, show: Show, connect: Connect[Refiner], sweeps: Sweeps) -> tuple[Fit, Fit]:
     """Fit, report what was found, and write the measures; gives the fit before and after.
 
     The options and the first frame are checked before anything is tracked.
@@ -78,7 +79,7 @@ def fit_sequence(job: FitJob, show: Show, connect: Connect[Refiner]) -> tuple[Fi
         tracker, frames = follow(job, source, numbers, refiner, show)
         start = tracker.start
         build = builder(start.held, job.settings.preset)
-        fitter = Fitter(frames, build, refiner, tracker.rules)
+        fitter = Fitter(frames, build, refiner, tracker.rules, sweeps)
         with show.steps("fitting measures") as advance:
             before, after = fitter.fit(Measures.of(start.stature, start.girth), advance)
     write_person(after.measures, job.out)
@@ -142,7 +143,7 @@ def builder(held: Mapping[str, float], preset_name: str) -> Callable[[Measures],
 def describe_fit(before: Fit, after: Fit) -> list[str]:
     """What was found, as lines for people."""
     old, new = asdict(before.measures), asdict(after.measures)
-    changes = [f"{name} {old[name]:.3f} -> {new[name]:.3f}" for name in FITTED]
+    changes = [f"{name} {old[name]:.3f} -> {new[name]:.3f}" for name in MEASURES]
     then, now = 1000.0 * before.residual.mean(), 1000.0 * after.residual.mean()
     return [
         f"fitted to {len(after.residual)} frames: {', '.join(changes)}",

@@ -25,14 +25,24 @@ from coordinator.tracking.refiner import Refiner
 
 Array = NDArray[np.float64]
 
-FITTED = (
+MEASURES = (
     "stature", "girth", "trunk", "thigh", "shank", "upper_arm", "forearm", "shoulder_width", "hip_width",
 )  # fmt: skip
-STEPS = (0.05, 0.025)  # of a measure, one for each sweep
 FARTHEST = 0.15  # from what stature implies
 USUAL_DEVIATION = 0.05  # of people's measures from what stature implies
 ROUNDS = 8  # of ICP for each candidate
 SURE = 2.0  # standard errors of the gain over the frames that a change needs
+
+
+@dataclass(frozen=True, slots=True)
+class Sweeps:
+    """Which measures are fitted, one after the other, and by which part of each: one step for each sweep."""
+
+    measures: tuple[str, ...] = MEASURES
+    steps: tuple[float, ...] = (0.05, 0.025)
+
+
+WHOLE_FIT = Sweeps()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +76,7 @@ class Fitter:
         build: The tracked body of measures; all have the same degrees of freedom.
         refiner: Has poses refined.
         settings: How to refine them.
-        fitted: Names of the measures that are fitted.
+        sweeps: What is changed, and by how much.
     """
 
     def __init__(
@@ -75,9 +85,9 @@ class Fitter:
         build: Callable[[Measures], BodyModel],
         refiner: Refiner,
         settings: RefineSettings,
-        fitted: Sequence[str] = FITTED,
+        sweeps: Sweeps = WHOLE_FIT,
     ) -> None:
-        self._fitted = fitted
+        self._sweeps = sweeps
         self._frames = frames
         self._build = cache(build)
         self._refiner = refiner
@@ -88,12 +98,13 @@ class Fitter:
     ) -> tuple[Fit, Fit]:
         """How well the given measures fit, and the best that was found from there."""
         (before,) = self._assess([measures], [frame.pose for frame in self._frames])
-        best, total = before, len(STEPS) * len(self._fitted)
-        for sweep, step in enumerate(STEPS):
-            for n, name in enumerate(self._fitted):
+        names, steps = self._sweeps.measures, self._sweeps.steps
+        best, total = before, len(steps) * len(names)
+        for sweep, step in enumerate(steps):
+            for n, name in enumerate(names):
                 candidates = [change(best.measures, name, factor) for factor in (1.0, 1 - step, 1 + step)]
                 best = better(*self._assess(candidates, best.poses))
-                advance(sweep * len(self._fitted) + n + 1, total)
+                advance(sweep * len(names) + n + 1, total)
         return before, best
 
     def _assess(self, candidates: Sequence[Measures], poses: Sequence[Array]) -> list[Fit]:

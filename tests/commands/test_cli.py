@@ -16,9 +16,9 @@ from common.errors import BusError
 from coordinator.cli import main
 from coordinator.pool.options import Pool
 from coordinator.results.track import Track, read_track
-from tests.support.still_workers import StillWorkers, no_pictures, sequence, workers  # noqa: F401 fixtures
+from tests.support.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
+pytestmark = pytest.mark.usefixtures("no_traces")
 
 ARM = ("r_shoulder_flexion", "r_shoulder_abduct", "r_shoulder_twisting", "r_elbow_flexion")
 
@@ -27,6 +27,11 @@ def summary_of(out: Path) -> dict[str, object]:
     """The summary of a run."""
     content: dict[str, object] = json.loads((out / "summary.json").read_text())
     return content
+
+
+def track_without_pictures(workers: StillWorkers, sequence: Path, out: Path, *options: str) -> int:
+    """The exit code of `gepf track`."""
+    return main(["track", str(sequence), "--out", str(out), "--no-pictures", *options], workers.connect)
 
 
 Tracked = Callable[..., tuple[Track, dict[str, object]]]
@@ -38,7 +43,13 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Tracked:
     assert workers.asked == Pool()
 
     def run(*options: str) -> tuple[Track, dict[str, object]]:
-        assert main(["track", str(sequence), "--out", str(tmp_path / "out"), *options], workers.connect) == 0
+        assert (
+            main(
+                ["track", str(sequence), "--out", str(tmp_path / "out"), "--no-pictures", *options],
+                workers.connect,
+            )
+            == 0
+        )
         return read_track(tmp_path / "out"), summary_of(tmp_path / "out")
 
     return run
@@ -168,7 +179,10 @@ def test_the_seed_decides_the_bytes(sequence: Path, tmp_path: Path, workers: Sti
     written = []
     for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
         assert (
-            main(["track", str(sequence), "--out", str(tmp_path / name), "--seed", seed], workers.connect)
+            main(
+                ["track", str(sequence), "--out", str(tmp_path / name), "--no-pictures", "--seed", seed],
+                workers.connect,
+            )
             == 0
         )
         written.append((tmp_path / name / "track.npz").read_bytes())
@@ -243,7 +257,7 @@ def test_what_was_tracked_is_kept_however_a_run_ends(
 ) -> None:
     """Stopped by the user, the bus or a defect: two frames are there, and one line says why."""
     workers.fail_at, workers.failure = 2, failure
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], workers.connect) == code
+    assert track_without_pictures(workers, sequence, tmp_path / "out") == code
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == says
     assert lines[-2].startswith("ended early with 2 of 5 frames in ")
@@ -256,7 +270,7 @@ def test_a_run_that_ends_before_its_first_frame_leaves_nothing(
 ) -> None:
     """No folder, one line."""
     workers.fail_at, workers.failure = 0, BusError("nobody came")
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], workers.connect) == 1
+    assert track_without_pictures(workers, sequence, tmp_path / "out") == 1
     assert not (tmp_path / "out").exists()
     assert capsys.readouterr().err.splitlines()[-1] == "gepf: nobody came"
 
@@ -271,7 +285,7 @@ def test_debugging_shows_where_an_error_arose(
     """The trace comes before the line, and only if asked for."""
     monkeypatch.setenv("GEPF_DEBUG", "1")
     workers.fail_at, workers.failure = 0, RuntimeError("a defect")
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], workers.connect) == 1
+    assert track_without_pictures(workers, sequence, tmp_path / "out") == 1
     err = capsys.readouterr().err
     assert "Traceback" in err
     assert err.splitlines()[-1].startswith("gepf: RuntimeError: a defect")

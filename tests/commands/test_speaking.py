@@ -16,7 +16,7 @@ import pytest
 from coordinator.cli import main
 from coordinator.results.log import Opening, append_records
 from tests.support.processes import wait_until
-from tests.support.still_workers import StillWorkers, no_pictures, sequence, workers  # noqa: F401 fixtures
+from tests.support.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 from tests.support.warm_processes import start
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
@@ -133,7 +133,7 @@ def test_track_says_at_once_what_it_does(sequence: Path, tmp_path: Path) -> None
         (("pictures", "{run}/none"), ("matplotlib",)),
     ],
 )
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("no_traces")
 def test_short_commands_load_what_they_need_alone(
     tracked: Path, command: tuple[str, ...], unused: tuple[str, ...]
 ) -> None:
@@ -147,7 +147,7 @@ def test_short_commands_load_what_they_need_alone(
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("no_traces")
 def test_a_run_without_pictures_says_how_to_draw_them(
     sequence: Path,
     tmp_path: Path,
@@ -181,7 +181,7 @@ def draw_slowly(run: Path, delay: float) -> None:
     sys.exit(main(["pictures", str(run)]))
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("no_traces")
 def test_an_interrupt_ends_drawing(tracked: Path, tmp_path: Path) -> None:
     """Even one that a library swallows: exit code 130 soon, no picture, nothing said about OpenGL."""
     process = start(draw_slowly, tracked, 60.0, log=tmp_path / "log")

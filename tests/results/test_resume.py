@@ -29,9 +29,9 @@ from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import STANDING, as_bytes, empty, shown
 from tests.support.rooms import in_a_room
-from tests.support.still_workers import StillWorkers, no_pictures, sequence, workers  # noqa: F401 fixtures
+from tests.support.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
+pytestmark = pytest.mark.usefixtures("no_traces")
 
 
 @cache
@@ -105,7 +105,7 @@ def test_all_that_a_tracker_changes_is_in_its_state() -> None:
     assert isinstance(following.state.start, Start)
 
 
-OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3")
+OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3", "--no-pictures")
 
 
 def track(workers: StillWorkers, sequence: Path, out: Path, *options: str) -> int:

@@ -5,10 +5,8 @@ For sequences of `tests.support.small_sequence`. Importing it imports all that a
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
@@ -23,10 +21,7 @@ human()  # built once, and kept, for all processes that are forked from this one
 
 def track(sequence: Path, out: Path, endpoint: str, *options: str) -> int:
     """Run the command line in this process, with workers of others; gives its exit code."""
-    pictures = ModuleType("coordinator.pictures.run")
-    vars(pictures)["draw_run"] = lambda *_: []
-    sys.modules[pictures.__name__] = pictures
-    pool = ("--workers", "0", "--listen", endpoint)
+    pool = ("--workers", "0", "--listen", endpoint, "--no-pictures")
     return main(["track", str(sequence), "--out", str(out), *OPTIONS, *pool, *options], connect)
 
 

@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-import coordinator.pictures.run
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
@@ -65,9 +64,8 @@ class StillWorkers:
 
 
 @pytest.fixture
-def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs draw nothing."""
-    monkeypatch.setattr(coordinator.pictures.run, "draw_run", lambda *_: [])
+def no_traces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors are one line, whatever the developer's own settings."""
     monkeypatch.delenv("GEPF_DEBUG", raising=False)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import coordinator.tracking.fitting
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.errors import InputError
@@ -22,10 +21,21 @@ from coordinator.bodies.choice import choose_bodies, person
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.person_file import read_person, write_person
 from coordinator.bodies.tracked import name_pose
-from coordinator.cli import main
-from coordinator.commands.fit import explained_well
+from coordinator.cli import main, on_stderr
+from coordinator.commands.arguments import FitOptions
+from coordinator.commands.fit import explained_well, run_fit
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.fitting import FARTHEST, FITTED, Fit, Fitter, Posed, better, change, rarity
+from coordinator.tracking.fitting import (
+    FARTHEST,
+    MEASURES,
+    Fit,
+    Fitter,
+    Posed,
+    Sweeps,
+    better,
+    change,
+    rarity,
+)
 from coordinator.tracking.subject import isolate
 from gepf.direct import DirectRefiner
 from tests.support.small_sequence import write_small_sequence
@@ -67,13 +77,13 @@ def seen(measures: Measures) -> tuple[list[Posed], Array]:
 def test_a_person_of_other_proportions_is_measured() -> None:
     """Short upper arms and long thighs are found, and the joints come nearer to the truth."""
     frames, truth = seen(OTHER)
-    fitter = Fitter(frames, build, DirectRefiner(), preset("default").refine, ("upper_arm", "thigh"))
+    fitter = Fitter(frames, build, DirectRefiner(), preset("default").refine, Sweeps(("upper_arm", "thigh")))
     before, after = fitter.fit(USUAL)
     assert after.measures.upper_arm < 0.96 * USUAL.upper_arm
     assert after.measures.thigh > 1.04 * USUAL.thigh
     assert after.residual.mean() < before.residual.mean()
 
-    def joint_error(fit: coordinator.tracking.fitting.Fit) -> float:
+    def joint_error(fit: Fit) -> float:
         joints = joint_positions(build(fit.measures), np.array(fit.poses))
         return float(np.linalg.norm(joints - truth, axis=-1).mean())
 
@@ -116,7 +126,7 @@ def test_a_place_that_cannot_be_is_told_before_anything_is_tracked(
     assert len(said.splitlines()) == 1
 
 
-@pytest.mark.parametrize("name", FITTED)
+@pytest.mark.parametrize("name", MEASURES)
 def test_no_measure_leaves_what_people_have(name: str) -> None:
     """Enlarged again and again, a length ends at the farthest from what stature implies, and costs more."""
     changed = USUAL
@@ -164,15 +174,11 @@ def test_what_is_no_person_is_refused(text: str, says: str, tmp_path: Path) -> N
     assert "\n" not in str(caught.value)
 
 
-def test_the_command_writes_a_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """`gepf fit SEQ --out FILE` writes measures that --model reads, and tells the residuals."""
-    monkeypatch.setattr(coordinator.tracking.fitting, "FITTED", ("girth",))
-    monkeypatch.setattr(coordinator.tracking.fitting, "STEPS", (0.05,))
+def test_the_command_writes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`gepf fit SEQ --out FILE` writes measures that --model reads, and reports the residuals."""
     write_small_sequence(tmp_path / "seq", 2)
-    fitting = ["fit", str(tmp_path / "seq"), "--out", str(tmp_path / "person.json"), "--json"]
-    assert main(fitting, lambda *_: nullcontext(DirectRefiner())) == 0
+    options = FitOptions(tmp_path / "seq", tmp_path / "person.json", as_json=True)
+    run_fit(options, on_stderr(), lambda *_: nullcontext(DirectRefiner()), Sweeps(("girth",), (0.05,)))
     out, err = capsys.readouterr()
     assert out == (tmp_path / "person.json").read_text()
     said = " ".join(err.split())
