@@ -94,8 +94,8 @@ class Run:
         if name in track.dof_names:
             values = np.unwrap(track.pose[:, track.dof_names.index(name)])
         elif name in self.isb_angle_names:
-            told = isb_angles(self.angle_names, self._recorded.angle)
-            values = told[:, self.isb_angle_names.index(name)]
+            shoulders = isb_angles(self.angle_names, self._recorded.angle)
+            values = shoulders[:, self.isb_angle_names.index(name)]
         else:
             values = self._recorded.angle[:, index_of(name, self.angle_names, "angle")]
         return np.degrees(values) if degrees else values.copy()
@@ -133,7 +133,7 @@ class Run:
         return pd.read_csv(text)
 
     def export(self, path: str | Path, form: str | None = None, *, force: bool = False) -> Path:
-        """Write the run for another program, in the format of the file's suffix unless told.
+        """Write the run for another program, in the format of the file's suffix unless `form` names another.
 
         InputError for unknown formats, and for a file that is there unless `force`.
         """
@@ -143,7 +143,7 @@ class Run:
         return path
 
     def report(self, path: str | Path | None = None) -> Path:
-        """Write the HTML page about the run, into its folder unless told where, and return its place."""
+        """Write the HTML page about the run to `path`, by default into its folder, and return its place."""
         from coordinator.report import write_report
 
         page = Path(path) if path else self.folder / "report.html"
@@ -151,7 +151,7 @@ class Run:
         return page
 
     def plot(self, names: Iterable[str] | None = None) -> Figure:
-        """A figure of angles in degrees over seconds, each with its deviation; all unless told which."""
+        """A figure of angles (`names`, or all) in degrees over seconds, each with its deviation."""
         from coordinator.report.angles import plot_angles
 
         chosen = self.angle_names if names is None else tuple(names)

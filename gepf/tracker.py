@@ -126,11 +126,11 @@ class Tracker:
 
         Raises InputError where the folder holds something already, or there are no estimates.
         """
-        told = list(estimates)
-        if not told:
+        given = list(estimates)
+        if not given:
             raise InputError("there is nothing to save; give the estimates that `track` returned")
         start = self._tracker.start
-        track = assemble(start.model, told, held=start.held)
+        track = assemble(start.model, given, held=start.held)
         save_run(Path(folder), track, TrackedBody(start.model, start.held), self._settings)
         return Path(folder)
 

@@ -44,7 +44,7 @@ def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
 def natural_angles(model: BodyModel, poses: Array) -> Array:
     """The same poses (N, D), each ball's angles on the branch that leaves its limits less.
 
-    Rx(a) Ry(b) Rz(c) is also Rx(a + pi) Ry(pi - b) Rz(c + pi). Where no limit tells them apart, angles stay.
+    Rx(a) Ry(b) Rz(c) is also Rx(a + pi) Ry(pi - b) Rz(c + pi). Where both are within the limits, angles stay.
     """
     natural = contiguous(poses)
     choose_branch_each(model.balls, model.limits, natural)

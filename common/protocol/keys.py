@@ -67,7 +67,7 @@ def lanes_of(key: str) -> int:
 
 
 def worker_admission(worker: str) -> str:
-    """Token by which a worker finds out whether it is let be who it says."""
+    """Token by which a worker finds out whether its certificate allows its name."""
     return f"gepf/worker/{worker}/admission"
 
 

@@ -64,7 +64,7 @@ class Angles:
         return np.concatenate([np.empty((len(poses), 0)), *parts, *hinges], axis=1)
 
     def near(self, angles: Array, reference: Array) -> Array:
-        """The same angles (N, A), told so that they lie nearest to `reference` (A,) or (N, A).
+        """The same angles (N, A), each on the turn nearest to `reference` (A,) or (N, A).
 
         A swing of s is also one of 360 degrees less s the other way about, and a turn is also one more.
         """
@@ -133,7 +133,7 @@ def upward(swing: Array, twist: Array) -> Array:
 
 
 def in_heading(swing: Array, twist: Array) -> Array:
-    """The same with the swing told in the axes of a body that has turned."""
+    """The same with the swing in the axes of a body that has turned."""
     c, s = np.cos(twist), np.sin(twist)
     x, z = swing.T
     return upward(np.stack([c * x - s * z, s * x + c * z], axis=1), twist)

@@ -6,7 +6,7 @@ around, the more so the straighter the elbow: the angles x (F,) that minimise
 
     sum_f w_f (x_f - twist_f)^2 + stiffness sum_f (x_f - x_{f-1})^2,   w_f = sin(bend_f)^2
 
-since the place of the wrist tells the rotation with a standard deviation in proportion to 1 / sin(bend).
+since the wrist determines the rotation with a standard deviation in proportion to 1 / sin(bend).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What `gepf track` would find in a sequence's scene, told by `gepf info`."""
+"""What `gepf track` would find in a sequence's scene, as `gepf info` reports it."""
 
 from __future__ import annotations
 

@@ -42,12 +42,12 @@ def write_csv(track: Track, file: BinaryIO, more: Columns | None = None) -> None
 
 def angle_columns(track: Track) -> Columns:
     """Angles (F,) in degrees, the shoulders' as the ISB wants them, and how far each angle may be off."""
-    told = named(track.angle_names, track.angle)
+    angles = named(track.angle_names, track.angle)
     off = named(track.angle_names, track.angle_deviation)
     isb = {}
     if track.angle_names is not None and track.angle is not None:
         isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))
-    return in_degrees(told | isb | {f"{name}_deviation": values for name, values in off.items()})
+    return in_degrees(angles | isb | {f"{name}_deviation": values for name, values in off.items()})
 
 
 def named(names: tuple[str, ...] | None, values: NDArray[np.float64] | None) -> Columns:

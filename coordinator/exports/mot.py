@@ -90,9 +90,9 @@ def turned_zxy(angles: Angles, ball: BallJoint, poses: Array) -> Array:
 
 def without_leaps(euler: Array) -> Array:
     """The same rotations (F, 3), each on the branch nearest to the frame before."""
-    told = euler.copy()
-    for f in range(1, len(told)):
+    chosen = euler.copy()
+    for f in range(1, len(chosen)):
         other = euler[f] * [1.0, -1.0, 1.0] + np.pi
-        branches = [nearest_turn(branch, told[f - 1]) for branch in (euler[f], other)]
-        told[f] = min(branches, key=lambda branch: float(np.sum((branch - told[f - 1]) ** 2)))
-    return told
+        branches = [nearest_turn(branch, chosen[f - 1]) for branch in (euler[f], other)]
+        chosen[f] = min(branches, key=lambda branch: float(np.sum((branch - chosen[f - 1]) ** 2)))
+    return chosen

@@ -23,7 +23,7 @@ def estimate_covariances(
     """Covariances (M, D, D) of relative motion about each merged hypothesis, Eq. 7.
 
     Taken from the particles *before* their descent, about the hypothesis after it, so that the next ones
-    are drawn out to the valley's rim. A lone particle tells nothing of its valley's size (Eq. 7 would
+    are drawn out to the valley's rim. A lone particle shows nothing of its valley's size (Eq. 7 would
     leave a single direction): it keeps what it inherited. Both are then reduced.
 
     Args:

@@ -78,7 +78,7 @@ def join_in_order(
 def is_near(pose: Array, other: Array, angle: float, hinges: Indices, axes: Array, balls: Indices) -> bool:
     """Whether two poses (D,) differ by less than `angle` in every rotation.
 
-    Single axes tell most apart already, by a subtraction; balls need matrices.
+    Single axes separate most already, by a subtraction; balls need matrices.
     """
     for j in hinges:
         if not abs(other[j] - pose[j]) < angle:

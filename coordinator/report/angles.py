@@ -17,7 +17,7 @@ ARM = ("clavicular", "shoulder", "elbow", "forearm", "wrist", "pinky", "ring", "
 
 
 def group_angles(names: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """Angles by what they tell of: pelvis and trunk, arms, legs; of a robot, base and joints."""
+    """Angles by the part of the body: pelvis and trunk, arms, legs; of a robot, base and joints."""
     groups: dict[str, list[str]] = {"pelvis and trunk": [], "arms": [], "legs": [], "base and joints": []}
     person = any(name.startswith(("pelvis_", "trunk_", *SIDES)) for name in names)
     for name in sorted(names, key=lambda name: (names.index(pair_of(name, names)), name.startswith("left_"))):

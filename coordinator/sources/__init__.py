@@ -8,7 +8,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from coordinator.sources.arrays import ArraySource, read_array, read_array_source
-from coordinator.sources.given import NOTHING, Given, told
+from coordinator.sources.given import NOTHING, Given, with_given
 from coordinator.sources.point_clouds import SUFFIXES, PointClouds
 from coordinator.sources.recorded_folder import RecordedFolder, holds_pictures
 from coordinator.sources.ros_bag import RosBag, is_bag
@@ -38,7 +38,7 @@ def open_azure_kinect(path: Path, given: Given) -> Source:
 
 def own(open_path: Callable[[Path], Source]) -> Callable[[Path, Given], Source]:
     """A format that knows its camera, which what is given then overrides."""
-    return lambda path, given: told(open_path(path), given)
+    return lambda path, given: with_given(open_path(path), given)
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:

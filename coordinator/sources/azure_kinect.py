@@ -203,7 +203,7 @@ def depth_camera(
 
 
 def gravity_of(calibration: Calibration | None, samples: Array) -> Array | None:
-    """Unit vector (3,) along which things fall, in the depth camera's axes; None where nothing tells it."""
+    """Unit vector (3,) along which things fall, in the depth camera's axes; None if not measured."""
     sensors = calibration.CalibrationInformation.InertialSensors if calibration else []
     found = [s for s in sensors if s.SensorType == "CALIBRATION_InertialSensorType_Accelerometer"]
     if not found or not len(samples) or len(found[0].Rt.Rotation) != 9:

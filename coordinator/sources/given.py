@@ -53,7 +53,7 @@ def parse_given(intrinsics: str | None, depth_scale: float | None) -> Given:
     return Given((fx, fy, cx, cy), depth_scale)
 
 
-class ToldSource(Recording):
+class GivenSource(Recording):
     """A source with another camera or scale than it has of its own."""
 
     def __init__(self, source: Source, given: Given) -> None:
@@ -64,15 +64,15 @@ class ToldSource(Recording):
         self.intrinsics = Intrinsics(own.width, own.height, *given.lens) if given.lens else own
 
     def frame(self, number: int) -> DepthFrame:
-        """One frame, told anew."""
+        """One frame, with what the user gave instead of its own."""
         frame = self._source.frame(number)
         scale = self._given.depth_scale or frame.depth_scale
         return DepthFrame(number, frame.time_s, frame.depth, scale, self.intrinsics)
 
 
-def told(source: Source, given: Given) -> Source:
+def with_given(source: Source, given: Given) -> Source:
     """The source as the user says that it is."""
-    return source if given == NOTHING else ToldSource(source, given)
+    return source if given == NOTHING else GivenSource(source, given)
 
 
 def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:

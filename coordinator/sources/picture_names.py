@@ -1,7 +1,7 @@
 """Which pictures of a folder are frames, what their numbers are, and when they were taken.
 
 Names end in a number: the frame's, or, if the numbers are far apart, its time in seconds, microseconds or
-nanoseconds. A text file beside the pictures may tell times instead: one a line, in seconds, for each picture
+nanoseconds. A text file beside the pictures may hold times instead: one a line, in seconds, for each picture
 in their order, or with the picture's name before or after it.
 """
 
@@ -24,7 +24,7 @@ NANOSECOND_STEPS = 2e6
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A frame: its number, its file, and when it was taken, seconds; None where only its number tells."""
+    """A frame: its number, its file, and when it was taken, seconds; None where there is only its number."""
 
     number: int
     file: Path

@@ -33,7 +33,7 @@ def test_frames_are_those_of_synth(tmp_path: Path) -> None:
 
 
 def test_the_bound_of_a_body_that_moves_along_the_axis_is_that_of_a_mean() -> None:
-    """N pixels whose depth all moves with one value tell N / sigma^2 of it, the outline a little more."""
+    """N pixels whose depth moves with a value give it information N / sigma^2, the outline a little more."""
     scene, noise = SCENES["arm"](), SensorNoise(0.15, 0.03)
     with DepthRenderer(scene.camera) as renderer:
         measured, _, count = information(renderer, scene, ("root_tz",), noise, 0)
@@ -41,11 +41,11 @@ def test_the_bound_of_a_body_that_moves_along_the_axis_is_that_of_a_mean() -> No
     assert measured[0, 0] < 1.2 * count / 0.15**2
 
 
-def test_more_frames_never_tell_less() -> None:
+def test_more_frames_never_narrow_it_less() -> None:
     """One frame, all frames so far and all frames allow errors in falling order."""
-    told = np.repeat(np.diag([2000.0, 5000.0])[None], 12, axis=0)
-    single = np.linalg.inv(told[0])[0, 0]
-    sofar, both = (smoothed(told, np.full(2, 0.01), ahead=ahead) for ahead in (False, True))
+    information = np.repeat(np.diag([2000.0, 5000.0])[None], 12, axis=0)
+    single = np.linalg.inv(information[0])[0, 0]
+    sofar, both = (smoothed(information, np.full(2, 0.01), ahead=ahead) for ahead in (False, True))
     assert np.all(both[:, 0, 0] <= sofar[:, 0, 0] + 1e-12)
     assert np.all(sofar[1:, 0, 0] < single)
 
@@ -62,7 +62,7 @@ def test_a_limb_is_lost_when_it_is_never_found_again() -> None:
     assert limb_lost_from(names, errors) is None
 
 
-def test_rows_are_chosen_by_name_or_part_and_an_unknown_one_is_told() -> None:
+def test_rows_are_chosen_by_name_or_part_and_an_unknown_one_is_refused() -> None:
     """`--only heavy` is a part, names differ, and nonsense names the parts."""
     assert len({row.name for row in ROWS}) == len(ROWS)
     assert {row.part for row in choose(["heavy"], seeds=2)} == {"heavy"}

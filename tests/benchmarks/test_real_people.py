@@ -174,7 +174,7 @@ def fail_or_double(job: int) -> int:
 
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
-def test_a_crash_is_told_and_the_others_go_on() -> None:
+def test_a_crash_is_reported_and_the_others_go_on() -> None:
     """What raises and what is killed have a line each; all others have their results."""
     found = dict(run_forked(fail_or_double, [1, 0, 2, -1, 3], processes=2))
     assert [found[job] for job in (1, 2, 3)] == [2, 4, 6]
@@ -191,12 +191,12 @@ def test_crashes_are_in_the_report() -> None:
     recordings = [Recording(name, Path(name), Path(name), 3) for name in ("a3_s1", "a3_s2")]
     crash = Crash("KeyError: it")
     results: Results = {"a3_s1": tracked(np.full((5, 1), 0.02)), "a3_s2": crash}
-    told = report(recordings, results, Settings(), processes=1)
-    assert told.crashes == {"a3_s2": "KeyError: it"}
-    assert told.skinned is None
-    assert told.people is not None
-    assert told.people.by_action[3].sequences == 2
-    assert told.people.overall.crashed == ["a3_s2"]
+    outcome = report(recordings, results, Settings(), processes=1)
+    assert outcome.crashes == {"a3_s2": "KeyError: it"}
+    assert outcome.skinned is None
+    assert outcome.people is not None
+    assert outcome.people.by_action[3].sequences == 2
+    assert outcome.people.overall.crashed == ["a3_s2"]
     assert divide(recordings, results)[1] == ["a3_s2"]
 
 

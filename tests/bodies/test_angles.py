@@ -114,12 +114,12 @@ def test_swings_are_where_the_bone_points(person: BodyModel, angles: Angles) -> 
     poses[:, :6] = 0.0
     for name in ("vl3_tilt", "vl3_roll", "vl3_torsion"):
         poses[:, person.dof(name)] = 0.0
-    joints, told = joint_positions(person, poses), angles.measure(poses)
+    joints, found = joint_positions(person, poses), angles.measure(poses)
     for side, out in (("left", 1.0), ("right", -1.0)):
         at = [person.joint_names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow")]
         bone = joints[:, at[1]] - joints[:, at[0]]
         flexion, abduction = (
-            told[:, angles.names.index(f"{side}_shoulder_{name}")] for name in ("flexion", "abduction")
+            found[:, angles.names.index(f"{side}_shoulder_{name}")] for name in ("flexion", "abduction")
         )
         swing = np.stack([-flexion, 0.0 * flexion, -abduction], axis=1)
         pointed = Rotation.from_rotvec(swing).apply(DOWN) * [out, 1.0, 1.0]
@@ -131,9 +131,9 @@ def test_both_sides_mean_the_same(values: tuple[float, float, float], joint: str
     """Equal joint values left and right are equal angles, of ball joints too."""
     motions = ("flexion", "abduct", "twisting")
     given_ = {f"{s}_{joint}_{m}": v for s in "lr" for m, v in zip(motions, values, strict=True)}
-    told = read(person_angles(tuple(given_), {}), **given_)
+    found = read(person_angles(tuple(given_), {}), **given_)
     for name in ("flexion", "abduction", "rotation"):
-        assert told[f"left_{joint}_{name}"] == pytest.approx(told[f"right_{joint}_{name}"], abs=1e-6)
+        assert found[f"left_{joint}_{name}"] == pytest.approx(found[f"right_{joint}_{name}"], abs=1e-6)
 
 
 def left_arm(turned: Rotation, dof_names: tuple[str, ...]) -> Array:
@@ -160,17 +160,17 @@ def test_euler_angles_jump_where_these_do_not(angles: Angles) -> None:
 def test_an_arm_swung_over_the_head_goes_on(angles: Angles) -> None:
     """Straight through the one singular direction, flexion passes 180 degrees without a jump."""
     t = np.radians(np.linspace(0.0, 220.0, 60))
-    told = np.degrees(angles.follow(left_arm(Rotation.from_rotvec(-t[:, None] * LEFT), angles.dof_names)))
-    assert np.abs(np.diff(told, axis=0)).max() < 4.0
-    assert told[-1, angles.names.index("left_shoulder_flexion")] == pytest.approx(220.0)
+    found = np.degrees(angles.follow(left_arm(Rotation.from_rotvec(-t[:, None] * LEFT), angles.dof_names)))
+    assert np.abs(np.diff(found, axis=0)).max() < 4.0
+    assert found[-1, angles.names.index("left_shoulder_flexion")] == pytest.approx(220.0)
 
 
 def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None:
     """The pelvis' turn is counted on, and forward tilt stays that of the person's own front."""
     poses = np.zeros((100, len(angles.dof_names)))
     poses[:, angles.dof_names.index("root_ry")] = -np.radians(np.linspace(0.0, 720.0, 100))
-    told = np.degrees(angles.follow(poses))
-    assert told[-1, angles.names.index("pelvis_turn")] == pytest.approx(720.0)
+    found = np.degrees(angles.follow(poses))
+    assert found[-1, angles.names.index("pelvis_turn")] == pytest.approx(720.0)
     bent = Rotation.from_euler("YX", [[90.0, 20.0]], degrees=True).as_euler("XYZ")[0]
     pose = np.zeros((1, len(angles.dof_names)))
     pose[0, 3:6] = bent
@@ -193,9 +193,9 @@ def test_a_robots_angles_are_its_joints() -> None:
     """A URDF arm has the turn of its base, and its joints by their own names and values."""
     arm = read_urdf(Path(__file__).parents[2] / "examples" / "arm7.urdf")
     angles, pose = angles_of(arm), np.linspace(0.0, 0.9, len(arm.dof_names))
-    told = dict(zip(angles.names, angles.measure(pose[None])[0], strict=True))
+    found = dict(zip(angles.names, angles.measure(pose[None])[0], strict=True))
     assert angles.names[:3] == ("base_forward_tilt", "base_side_tilt", "base_turn")
-    assert {name: told[name] for name in arm.dof_names[6:]} == dict(
+    assert {name: found[name] for name in arm.dof_names[6:]} == dict(
         zip(arm.dof_names[6:], pose[6:], strict=True)
     )
 
@@ -205,8 +205,8 @@ def test_isb_angles_are_the_euler_angles_y_x_y(quaternion: tuple[float, ...]) ->
     """Plane, elevation and axial rotation, put together in the order Y, X, Y, are the rotation."""
     rotation = Rotation.from_quat([quaternion])
     swing, twist = swing_twist(rotation)
-    told = isb_shoulder(np.concatenate([-swing, twist[:, None]], axis=1))
-    plane, elevation, axial = told[0]
+    found = isb_shoulder(np.concatenate([-swing, twist[:, None]], axis=1))
+    plane, elevation, axial = found[0]
     # ISB's axes of a right arm are (front, up, right); ours, mirrored, (left, down, back)
     again = (
         Rotation.from_rotvec(plane * DOWN)
@@ -218,17 +218,17 @@ def test_isb_angles_are_the_euler_angles_y_x_y(quaternion: tuple[float, ...]) ->
 
 def test_isb_planes_are_named_as_the_paper_does() -> None:
     """Abduction lies in plane 0, forward flexion in plane 90 degrees, whether the arm is turned or not."""
-    told = np.degrees(isb_shoulder(np.radians([[0.0, 80.0, 0.0], [80.0, 0.0, 0.0], [80.0, 0.0, 30.0]])))
-    assert np.allclose(told, [[0.0, 80.0, 0.0], [90.0, 80.0, -90.0], [90.0, 80.0, -60.0]])
+    found = np.degrees(isb_shoulder(np.radians([[0.0, 80.0, 0.0], [80.0, 0.0, 0.0], [80.0, 0.0, 30.0]])))
+    assert np.allclose(found, [[0.0, 80.0, 0.0], [90.0, 80.0, -90.0], [90.0, 80.0, -60.0]])
 
 
-def test_both_shoulders_are_told_as_the_isb_wants(angles: Angles) -> None:
+def test_both_shoulders_have_the_angles_of_the_isb(angles: Angles) -> None:
     """A person has three ISB angles a shoulder; the hanging arm is elevated by the template's tilt."""
-    names, told = isb_names(angles.names), isb_angles(angles.names, angles.measure(posed(angles.dof_names)))
+    names, found = isb_names(angles.names), isb_angles(angles.names, angles.measure(posed(angles.dof_names)))
     assert names[:3] == tuple(
         f"right_shoulder_isb_{n}" for n in ("plane_of_elevation", "elevation", "axial_rotation")
     )
-    assert np.allclose(told[0, [1, 4]], ARM_TILT)
+    assert np.allclose(found[0, [1, 4]], ARM_TILT)
 
 
 def test_a_rotation_that_nothing_shows_is_carried_over(angles: Angles) -> None:
@@ -238,8 +238,8 @@ def test_a_rotation_that_nothing_shows_is_carried_over(angles: Angles) -> None:
     poses[:, elbow], poses[:, twist] = np.radians(80.0), np.radians(20.0)
     poses[10:20, elbow] = np.radians(1.0)
     poses[10:20, twist] = np.radians(np.resize([110.0, -110.0], 10))
-    told = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
-    assert np.allclose(told, 20.0, atol=4.0)
+    found = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
+    assert np.allclose(found, 20.0, atol=4.0)
 
 
 def test_a_rotation_that_the_elbow_shows_stays(angles: Angles) -> None:
@@ -248,5 +248,5 @@ def test_a_rotation_that_the_elbow_shows_stays(angles: Angles) -> None:
     poses[:, angles.dof_names.index("r_elbow_flexion")] = np.radians(90.0)
     swung = 40.0 * np.sin(np.linspace(0.0, 4.0 * np.pi, 60))
     poses[:, angles.dof_names.index("r_shoulder_twisting")] = np.radians(swung)
-    told = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
-    assert np.allclose(told, swung, atol=1.0)
+    found = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
+    assert np.allclose(found, swung, atol=1.0)

@@ -32,7 +32,7 @@ GIMBAL = """
 
 
 class Direct(DirectRefiner):
-    """Refines in this process, and has no statistics to tell of."""
+    """Refines in this process, and has no statistics."""
 
     statistics = PoolStatistics()
 

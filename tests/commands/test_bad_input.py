@@ -263,7 +263,7 @@ def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Calla
     )
 
 
-def test_bodies_tell_what_can_be_asked_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bodies_list_their_degrees_of_freedom(capsys: pytest.CaptureFixture[str]) -> None:
     """All degrees of freedom on stdout, one a line; and help where nothing is asked."""
     assert main(["model", "dofs"]) == 0
     assert sorted(capsys.readouterr().out.split()) == sorted(human().dof_names)

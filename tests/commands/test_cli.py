@@ -55,7 +55,7 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Tracked:
     return run
 
 
-def test_gepf_alone_tells_what_it_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+def test_gepf_alone_prints_its_help(capsys: pytest.CaptureFixture[str]) -> None:
     """Help goes to stdout and is no error."""
     assert main([]) == 0
     out, err = capsys.readouterr()
@@ -134,7 +134,7 @@ def test_a_frame_without_depth_is_lost_and_the_run_goes_on(tracked: Tracked) -> 
     assert summary["status"] == {"tracked": 4, "ambiguous": 0, "lost": 1}
 
 
-def test_the_summary_tells_what_was_decided_and_how_it_went(tracked: Tracked) -> None:
+def test_the_summary_has_settings_and_outcome(tracked: Tracked) -> None:
     """Settings, seed, versions, workers, batches sent again, frames, particles, rate and times."""
     _, summary = tracked(
         "--particles", "7", "--points", "300", "--seed", "9", "--preset", "default", "--workers", "3"
@@ -160,7 +160,7 @@ def test_the_pool_is_asked_for_as_the_options_say(tracked: Tracked, workers: Sti
     assert workers.asked == Pool(0, "tcp/127.0.0.1:7447", "tcp/router:7447")
 
 
-def test_the_summary_tells_the_pool_that_was_asked_for(tracked: Tracked) -> None:
+def test_the_summary_has_the_pool_that_was_asked_for(tracked: Tracked) -> None:
     """As the other options; of certificates only that there are some."""
     _, summary = tracked("--workers", "3", "--listen", "tcp/127.0.0.1:7447", "--worker-timeout", "9")
     assert summary["pool"] == {

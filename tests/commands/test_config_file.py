@@ -27,7 +27,7 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Written:
     return write
 
 
-def test_every_option_of_every_command_can_be_told() -> None:
+def test_every_option_of_every_command_can_be_configured() -> None:
     """Names as on the command line, in the types that the options have, nested as the commands are."""
     table = {
         "track": {"particles": 40, "worker-timeout": 3, "noise_depth": 0.1, "resume": True, "out": "run"},

@@ -1,4 +1,4 @@
-"""How a run ends before its time, as real processes: told to, or left without workers; and how it goes on."""
+"""How a run, a real process, ends early: by a signal, or left without workers; and how it goes on."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def frames_of(out: Path) -> int:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_told_to_end_it_ends_well(place: Place, out: Path, tmp_path: Path, number: signal.Signals) -> None:
+def test_a_signal_ends_it_well(place: Place, out: Path, tmp_path: Path, number: signal.Signals) -> None:
     """Its worker ends with it, the frames are kept, and a line says how to go on."""
     run = start(coordinate, place.sequence, out, place.endpoint, "--workers", "1", log=tmp_path / "log")
     patiently(lambda: frames_of(out) >= 2)

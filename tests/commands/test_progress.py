@@ -18,7 +18,7 @@ def estimate(residual: float = 0.0123) -> Estimate:
     return Estimate(0, 0.0, "tracked", poses[0], np.zeros((1, 3)), poses, np.full(3, 1 / 3), residual, {})
 
 
-def test_a_frame_is_told_of_in_one_line() -> None:
+def test_a_frame_is_described_in_one_line() -> None:
     """Rate, hypotheses, residual in millimetres, status; and that nothing was seen."""
     assert describe(estimate(), 7.25) == "7.2 frames/s, 3 hypotheses, residual 12.3 mm, tracked"
     assert "residual nothing seen" in describe(estimate(float("nan")), 1.0)

@@ -286,7 +286,7 @@ def test_natural_angles_are_the_same_rotations_nearer_to_the_limits(seed: int) -
     np.testing.assert_allclose(pose_vertices(model, found), pose_vertices(model, flipped), atol=1e-9)
 
 
-def test_where_no_limit_tells_angles_stay() -> None:
+def test_where_both_are_within_limits_angles_stay() -> None:
     """Without limits every branch is as good, and a body may turn around as often as it likes."""
     model = replace(puppet(), limits=np.tile([-np.inf, np.inf], (19, 1)))
     poses = np.random.default_rng(0).uniform(-9.0, 9.0, size=(5, 19))

@@ -150,7 +150,7 @@ def test_decoded_arrays_suit_the_kernel() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_message_without_a_version_is_none(kind: str) -> None:
-    """Nobody can tell what it means."""
+    """Nobody knows what it means."""
     message = msgspec.msgpack.decode(KINDS[kind].payload)
     del message["version"]
     refuse(kind, msgspec.msgpack.encode(message), "version")

@@ -145,14 +145,14 @@ def compare(frames: int, seed: int, bound: float) -> dict[str, Any]:
         wild = run(folder / "sequence", folder / "wild", seed, bound)
         tracks = [folder / kind / "track.npz" for kind in ("calm", "wild")]
         summary = folder / "wild" / "summary.json"
-        told = json.loads(summary.read_text()) if summary.exists() else {}
+        content = json.loads(summary.read_text()) if summary.exists() else {}
         return {
             "identical": all(t.exists() for t in tracks) and tracks[0].read_bytes() == tracks[1].read_bytes(),
             "acts": wild["acts"].total(),
-            "frames": told.get("frames", 0),
-            "frames_lost": frames - told.get("frames", 0),
-            **{key: told.get(key) for key in ("batches_sent", "batches_sent_again", "batches_refused")},
-            "workers_seen": told.get("workers_seen"),
+            "frames": content.get("frames", 0),
+            "frames_lost": frames - content.get("frames", 0),
+            **{key: content.get(key) for key in ("batches_sent", "batches_sent_again", "batches_refused")},
+            "workers_seen": content.get("workers_seen"),
             "calm": calm,
             "wild": wild,
         }

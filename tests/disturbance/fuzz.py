@@ -307,8 +307,8 @@ def fuzz_coordinator(count: int, seed: int) -> Report:
             stack.enter_context(running(Liar(bus, f"liar-{k}", seed + k, counter)))
         stack.enter_context(serving(place, "honest"))
         refiner.wait_for(LIARS + 1)
-        while (told := sum(c["lies"] + c["false refusals"] for c in heard)) < count:
-            if told >= len(report.memory) * count / LOOKS:
+        while (found := sum(c["lies"] + c["false refusals"] for c in heard)) < count:
+            if found >= len(report.memory) * count / LOOKS:
                 report.weigh()
             number += 1
             with report.timed():

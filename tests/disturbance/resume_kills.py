@@ -90,7 +90,7 @@ def try_all(kills: int, frames: int, seed: int, longest: float = LONGEST) -> lis
     """Kill as many runs, each at a moment of its own that is anywhere between a run's start and its end.
 
     The kill follows at most `longest` seconds after the frame that was waited for. A run that
-    had ended before its moment came is told too, but counts for nothing.
+    had ended before its moment came is result too, but counts for nothing.
     """
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="gepf-kills-") as name:
@@ -122,15 +122,15 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     killed = try_all(options.kills, options.frames, options.seed)
-    told = {
+    result = {
         "kills": hits(killed),
         "identical": sum(each.identical for each in killed),
         "torn": sum(each.torn for each in killed),
         "had_ended_before": sum(each.complete for each in killed),
         "frames_recorded_at_the_kill": [each.recorded for each in killed],
     }
-    sys.stdout.write(json.dumps(told, indent=2) + "\n")
-    return 0 if told["identical"] == len(killed) else 1
+    sys.stdout.write(json.dumps(result, indent=2) + "\n")
+    return 0 if result["identical"] == len(killed) else 1
 
 
 if __name__ == "__main__":

@@ -118,9 +118,9 @@ def test_every_dependency_is_explained() -> None:
     """CONTRIBUTING has a line for each package that pyproject.toml names."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     asked = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
-    told = (ROOT / "CONTRIBUTING.md").read_text()
+    text = (ROOT / "CONTRIBUTING.md").read_text()
     names = {re.split(r"[^\w-]", requirement)[0] for requirement in asked}
-    assert not [name for name in sorted(names) if name not in told]
+    assert not [name for name in sorted(names) if name not in text]
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ def test_the_readme_runs_as_printed(folder: Path) -> None:
 
 @contextmanager
 def running(folder: Path, line: str) -> Iterator[None]:
-    """A command that ends when it is told to, by Ctrl-C."""
+    """A command that ends by Ctrl-C."""
     with subprocess.Popen(
         shlex.split(line), cwd=folder, env=environment(), stderr=subprocess.DEVNULL
     ) as process:

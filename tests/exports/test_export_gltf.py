@@ -117,7 +117,7 @@ def test_joints_and_skin_lie_where_the_track_has_them(tmp_path: Path, body: str)
         assert np.abs(posed - surface[f]).max() < 0.1 * MILLIMETRE
 
 
-def test_times_status_and_frames_are_told(tmp_path: Path) -> None:
+def test_times_status_and_frames_are_written(tmp_path: Path) -> None:
     """Seconds from zero at the run's rate; what was lost stands in `extras`."""
     write_run(tmp_path / "run", person(), swing(person(), 4), lost=(1,))
     export_run(tmp_path / "run", "glb", tmp_path / "x.glb")

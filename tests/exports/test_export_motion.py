@@ -157,7 +157,7 @@ def test_lost_frames_do_not_bend_their_neighbours(tmp_path: Path) -> None:
 
 
 def test_balls_are_low_passed_as_rotations() -> None:
-    """A ball that stands still at an Euler singularity, told on either branch, stays where it is."""
+    """A ball that stands still at an Euler singularity, given on either branch, stays where it is."""
     body = person()
     first = body.dof("l_shoulder_flexion")
     axes = body.axes[first : first + 3]
@@ -190,7 +190,7 @@ def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.Captur
     assert "is there already; replace it with --force" in capsys.readouterr().err
     assert out.read_text() == "mine"
     assert main([*command, "--smooth", "6", "--force"]) == 0
-    told = " ".join(capsys.readouterr().err.split())
-    assert "9 frames, 1 of them lost, low pass 6 Hz" in told
+    said = " ".join(capsys.readouterr().err.split())
+    assert "9 frames, 1 of them lost, low pass 6 Hz" in said
     head = out.read_text().splitlines()[0].split(",")
     assert {"upper_deg", "upper_raw_deg"} <= set(head)

@@ -60,7 +60,7 @@ def test_a_body_may_be_given_whole() -> None:
     assert np.linalg.norm(joints - shown("standing").joints, axis=-1).max() < 0.05
 
 
-def test_how_far_joints_may_be_off_is_told() -> None:
+def test_how_far_joints_may_be_off_is_estimated() -> None:
     """Metres for each joint while tracked, NaN when the frame is lost."""
     frame = shown("standing").frames[0]
     tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX)
@@ -83,7 +83,7 @@ def test_how_far_joints_may_be_off_is_told() -> None:
         (lambda: gepf.Tracker(PERSON, camera=MATRIX).track(np.ones((4, 4), int)), "depth_scale"),
     ],
 )
-def test_mistakes_are_told(mistake: Callable[[], object], says: str) -> None:
+def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: str) -> None:
     """One line says what is wrong and what to give."""
     with pytest.raises(gepf.InputError, match=says) as caught:
         mistake()

@@ -26,7 +26,7 @@ def run(tmp_path: Path) -> gepf.Run:
 
 
 def test_angles_by_any_of_their_names(run: gepf.Run) -> None:
-    """Plain, MPEG-4's and the ISB's, in radians or degrees; unknown names are told the known ones."""
+    """Plain, MPEG-4's and the ISB's, in radians or degrees; the error of an unknown name lists the known."""
     plain, mpeg4 = run.angle("right_elbow_flexion"), run.angle("r_elbow_flexion")
     assert np.array_equal(plain, mpeg4)
     assert np.array_equal(run.angle("right_elbow_flexion", degrees=True), np.degrees(plain))
@@ -39,7 +39,7 @@ def test_angles_by_any_of_their_names(run: gepf.Run) -> None:
 
 
 def test_joints_by_name(run: gepf.Run) -> None:
-    """Places (F, 3), and what else a run knows of its frames; an unknown joint is told the known ones."""
+    """Places (F, 3), and what else a run knows of frames; the error of an unknown joint lists the known."""
     at = run.joint_names.index("right_wrist")
     assert np.array_equal(run.joint("right_wrist"), run.track.joint_positions[:, at])
     assert (len(run), run.status[2], run.frame[0], run.summary["sequence"]) == (30, "lost", 100, "swing")

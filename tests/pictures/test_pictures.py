@@ -108,7 +108,7 @@ def test_without_truth_there_is_no_picture_of_errors(
     assert not (tmp_path / "errors.png").exists()
 
 
-def test_truth_of_something_else_is_told_and_the_other_pictures_are_drawn(
+def test_truth_of_something_else_is_reported_and_the_other_pictures_are_drawn(
     source: Source,
     model: BodyModel,
     track: Track,

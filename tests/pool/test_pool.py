@@ -155,17 +155,17 @@ class FetchingLate:
 
 def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     """Workers that ask for a body in vain, as when all have just lost and found each other, ask again."""
-    told: list[str] = []
+    said: list[str] = []
     in_vain = iter(range(2 * REFUSALS_LEAST))
     with (
-        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0), told.append) as refiner,
+        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0), said.append) as refiner,
         serving(endpoint, "one", through=lambda bus: FetchingLate(bus, in_vain)),
         serving(endpoint, "two", through=lambda bus: FetchingLate(bus, in_vain)),
     ):
         refiner.wait_for(2)
         assert refined_bytes(refiner, 1) == expected(1)
         assert refiner.statistics.batches_sent_again >= 2 * REFUSALS_LEAST
-    assert sum("nobody has model" in line for line in told) == 1
+    assert sum("nobody has model" in line for line in said) == 1
 
 
 def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
@@ -179,13 +179,13 @@ def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
 
 def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
     """A run without workers waits, and goes on by itself when one comes."""
-    told: list[str] = []
-    with ZenohRefiner(Pool(workers=0, listen=endpoint), told.append) as refiner, ExitStack() as stack:
+    said: list[str] = []
+    with ZenohRefiner(Pool(workers=0, listen=endpoint), said.append) as refiner, ExitStack() as stack:
         timer = threading.Timer(0.5, lambda: stack.enter_context(serving(endpoint, "w")))
         timer.start()
         assert refined_bytes(refiner, 1) == expected(1)
         timer.join()
-    assert told == ["worker w joined"]
+    assert said == ["worker w joined"]
 
 
 def test_worker_leaves_and_comes_back(endpoint: str) -> None:
@@ -211,7 +211,7 @@ def test_frame_is_observed_once_by_a_worker(endpoint: str) -> None:
 
 
 def test_nobody_comes(endpoint: str) -> None:
-    """The wait for workers can be bounded, and its end tells how to start one."""
+    """The wait for workers can be bounded, and its end says how to start one."""
     options = Pool(workers=0, listen=endpoint, worker_timeout=0.2)
     with ZenohRefiner(options) as refiner, pytest.raises(NoWorkers, match="gepf-worker --connect unixsock"):
         refined_bytes(refiner, 1)
@@ -228,12 +228,12 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
 
 
 def test_run_says_that_it_waits(endpoint: str) -> None:
-    """Who waits for workers is told so, once."""
-    told: list[str] = []
+    """That nobody is there is reported once."""
+    said: list[str] = []
     options = Pool(workers=0, listen=endpoint, worker_timeout=0.6, patience=0.1)
-    with ZenohRefiner(options, told.append) as refiner, pytest.raises(NoWorkers):
+    with ZenohRefiner(options, said.append) as refiner, pytest.raises(NoWorkers):
         refined_bytes(refiner, 1)
-    assert told == ["no worker is there; waiting for one"]
+    assert said == ["no worker is there; waiting for one"]
 
 
 def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:

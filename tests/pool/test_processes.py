@@ -22,20 +22,20 @@ from tests.support.processes import INSTANT, is_alive, started, wait_until
 from tests.support.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
 
 
-def local(lanes: int, tell: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
+def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
     """A coordinator with a worker process of its own, of so many lanes."""
     options = {"worker_command": INSTANT, **options}
-    return ZenohRefiner(Pool(workers=lanes, **options), tell)
+    return ZenohRefiner(Pool(workers=lanes, **options), report)
 
 
 @contextmanager
 def local_and_outside(
-    lanes: int, outside: int, folder: Path, tell: Callable[[str], None] = lambda _: None
+    lanes: int, outside: int, folder: Path, report: Callable[[str], None] = lambda _: None
 ) -> Iterator[ZenohRefiner]:
     """The same, and a worker process from elsewhere, if that is to have lanes; all are there."""
     endpoint = f"unixsock-stream/{folder / 'outside'}"
     with ExitStack() as stack:
-        refiner = stack.enter_context(local(lanes, tell, listen=endpoint))
+        refiner = stack.enter_context(local(lanes, report, listen=endpoint))
         if outside:
             asked = ("--connect", endpoint, "--lanes", str(outside))
             stack.enter_context(started(*asked, command=INSTANT))
@@ -77,8 +77,8 @@ def later(seconds: float, act: Callable[[], None]) -> Iterator[None]:
 @pytest.mark.parametrize(("lanes", "outside"), [(1, 0), (2, 0), (2, 3)])
 def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> None:
     """SIGKILL in the middle of a frame changes no byte; the worker is started again and serves."""
-    told: list[str] = []
-    with local_and_outside(lanes, outside, tmp_path, told.append) as refiner:
+    said: list[str] = []
+    with local_and_outside(lanes, outside, tmp_path, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
         name, pid = next(iter(refiner.local_pids.items()))
         with later(0.03, lambda: os.kill(pid, signal.SIGKILL)):
@@ -92,22 +92,22 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> 
             refined_bytes(refiner, 5)
         assert refiner.statistics.batches_sent_again > 0
         assert refiner.statistics.local_workers_restarted == 1
-    assert f"worker {name} was ended by SIGKILL; starting it again" in told
+    assert f"worker {name} was ended by SIGKILL; starting it again" in said
 
 
 @pytest.mark.usefixtures("slow")
 @pytest.mark.parametrize(("lanes", "outside"), [(1, 1), (2, 2)])
 def test_frozen_worker_is_worked_around(lanes: int, outside: int, tmp_path: Path) -> None:
     """SIGSTOP in mid-frame changes no byte; the frame is done before the bus misses the worker."""
-    told: list[str] = []
-    with local_and_outside(lanes, outside, tmp_path, told.append) as refiner:
+    said: list[str] = []
+    with local_and_outside(lanes, outside, tmp_path, said.append) as refiner:
         for number in range(3):
             assert refined_bytes(refiner, number) == expected(number)
         pid = next(iter(refiner.local_pids.values()))
         try:
             with later(0.03, lambda: os.kill(pid, signal.SIGSTOP)):
                 assert refined_bytes(refiner, 3) == expected(3)
-            assert not any(line.endswith("left") for line in told)
+            assert not any(line.endswith("left") for line in said)
             assert refiner.statistics.batches_sent_again > 0
             assert refined_bytes(refiner, 4) == expected(4)
         finally:
@@ -162,7 +162,7 @@ def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Pa
     wait_until(lambda: not any(is_alive(pid) for pid in pids))
 
 
-def test_outside_worker_serves_until_told_to_end(tmp_path: Path) -> None:
+def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
     """`gepf-worker` started before its coordinator connects, serves, says so in a line, and ends with 0."""
     endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
     with started("--connect", endpoint, "--name", "outside", "--lanes", "2") as process:
@@ -201,7 +201,7 @@ def processor_seconds(pid: int) -> float:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_worker_that_is_still_connecting_can_be_ended(number: signal.Signals, tmp_path: Path) -> None:
-    """A worker whose coordinator never comes does not hang when told to end."""
+    """A worker whose coordinator never comes does not hang at a signal."""
     with started("--connect", f"unixsock-stream/{tmp_path / 'nobody'}", command=INSTANT) as process:
         time.sleep(1.5)
         process.send_signal(number)

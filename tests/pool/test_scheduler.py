@@ -319,7 +319,7 @@ def test_a_worker_that_cannot_find_something_fails_nothing() -> None:
     )
 
 
-def test_different_reasons_are_all_told() -> None:
+def test_different_reasons_are_all_reported() -> None:
     """A lone worker is asked three times; if its reasons differ, all are named."""
     play(
         [
@@ -381,7 +381,9 @@ TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
 def sends_of(scheduler: Scheduler, particles: int, now: float) -> list[Send]:
     """The batches that a job begins with."""
     return [
-        told for told in scheduler.handle(JobStarted(particles, in_parts=True), now) if isinstance(told, Send)
+        issued
+        for issued in scheduler.handle(JobStarted(particles, in_parts=True), now)
+        if isinstance(issued, Send)
     ]
 
 
@@ -463,10 +465,10 @@ HISTORY = st.lists(
 def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]], in_parts: bool) -> None:
     """Whatever workers do, each particle is accepted once, and with a good worker the job gets done."""
     scheduler, now = Scheduler(), 0.0
-    told: list[Instruction] = []
+    issued: list[Instruction] = []
 
     def feed(event: Event) -> None:
-        told.extend(scheduler.handle(event, now))
+        issued.extend(scheduler.handle(event, now))
         check(scheduler)
 
     feed(JobStarted(particles, in_parts=in_parts))
@@ -479,10 +481,10 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
     while scheduler.batches:
         assert scheduler.flights, "a good worker is idle while there is work"
         feed(Replied(next(iter(scheduler.flights))))
-    sent = {send.ticket: (send.start, send.stop) for send in told if isinstance(send, Send)}
-    accepted = sorted(sent[accept.ticket] for accept in told if isinstance(accept, Accept))
+    sent = {send.ticket: (send.start, send.stop) for send in issued if isinstance(send, Send)}
+    accepted = sorted(sent[accept.ticket] for accept in issued if isinstance(accept, Accept))
     assert [n for start, stop in accepted for n in range(start, stop)] == list(range(particles))
-    assert told.count(Done()) == 1
+    assert issued.count(Done()) == 1
 
 
 def test_one_batch_a_worker() -> None:

@@ -63,7 +63,7 @@ def run(tmp_path: Path) -> Path:
 
 
 def test_the_page_needs_nothing_else(run: Path) -> None:
-    """`gepf report` leaves one file that loads only what it holds itself, and tells of every angle."""
+    """`gepf report` leaves one file that loads only what it holds itself, and shows every angle."""
     assert main(["report", str(run)]) == 0
     text = (run / "report.html").read_text()
     page = Page(text)

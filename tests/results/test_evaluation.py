@@ -174,7 +174,7 @@ def off(frames: list[int], error: float) -> NDArray[np.float64]:
     ],
 )
 def test_lost_means_far_off_to_the_end(far: list[int], from_frame: int | None) -> None:
-    """A track that comes back was not lost. Joints and angles each tell, the other being right."""
+    """A track that comes back was not lost. Either of joints and angles is enough, the other being right."""
     places = np.zeros((FRAMES, 2, 3))
     places[:, :, 2] = off(far, 0.31)[:, None]
     pose = np.zeros((FRAMES, 3))

@@ -45,7 +45,7 @@ CONFIGURATION = {"sequence": "wall", "settings": {"seed": 3, "method": "gepf"}}
 
 
 def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Estimate:
-    """An estimate that is told apart from every other by its values."""
+    """An estimate whose values differ from those of every other."""
     rng = np.random.default_rng(number)
     poses = rng.normal(size=(hypotheses, len(DOFS)))
     return Estimate(
@@ -299,7 +299,7 @@ def test_a_run_is_gone_on_with_under_its_own_terms_only(tmp_path: Path) -> None:
 
 
 def test_a_complete_run_is_known_as_such(run: Path, tmp_path: Path) -> None:
-    """Only where all is there and nothing is to be gone on with; other terms are refused here, too."""
+    """Only where all is there and nothing is to be gone on with; other options are refused here, too."""
     assert is_complete(run, CONFIGURATION)
     with pytest.raises(InputError, match="--seed"):
         is_complete(run, {"settings": {"seed": 4}})
@@ -365,8 +365,8 @@ def test_the_csv_gives_back_the_same_numbers(run: Path) -> None:
     np.testing.assert_array_equal(wrist, track.joint_positions[:, 1])
     assert track.angle is not None
     assert track.angle_names is not None
-    told = [[float(row[f"{name}_deg"]) for name in track.angle_names] for row in rows]
-    np.testing.assert_array_equal(told, np.degrees(track.angle))
+    found = [[float(row[f"{name}_deg"]) for name in track.angle_names] for row in rows]
+    np.testing.assert_array_equal(found, np.degrees(track.angle))
     assert list(rows[0])[3] == f"{track.angle_names[0]}_deg"
     assert [row[f"{track.angle_names[0]}_deviation_deg"] == "nan" for row in rows] == [False, False, True]
 

@@ -296,7 +296,7 @@ def test_another_sequence_of_the_same_name_is_refused(
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The first frame tells it; a sequence that was moved is the same one."""
+    """It is known by its first frame; a sequence that was moved is the same one."""
     interrupt(workers, 2)
     track(workers, sequence, tmp_path / "out")
     (tmp_path / "moved").mkdir()

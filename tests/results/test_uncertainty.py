@@ -1,4 +1,4 @@
-"""What the hypotheses tell of how sure the tracker is."""
+"""How sure the tracker is, from its hypotheses."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def test_angles_are_as_sure_as_their_hypotheses_agree() -> None:
     assert track.angle_names is not None
     assert track.angle is not None
     assert track.angle_deviation is not None
-    told = dict(zip(track.angle_names, track.angle[0], strict=True))
+    found = dict(zip(track.angle_names, track.angle[0], strict=True))
     apart = dict(zip(track.angle_names, track.angle_deviation[0], strict=True))
-    assert told["right_elbow_flexion"] == pytest.approx(1.5)
+    assert found["right_elbow_flexion"] == pytest.approx(1.5)
     assert apart["right_elbow_flexion"] == pytest.approx(np.hypot(ANGLE_MISFIT, UNSEEN * 0.75))
     assert apart["left_elbow_flexion"] == pytest.approx(ANGLE_MISFIT)
     assert np.isnan(track.angle_deviation[1]).all()

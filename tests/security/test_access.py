@@ -144,7 +144,7 @@ def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> Non
     assert moved["transport"]["link"]["tls"]["listen_private_key"] == "/certificates/router.key"
 
 
-def test_router_process_routes_until_told_to_end(place: str, ours: Folder) -> None:
+def test_router_process_routes_until_a_signal(place: str, ours: Folder) -> None:
     """`gepf router` lets a run and a worker meet, and ends with 0."""
     command = (sys.executable, "-m", "coordinator.cli", "router")
     with started("--listen", place, *ours.options("router"), command=command) as process:

@@ -1,4 +1,4 @@
-"""Who is not let in, and what he is told: by the session, by the probe, by the process."""
+"""Who is refused, and what is reported: by the session, by the probe, by the process."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ def test_certificate_of_another_host_is_refused(ours: Folder) -> None:
     assert line == f"{place} shows a certificate for another host; connect by a host name or address in it"
 
 
-def test_tls_towards_plain_tcp_is_told(ours: Folder) -> None:
-    """A worker with a certificate whose coordinator listens without encryption is told so."""
+def test_tls_towards_plain_tcp_is_reported(ours: Folder) -> None:
+    """A worker with a certificate whose coordinator listens without encryption reports that."""
     port = free_port()
     with open_coordinator([f"tcp/127.0.0.1:{port}"]):
         line = why_refused(f"tls/127.0.0.1:{port}", ours.of("w0"))
@@ -97,7 +97,7 @@ def test_tls_towards_plain_tcp_is_told(ours: Folder) -> None:
 
 
 def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreign: Folder) -> None:
-    """A coordinator that a router refuses is told so instead of waiting for workers."""
+    """A coordinator that a router refuses reports that instead of waiting for workers."""
     with open_router([place], (), ours.routing):
         options = Pool(
             workers=0, connect=place, security=Security(foreign.of("coordinator", ca=ours.path / "ca.pem"))

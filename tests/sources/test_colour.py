@@ -44,7 +44,7 @@ def test_frames_are_found_by_number(tmp_path: Path) -> None:
         ("000001.png", (64, 64), "000001.png is 64x64, not in the shape of the depth, 64x48"),
     ],
 )
-def test_wrong_counts_and_sizes_are_told_before_tracking(
+def test_wrong_counts_and_sizes_are_refused_before_tracking(
     tmp_path: Path, name: str, size: tuple[int, int], says: str
 ) -> None:
     """All frames are looked at, not only the first."""
@@ -56,7 +56,7 @@ def test_wrong_counts_and_sizes_are_told_before_tracking(
 
 
 @pytest.mark.parametrize("content", [b"", b"no picture"])
-def test_damage_is_told(tmp_path: Path, content: bytes) -> None:
+def test_damage_is_reported(tmp_path: Path, content: bytes) -> None:
     """As is a folder that is not there."""
     (tmp_path / "0.png").write_bytes(content)
     with pytest.raises(InputError, match="damaged"):

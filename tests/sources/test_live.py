@@ -54,14 +54,14 @@ def image(number: int, depth: int = 2000) -> DepthFrame:
 
 
 def heard(notice: float = 60.0) -> tuple[LiveFrames, list[str]]:
-    """Live frames, and what people are told."""
-    told: list[str] = []
-    return LiveFrames(KEY, told.append, notice), told
+    """Live frames, and what is reported."""
+    said: list[str] = []
+    return LiveFrames(KEY, said.append, notice), said
 
 
 def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
     """Whoever asks gets the frame that came last, each once; the end comes after the last frame."""
-    frames, told = heard()
+    frames, said = heard()
     numbers = iter(frames)
     for number in (0, 1, 2):
         frames.receive(encode_live(image(number)))
@@ -72,12 +72,12 @@ def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
         frames.receive(message)
     assert [frame.number for frame in numbers] == [4]
     assert frames.counts == LiveCounts(received=5, skipped=2, malformed=0)
-    assert told == []
+    assert said == []
 
 
-def test_what_makes_no_sense_is_counted_and_told_once() -> None:
+def test_what_makes_no_sense_is_counted_and_reported_once() -> None:
     """Rubbish does not displace a frame that waits, and does not end the stream."""
-    frames, told = heard()
+    frames, said = heard()
     frames.receive(encode_live(image(7)))
     for rubbish in (
         b"",
@@ -88,17 +88,17 @@ def test_what_makes_no_sense_is_counted_and_told_once() -> None:
     frames.receive(encode_live_end())
     assert [frame.number for frame in frames] == [7]
     assert frames.counts == LiveCounts(received=1, skipped=0, malformed=3)
-    assert told == [
+    assert said == [
         f"a message on {KEY} makes no sense: not a live-frame or live-end message: Input data was truncated"
     ]
 
 
-def test_a_frame_is_waited_for_and_silence_is_told() -> None:
-    """Who asks too early gets the frame when it comes; after a while people are told of the silence."""
-    frames, told = heard(notice=0.05)
+def test_a_frame_is_waited_for_and_silence_is_reported() -> None:
+    """Who asks too early gets the frame when it comes; after a while the silence is reported."""
+    frames, said = heard(notice=0.05)
     threading.Timer(0.2, lambda: frames.receive(encode_live(image(1)))).start()
     assert next(iter(frames)).number == 1
-    assert told == [f"no frame comes on {KEY}; waiting for one"]
+    assert said == [f"no frame comes on {KEY}; waiting for one"]
 
 
 def test_nothing_starts_from_frames_without_depth() -> None:
@@ -136,7 +136,7 @@ class Still:
 
 @contextmanager
 def in_thread(act: Callable[[threading.Event], None]) -> Iterator[None]:
-    """Something that goes on beside the body until it is told to stop."""
+    """Something that goes on beside the body until it is stopped."""
     stop = threading.Event()
     thread = threading.Thread(target=act, args=(stop,))
     thread.start()
@@ -417,7 +417,7 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_p
         (["publish", "WALL", "--key", KEY], "nobody could receive this"),
     ],
 )
-def test_faults_are_told_in_one_line(
+def test_faults_are_reported_in_one_line(
     command: list[str], line: str, recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Options that cannot be done are refused before anything is made."""

@@ -221,7 +221,7 @@ def read_all(path: Path) -> None:
     DAMAGES,
     ids=[f"{n} {row[0]} {row[3]}" for n, row in enumerate(DAMAGES)],
 )
-def test_damage_is_found_and_told_in_one_line(
+def test_damage_is_found_and_reported_in_one_line(
     tmp_path: Path, name: str, file: str, damage: Callable[[Path], object], says: str
 ) -> None:
     """Whatever is wrong and wherever: an error of ours, which names the file and the mend."""

@@ -25,7 +25,7 @@ SIZE = (12, 16)  # rows, columns
 
 
 def depth(frames: int) -> NDArray[np.uint16]:
-    """Frames (F, H, W) in millimetres, told apart by their first pixel."""
+    """Frames (F, H, W) in millimetres, each with another first pixel."""
     values = np.full((frames, *SIZE), 2000, np.uint16)
     values[:, 0, 0] = 1000 + np.arange(frames)
     return values
@@ -77,7 +77,7 @@ def test_missing_frames_keep_their_numbers_and_times(
         (["depth_9.png", "depth_10.png", "depth_12.png"], [9, 10, 12], [0.3, 0.333333, 0.4]),
     ],
 )
-def test_names_tell_times_or_numbers(
+def test_names_are_times_or_numbers(
     tmp_path: Path, names: list[str], numbers: list[int], times: list[float]
 ) -> None:
     """Seconds, microseconds, nanoseconds; numbers close together count frames. No depth/ is needed."""
@@ -92,7 +92,7 @@ def test_names_tell_times_or_numbers(
         ("depth/5.png 10.2\ndepth/3.png 10.04\ndepth/2.png 10.0\n", [0.0, 0.04, 0.2]),
     ],
 )
-def test_a_text_file_tells_times(tmp_path: Path, lines: str, times: list[float]) -> None:
+def test_a_text_file_gives_times(tmp_path: Path, lines: str, times: list[float]) -> None:
     """One a line, or with the picture's name on either side; the rate is that of the times."""
     write_pictures(tmp_path / "seq" / "depth", ["2.png", "3.png", "5.png"])
     (tmp_path / "seq" / "timestamps.txt").write_text(lines)
@@ -117,7 +117,7 @@ def test_wrong_times_are_one_line(tmp_path: Path, lines: str, says: str) -> None
         open_source(tmp_path / "seq", LENS)
 
 
-def test_a_camera_that_nobody_told_is_asked_for(tmp_path: Path) -> None:
+def test_an_unknown_camera_is_asked_for(tmp_path: Path) -> None:
     """Without a camera file the line says what to write; of an .npy, which option to give."""
     write_pictures(tmp_path / "seq", ["0.png"])
     with pytest.raises(InputError, match=r"camera_intrinsic\.json is missing; write it with"):
@@ -133,7 +133,7 @@ def test_a_camera_that_nobody_told_is_asked_for(tmp_path: Path) -> None:
         (lambda d: d, None, "millimetres as whole numbers"),
         (lambda d: (d / 1000.0).astype(np.float32), None, "metres"),
         (lambda d: d.astype(np.float32), None, "millimetres as floats"),
-        (lambda d: d.astype(np.float64) * 10.0, 10_000.0, "tenths of millimetres, told"),
+        (lambda d: d.astype(np.float64) * 10.0, 10_000.0, "tenths of millimetres, given"),
     ],
 )
 def test_an_array_file_is_metres_whatever_it_holds(

@@ -166,7 +166,7 @@ def clear(path: Path) -> None:
         (shrink("right/001.png"), "001.png is 64x48, the first picture 640x480; all must have one size"),
     ],
 )
-def test_a_damaged_recording_is_told_in_one_line(pairs: Path, damage: Damage, says: str) -> None:
+def test_a_damaged_recording_is_reported_in_one_line(pairs: Path, damage: Damage, says: str) -> None:
     """Calibration, pairs and pictures; the line names the file and the mend."""
     damage(pairs)
     with pytest.raises(InputError) as raised:

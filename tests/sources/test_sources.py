@@ -233,7 +233,7 @@ def test_one_number_twice_is_refused(folder: Path) -> None:
 
 
 def test_a_path_without_a_sequence_says_what_was_expected(tmp_path: Path) -> None:
-    """No path, an empty folder, and a file of another kind are told apart."""
+    """No path, an empty folder, and a file of another kind each have their line."""
     with pytest.raises(InputError, match="no such file or folder"):
         open_source(tmp_path / "nowhere")
     with pytest.raises(

@@ -165,7 +165,7 @@ class Network:
         return host
 
     def pull(self, host: Host) -> None:
-        """Take a host's cable out of the switch: no packet arrives, and nobody is told."""
+        """Take a host's cable out of the switch: no packet arrives, and nobody gets to know."""
         self._switch.ip(f"link set dev {host.name} down")
 
     def put_back(self, host: Host) -> None:

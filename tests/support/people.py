@@ -83,7 +83,7 @@ def known() -> Bodies:
 
 
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> Tracker:
-    """A tracker of the known person, told where to start."""
+    """A tracker of the known person, from a given start."""
     return Tracker(DirectRefiner(), settings, known(), start)
 
 

@@ -80,7 +80,7 @@ def write_ply(path: Path, depth: Depth) -> Path:
 
 
 def write_pcd(path: Path, depth: Depth, encoding: Encoding = Encoding.BINARY_COMPRESSED) -> Path:
-    """Organised clouds as PCD, which tell their camera themselves."""
+    """Organised clouds as PCD, which hold their camera themselves."""
     path.mkdir(parents=True)
     for n, points in enumerate(clouds_of(depth)):
         cloud = PointCloud.from_points(points.reshape(-1, 3), ("x", "y", "z"), (np.float32,) * 3)
@@ -90,7 +90,7 @@ def write_pcd(path: Path, depth: Depth, encoding: Encoding = Encoding.BINARY_COM
 
 
 def write_bag(path: Path, depth: Depth, units: float | None = 0.001, camera: Intrinsics = KINECT) -> Path:
-    """As librealsense records: image, camera_info and the option that tells the units."""
+    """As librealsense records: image, camera_info and the option that holds the units."""
     types: Any = get_typestore(Stores.ROS1_NOETIC)
     stamp = types.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
     header = types.types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="0")

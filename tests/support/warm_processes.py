@@ -22,7 +22,7 @@ CONTEXT.set_forkserver_preload(
 
 
 def start(do: Callable[..., None], *arguments: object, log: Path) -> BaseProcess:
-    """A process that does something, and tells of it in a file."""
+    """A process that does something; its standard error goes to a file."""
     process = CONTEXT.Process(target=run, args=(do, arguments, log))
     process.start()
     return process

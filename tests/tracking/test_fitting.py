@@ -114,7 +114,7 @@ def test_frames_that_are_explained_badly_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("out", ["person.txt", "person", "taken.json", "file/person.json"])
-def test_a_place_that_cannot_be_is_told_before_anything_is_tracked(
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_tracked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str
 ) -> None:
     """A name that --model would not know, a folder, a place below a file; the sequence is not looked at."""
@@ -159,7 +159,7 @@ def test_a_person_file_holds_what_was_measured(tmp_path: Path) -> None:
         ('{"stature": 1.8, "nose": 0.05}', "unknown measure 'nose'"),
         ('{"stature": 9}', "no person's"),
         ('{"stature": 1.8, "thigh": 1.4}', "does not fit a stature"),
-        ('{"stature": "tall"}', "write {measure: metres}"),
+        ('{"stature": "tall"}', 'stature is "tall"; give a finite number'),
         ("[]", "write {measure: metres}"),
         ("{", "write {measure: metres}"),
     ],

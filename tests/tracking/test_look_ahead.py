@@ -30,7 +30,7 @@ def test_every_frame_has_its_turn_once_looked_at_or_not() -> None:
     assert next(coming, None) is None
 
 
-def test_a_frame_that_cannot_be_read_is_told_at_its_turn() -> None:
+def test_a_frame_that_cannot_be_read_fails_at_its_turn() -> None:
     """The frame before it, during which it was looked at, is not harmed."""
 
     def broken() -> Iterator[DepthFrame]:

@@ -48,7 +48,7 @@ def test_noise_along_depth_is_measured(depth: float, lateral: float) -> None:
 
 @pytest.mark.parametrize("lateral", [0.015, 0.025])
 def test_noise_across_is_measured(lateral: float) -> None:
-    """Within 40 %: an outline is all that tells, and narrow gaps that noise closes make it seem more."""
+    """Within 40 %: an outline is all that shows it, and narrow gaps that noise closes make it seem more."""
     found = measure_noise(noisy(SensorNoise(0.15, lateral)))
     assert found.lateral == pytest.approx(lateral, rel=0.4)
 
@@ -67,7 +67,7 @@ def test_a_clean_camera_is_assumed_no_worse_than_it_was() -> None:
         assert assume_noise(DEFAULT, measure_noise(noisy(SensorNoise(), scale=scale))) == DEFAULT
 
 
-def test_settings_are_told_the_noise() -> None:
+def test_settings_take_the_noise() -> None:
     """At least what they assume, and across never more than along."""
     loud = assume_noise(DEFAULT, SensorNoise(0.15, 0.03))
     assert (loud.noise_depth, loud.noise_lateral) == (0.15, 0.03)
@@ -76,15 +76,15 @@ def test_settings_are_told_the_noise() -> None:
     assert assume_noise(DEFAULT, SensorNoise(0.02, 0.3)).noise_lateral == 0.02
 
 
-def test_an_image_of_points_has_no_noise_to_tell() -> None:
+def test_an_image_of_points_has_no_noise_to_measure() -> None:
     """Where no three pixels in a row are measured, nothing is said of depth."""
     depth = np.zeros((9, 9), dtype=np.uint16)
     depth[::3, ::3] = 2000
     assert measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA)).depth == 0.0
 
 
-def test_what_the_user_tells_is_not_measured() -> None:
-    """Told noise goes into the settings as it is; what is not told stays the preset's."""
+def test_what_the_user_gives_is_not_measured() -> None:
+    """Given noise goes into the settings as it is; what is not given stays the preset's."""
     settings = choose_settings("gepf", "default", None, None, 0)
     assert settings.measure_noise
     assert set_noise(settings, None, None) == settings

@@ -44,7 +44,7 @@ def test_only_as_many_as_are_asked_for() -> None:
 
 @pytest.mark.parametrize("faulty", [0, 1, 2])
 def test_a_fault_is_raised_when_all_have_returned(faulty: int) -> None:
-    """What a lane raises comes out, the others are told to stop, and the next request is served."""
+    """What a lane raises comes out, the others stop, and the next request is served."""
     stopped = threading.Event()
 
     def work(lane: int) -> None:

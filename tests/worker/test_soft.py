@@ -136,13 +136,13 @@ def test_gradient_is_that_of_the_density() -> None:
 
 
 def test_information_is_that_of_the_slopes() -> None:
-    """Standard deviations that the information promises are what the points' slopes tell, within a third."""
+    """Standard deviations that the information promises are what the points' slopes give, within a third."""
     skeleton, packed, parameters, workspace, grid = packed_up(NOISY)
     accumulate_scores(grid, skeleton, packed, parameters, workspace.soft, workspace.equations)
     lower = np.tril(workspace.equations.gram / 0.01**2)
     mine, plain = (
-        np.sqrt(np.diag(np.linalg.inv(told)))
-        for told in (lower + np.tril(lower, -1).T, slopes().T @ slopes())
+        np.sqrt(np.diag(np.linalg.inv(information)))
+        for information in (lower + np.tril(lower, -1).T, slopes().T @ slopes())
     )
     np.testing.assert_allclose(mine, plain, rtol=0.34)
 

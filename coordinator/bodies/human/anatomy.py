@@ -1,6 +1,6 @@
 """The joints of a person as anatomy names them, and which degrees of freedom move each.
 
-A joint is the motion of one segment in the one that carries it. Three angles tell it: two of the swing of
+A joint is the motion of one segment in the one that carries it. Three angles describe it: two of the swing of
 the moving bone and one of the twist about it. They are zero where the bone lies along the carrier's axis
 and the hinge axes run from side to side: arms straight down along the trunk (the template's arms hang
 `ARM_TILT` off it, so its rest pose has that much abduction), legs and spine straight.
@@ -54,7 +54,7 @@ class BallJoint:
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """A joint that is told by one degree of freedom."""
+    """A joint that one degree of freedom describes."""
 
     name: str
     dof: str

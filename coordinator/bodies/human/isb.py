@@ -1,4 +1,4 @@
-"""The shoulder as the International Society of Biomechanics wants it told: in the order Y, X, Y.
+"""The shoulder in the angles that the International Society of Biomechanics recommends: in the order Y, X, Y.
 
 Wu et al., "ISB recommendation on definitions of joint coordinate systems ... part II: shoulder, elbow, wrist
 and hand", Journal of Biomechanics 38 (2005): plane of elevation (0 is abduction, 90 degrees forward flexion),
@@ -46,14 +46,14 @@ def isb_names(angle_names: tuple[str, ...]) -> tuple[str, ...]:
 
 def isb_angles(angle_names: tuple[str, ...], angles: Array) -> Array:
     """The shoulders' ISB angles (F, 3 or 6) that belong to anatomical angles (F, A); radians."""
-    told = [np.empty((len(angles), 0))]
+    found = [np.empty((len(angles), 0))]
     for shoulder in shoulders(angle_names):
         first = angle_names.index(f"{shoulder}_flexion")
-        told.append(isb_shoulder(angles[:, first : first + 3]))
-    return np.concatenate(told, axis=1)
+        found.append(isb_shoulder(angles[:, first : first + 3]))
+    return np.concatenate(found, axis=1)
 
 
 def shoulders(angle_names: tuple[str, ...]) -> list[str]:
-    """The shoulders that these angles tell."""
+    """The shoulders that these angles describe."""
     sides = ("right_shoulder", "left_shoulder")
     return [shoulder for shoulder in sides if f"{shoulder}_flexion" in angle_names]
