@@ -192,6 +192,7 @@ def test_balls_turn_by_the_shorter_way(seed: int) -> None:
     model = puppet()
     one, other = rng.uniform(-9.0, 9.0, size=(2, 5, len(model.dof_names)))
     there, back = difference(model, one, other), difference(model, other, one)
+    assert len(model.balls) > 0
     for start in model.balls:
         lengths = np.linalg.norm(there[:, start : start + 3], axis=1)
         assert np.all(lengths <= np.pi + 1e-9)
@@ -238,6 +239,7 @@ def test_what_is_given_stays_as_it_is() -> None:
 def test_a_ball_can_spin_on_for_turns(place: int) -> None:
     """Three turns in small steps about one axis count up to 6 pi, through the singular poses too."""
     model = puppet()
+    assert len(model.balls) > 0
     for start in model.balls:
         pose = np.zeros((1, len(model.dof_names)))
         step = np.zeros_like(pose)

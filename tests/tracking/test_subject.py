@@ -40,7 +40,7 @@ def test_nothing_near_is_no_subject() -> None:
 
 
 @pytest.mark.parametrize("scale", [1.0, 1000.0, 8000.0, 10_000.0])
-def test_depths_are_told_apart_as_metres(scale: float) -> None:
+def test_raw_depths_are_compared_as_metres(scale: float) -> None:
     """The least value that is so far away: by the numbers themselves, at any bound and between any two."""
     metres = np.arange(65_537).astype(np.float32) / np.float32(scale)
     bounds = [
