@@ -20,6 +20,7 @@ from coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, pe
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.mpeg4 import HUMAN
 from coordinator.bodies.tracked import Bodies
+from coordinator.filters.methods import apply_method
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.model_file import TrackedBody
@@ -73,7 +74,7 @@ class Tracker:
         camera: ArrayLike | None = None,
         depth_scale: float | None = None,
     ) -> None:
-        settings = settings or preset("default")
+        settings = apply_method(settings or preset("default"))  # checked before any worker starts
         bodies = bodies_to_track(model, active, settings.preset)
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
         self._camera, self._depth_scale = camera, depth_scale

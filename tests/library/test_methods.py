@@ -98,7 +98,7 @@ def test_settings_without_particles_or_points_are_refused(
 
 
 def test_a_tracker_without_points_is_refused() -> None:
-    """Settings that were made without `settings_for` are checked where they are used."""
+    """Settings that were made without `settings_for` are checked, and before any worker is looked for."""
     settings = msgspec.structs.replace(gepf.preset("default"), points=0)
     with pytest.raises(gepf.InputError, match="points=0 is too small"):
-        gepf.Tracker(settings=settings)
+        gepf.Tracker(settings=settings, workers="nowhere")
