@@ -7,5 +7,5 @@ TRUTH_FILE = "truth.npz"
 START_FILE = "init.json"
 
 LOG_FILE = "frames.log"
-ANIMATION_FILE, SHEET_FILE = "overlay.gif", "sheet.png"
+ANIMATION_FILE, SHEET_FILE, FILM_FILE = "overlay.gif", "sheet.png", "overlay.mp4"
 HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"

@@ -50,9 +50,9 @@ class Shown:
 class Painter:
     """Paints frames of one run in one view; without OpenGL the model is drawn as its vertices."""
 
-    def __init__(self, model: BodyModel, view: View, opengl: bool = True) -> None:
-        self.model, self.view = model, view
-        self._fine = view.resized(FINER)
+    def __init__(self, model: BodyModel, view: View, opengl: bool = True, finer: int = FINER) -> None:
+        self.model, self.view, self._finer = model, view, finer
+        self._fine = view.resized(finer)
         self._renderer = DepthRenderer(self._fine.intrinsics) if opengl else None
 
     def paint(
@@ -100,7 +100,7 @@ class Painter:
 
     def _paint_vertices(self, canvas: Colours, vertices: Array) -> Colours:
         dots = np.floor(project(vertices[vertices[:, 2] > 0.0], self._fine.intrinsics)).astype(int)
-        square = np.indices((FINER, FINER)).reshape(2, -1).T  # one pixel of the picture
+        square = np.indices((self._finer, self._finer)).reshape(2, -1).T  # one pixel of the picture
         pixels = (dots[:, None] + square).reshape(-1, 2)
         inside = np.all((pixels >= 0) & (pixels < (canvas.shape[1], canvas.shape[0])), axis=1)
         columns, rows = pixels[inside].T

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PIL import Image
@@ -13,13 +14,14 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.errors import GepfError, InputError
 from coordinator.files.atomic import write_atomically
-from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
 from coordinator.pictures.animation import encode_gif
 from coordinator.pictures.errors import draw_errors
+from coordinator.pictures.film import whole_view, write_film
 from coordinator.pictures.hypotheses import draw_hypotheses
-from coordinator.pictures.overlay import Painter, Shown
+from coordinator.pictures.overlay import FINER, Painter, Shown
 from coordinator.pictures.sheet import spread, tile
-from coordinator.pictures.view import around
+from coordinator.pictures.view import View, around
 from coordinator.results.evaluation import compare
 from coordinator.results.track import Track
 from coordinator.results.truth import Truth
@@ -29,6 +31,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 
 PICTURE_SIZE = (360, 400)  # at the most
 ANIMATION_FRAMES, SHEET_FRAMES, SHEET_COLUMNS = 75, 15, 5
+FILM_FRAMES = 200  # of a longer run evenly spread ones, in real time all the same
 FINAL_STEPS = 2  # after the frames: animation and sheet, then curves
 
 Advance = Callable[[int, int], None]
@@ -45,17 +48,21 @@ def draw_run(
     colours: ColourFolder | None = None,
     advance: Advance = lambda *_: None,
 ) -> list[Path]:
-    """Write overlay.gif, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
+    """Write overlay.gif and .mp4, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
 
     `model` is the body that was tracked, with the track's degrees of freedom. Without OpenGL it is drawn as
     its vertices, and a warning says so. With `colours`, overlay and sheet are drawn over these.
     `advance` is called with the steps that are done and their number.
     """
-    files = [out / ANIMATION_FILE, out / SHEET_FILE, out / HYPOTHESES_FILE]
-    chosen = spread(len(track.frame), ANIMATION_FRAMES)
-    steps = len(chosen) + FINAL_STEPS
-    pictures = paint(source, model, track, chosen, colours, lambda done: advance(done, steps))
+    files = [out / ANIMATION_FILE, out / SHEET_FILE, out / HYPOTHESES_FILE, out / FILM_FILE]
+    chosen, filmed = (spread(len(track.frame), most) for most in (ANIMATION_FRAMES, FILM_FRAMES))
+    steps = len(chosen) + len(filmed) + FINAL_STEPS
+    close = Scene(source, model, track, colours, around(track, source.intrinsics, *PICTURE_SIZE))
+    pictures = list(paint(close, chosen, lambda done: advance(done, steps)))
     write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
+    wide = replace(close, view=whole_view(source.intrinsics), finer=1)
+    film = paint(wide, filmed, lambda done: advance(len(chosen) + done, steps))
+    write_film(film, (wide.view.width, wide.view.height), track.time_s[filmed], files[3])
     write_sheet(pictures, files[1])
     advance(steps - 1, steps)
     draw_hypotheses(track, truth, files[2])
@@ -66,27 +73,32 @@ def draw_run(
     return files
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What is painted, and the part of the image in which it is."""
+
+    source: Source
+    model: BodyModel
+    track: Track
+    colours: ColourFolder | None
+    view: View
+    finer: int = FINER  # times as fine as the picture, then averaged
+
+
 def paint(
-    source: Source,
-    model: BodyModel,
-    track: Track,
-    chosen: list[int],
-    colours: ColourFolder | None = None,
-    done: Callable[[int], None] = lambda _: None,
-) -> list[Image.Image]:
+    scene: Scene, chosen: list[int], done: Callable[[int], None] = lambda _: None
+) -> Iterator[Image.Image]:
     """Pictures of the track's frames at positions `chosen`; `done` is called with how many there are."""
-    view = around(track, source.intrinsics, *PICTURE_SIZE)
     fault = opengl_fault()
     done(0)
     if fault is not None:
         logger.warning("pictures show the body as dots: %s", fault)
-    pictures: list[Image.Image] = []
-    with closing(Painter(model, view, opengl=fault is None)) as painter:
-        for f, number in zip(chosen, track.frame[chosen].tolist(), strict=True):
-            colour = colours.frame(number) if colours else None
-            pictures.append(painter.paint(source.frame(number), shown_at(track, f), colour=colour))
-            done(len(pictures))
-    return pictures
+    with closing(Painter(scene.model, scene.view, fault is None, scene.finer)) as painter:
+        for count, f in enumerate(chosen, start=1):
+            number = int(scene.track.frame[f])
+            colour = scene.colours.frame(number) if scene.colours else None
+            yield painter.paint(scene.source.frame(number), shown_at(scene.track, f), colour=colour)
+            done(count)
 
 
 def write_animation(pictures: list[Image.Image], seconds_each: float, file: Path) -> None:

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from common.errors import InputError
 from coordinator.files.atomic import write_atomically
-from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
 from coordinator.report.angles import draw_angles, group_angles
 from coordinator.report.doubts import find_banner, find_doubts, find_leaps
 from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
@@ -22,7 +22,7 @@ from coordinator.results.summary import read_summary
 from coordinator.results.track import Track
 
 TEMPLATE = "page.html.j2"
-PICTURES = (ANIMATION_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
+PICTURES = (ANIMATION_FILE, FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
 MEDIA = {".gif": "image/gif", ".png": "image/png", ".mp4": "video/mp4"}
 
 

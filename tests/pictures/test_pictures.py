@@ -83,14 +83,20 @@ def pixels(file: Path) -> NDArray[np.float64]:
         return np.asarray(image.convert("RGB"), dtype=np.float64)
 
 
-def test_a_run_gets_its_four_pictures_and_none_is_blank(
+def test_a_run_gets_its_five_pictures_and_none_is_blank(
     source: Source, model: BodyModel, track: Track, truth: Truth, tmp_path: Path
 ) -> None:
     """All are there, of a size to be looked at, with light and dark, and small enough to be sent."""
     files = draw_run(source, model, track, tmp_path, truth)
-    assert {f.name for f in files} == {"overlay.gif", "sheet.png", "hypotheses.png", "errors.png"}
+    assert {f.name for f in files} == {
+        "overlay.gif",
+        "overlay.mp4",
+        "sheet.png",
+        "hypotheses.png",
+        "errors.png",
+    }
     assert set(files) == set(tmp_path.iterdir())
-    for file in files:
+    for file in (file for file in files if file.suffix != ".mp4"):
         colours = pixels(file)
         assert min(colours.shape[:2]) >= 250
         assert colours.std() > 15.0
@@ -103,8 +109,8 @@ def test_a_run_gets_its_four_pictures_and_none_is_blank(
 def test_without_truth_there_is_no_picture_of_errors(
     source: Source, model: BodyModel, track: Track, tmp_path: Path
 ) -> None:
-    """Three pictures remain."""
-    assert len(draw_run(source, model, track, tmp_path)) == 3
+    """Four pictures remain."""
+    assert len(draw_run(source, model, track, tmp_path)) == 4
     assert not (tmp_path / "errors.png").exists()
 
 
