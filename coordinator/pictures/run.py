@@ -57,7 +57,10 @@ def draw_run(
     files = [out / ANIMATION_FILE, out / SHEET_FILE, out / HYPOTHESES_FILE, out / FILM_FILE]
     chosen, filmed = (spread(len(track.frame), most) for most in (ANIMATION_FRAMES, FILM_FRAMES))
     steps = len(chosen) + len(filmed) + FINAL_STEPS
-    close = Scene(source, model, track, colours, around(track, source.intrinsics, *PICTURE_SIZE))
+    view, fault = around(track, source.intrinsics, *PICTURE_SIZE), opengl_fault()
+    if fault is not None:
+        logger.warning("pictures show the body as dots: %s", fault)
+    close = Scene(source, model, track, colours, view, fault is None)
     pictures = list(paint(close, chosen, lambda done: advance(done, steps)))
     write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
     wide = replace(close, view=whole_view(source.intrinsics), finer=1)
@@ -82,6 +85,7 @@ class Scene:
     track: Track
     colours: ColourFolder | None
     view: View
+    opengl: bool
     finer: int = FINER  # times as fine as the picture, then averaged
 
 
@@ -89,11 +93,8 @@ def paint(
     scene: Scene, chosen: list[int], done: Callable[[int], None] = lambda _: None
 ) -> Iterator[Image.Image]:
     """Pictures of the track's frames at positions `chosen`; `done` is called with how many there are."""
-    fault = opengl_fault()
     done(0)
-    if fault is not None:
-        logger.warning("pictures show the body as dots: %s", fault)
-    with closing(Painter(scene.model, scene.view, fault is None, scene.finer)) as painter:
+    with closing(Painter(scene.model, scene.view, scene.opengl, scene.finer)) as painter:
         for count, f in enumerate(chosen, start=1):
             number = int(scene.track.frame[f])
             colour = scene.colours.frame(number) if scene.colours else None

@@ -124,7 +124,7 @@ def test_truth_of_something_else_is_reported_and_the_other_pictures_are_drawn(
 ) -> None:
     """A run that is done does not fail because its truth cannot be compared."""
     elsewhere = replace(truth, frame=truth.frame + 1000)
-    assert len(draw_run(source, model, track, tmp_path, elsewhere)) == 3
+    assert len(draw_run(source, model, track, tmp_path, elsewhere)) == 4
     assert "no picture of the errors" in caplog.text
 
 
