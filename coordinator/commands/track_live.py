@@ -23,7 +23,7 @@ from coordinator.results.run_configuration import AUTOMATIC, live_run_configurat
 from coordinator.results.track import read_track
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
-from coordinator.tracking.isolation import Isolation
+from coordinator.tracking.isolation import Isolation, prepare
 from coordinator.tracking.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 
@@ -95,6 +95,7 @@ def until_interrupted(recorder: Recorder) -> Iterator[None]:
 def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[ListeningRefiner]) -> None:
     """Track whatever frame is the newest; each is recorded before the next begins."""
     with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
+        prepare()  # so that no frame has to wait for it
         refiner.listen(run.key, run.frames.receive)
         isolation = Isolation(run.job.settings.points, run.scope)
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, isolation=isolation)

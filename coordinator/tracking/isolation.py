@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
 from coordinator.scene.candidates import candidates
@@ -75,3 +76,10 @@ class Isolation:
         """The likeliest of those who may be the person that is meant."""
         found = self._scope.person.choose(view, candidates(view))
         return cut_mask(view, found[0].mask) if found else None
+
+
+def prepare() -> None:
+    """Load what the first frame of a room needs, which takes some seconds, once in a process."""
+    camera = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
+    wall = np.full((camera.height, camera.width), 4000, dtype=np.uint16)
+    Isolation(1).cut(DepthFrame(0, 0.0, wall, 1000.0, camera), None)
