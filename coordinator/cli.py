@@ -163,10 +163,13 @@ def demo(
 def track(context: typer.Context, options: TrackOptions) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
     show = on_stderr(quiet=options.output.quiet)
-    with loading(show, f"tracking {options.input.sequence} into {options.output.out}; loading"):
+    what = ", ".join(map(str, options.input.sequences))
+    with loading(show, f"tracking {what} into {options.output.out}; loading"):
         from coordinator.commands.run import run_track
 
-    run_track(options, show, connect_of(context))
+    code = run_track(options, show, connect_of(context))
+    if code != DONE:
+        raise typer.Exit(code)
 
 
 @app.command(rich_help_panel=TRACKING)
@@ -191,13 +194,22 @@ def publish(options: PublishOptions, security: SecurityOptions, quiet: Quiet = F
 
 @app.command(rich_help_panel=LOOKING)
 def evaluate(
-    run: Run,
-    truth: Annotated[Path, typer.Option("--truth", metavar="FILE", help="Truth of the sequence, truth.npz.")],
+    runs: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of results of gepf track.")],
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            "--truth", metavar="FILE", help="Truth of the sequence (default: the one that came with it)."
+        ),
+    ] = None,
+    *,
+    csv: Annotated[
+        bool, typer.Option("--csv", help="One line a run, with commas; several runs need this.")
+    ] = False,
 ) -> None:
-    """Compare a run with the truth; prints one JSON object."""
+    """Compare runs with the truth; prints one JSON object, or with --csv a table."""
     from coordinator.commands.evaluate import run_evaluate
 
-    run_evaluate(run, truth)
+    run_evaluate(runs, truth, as_csv=csv)
 
 
 @app.command(rich_help_panel=LOOKING)

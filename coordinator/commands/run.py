@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
+import msgspec
+
+from common.errors import InputError
 from coordinator.bodies.choice import choose_model
 from coordinator.commands.job import Job
 from coordinator.commands.options import (
+    at_least,
     choose_deadline,
     choose_dofs,
     choose_pool,
@@ -15,6 +20,7 @@ from coordinator.commands.options import (
     set_noise,
 )
 from coordinator.commands.progress import Show
+from coordinator.commands.recordings import Entry, choose_entries, is_several
 from coordinator.commands.results_stream import check_results
 from coordinator.commands.scope import choose_scope
 from coordinator.commands.track import track_sequence
@@ -26,17 +32,52 @@ from coordinator.sources.given import parse_given
 from coordinator.sources.live import live_key
 
 
-def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefiner]) -> None:
-    """Track. Raises InputError for options that make no sense, before anything is read or written."""
+def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefiner]) -> int:
+    """Track; gives the exit code. Raises InputError for options that make no sense, before anything is read.
+
+    Several recordings or seeds are tracked side by side, each into a folder of its own.
+    """
     job = choose_job(options)
     check_results(job)
     end_as_interrupted()
+    if is_several(options.input.sequences, options.method.seeds):
+        return track_several(options, job, show)
+    track_single(options, job, show, connect)
+    return 0
+
+
+def track_single(options: TrackOptions, job: Job, show: Show, connect: Connect[ListeningRefiner]) -> None:
+    """Track one recording, or live input."""
     if live_key(job.sequence) is None:
         track_sequence(job, show, connect)
     else:
         track_stream(job, show, connect)
     if options.output.as_json:
         sys.stdout.write((job.out / SUMMARY_FILE).read_text(encoding="utf-8"))
+
+
+def track_several(options: TrackOptions, job: Job, show: Show) -> int:
+    """Track recordings and seeds as `job` says, over one pool; gives the exit code."""
+    from coordinator.commands.batch import track_many
+
+    at_once = options.pool.at_once
+    entries = choose_entries(options.input.sequences, options.method.seed, options.method.seeds)
+    if any(live_key(entry.sequence) is not None for entry in entries):
+        raise InputError("live input is tracked alone; give zenoh:KEY and nothing else")
+    if at_once is not None:
+        at_least(1, "--at-once", at_once)
+    code = track_many([one_of(job, entry) for entry in entries], at_once, show)
+    if options.output.as_json:
+        found = [job.out / entry.name / SUMMARY_FILE for entry in entries]
+        texts = [file.read_text(encoding="utf-8").strip() for file in found if file.exists()]
+        sys.stdout.write("[" + ",\n".join(texts) + "]\n")
+    return code
+
+
+def one_of(job: Job, entry: Entry) -> Job:
+    """The job of one of several recordings."""
+    settings = msgspec.structs.replace(job.settings, seed=entry.seed)
+    return replace(job, sequence=entry.sequence, out=job.out / entry.name, settings=settings)
 
 
 def choose_job(options: TrackOptions) -> Job:
@@ -47,7 +88,7 @@ def choose_job(options: TrackOptions) -> Job:
     security = secure(options.security, pool.listen, pool.connect)
     deadline = choose_deadline(method.deadline, method.method)
     return Job(
-        sequence=source.sequence,
+        sequence=source.sequences[0],
         out=options.output.out,
         settings=settings,
         pool=choose_pool(pool.workers, pool.listen, pool.connect, security, pool.worker_timeout, deadline),

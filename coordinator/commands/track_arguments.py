@@ -19,9 +19,12 @@ from coordinator.commands.arguments import (
 
 INPUT, SCENE, METHOD, WORKERS = "Input", "Scene", "Method", "Workers"
 
-RecordingOrStream = Annotated[
-    Path,
-    typer.Argument(metavar="SEQ", help=f"{FORMATS}; or zenoh:KEY for live input."),
+RecordingsOrStream = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SEQ...",
+        help=f"{FORMATS}; zenoh:KEY for live input; several, or a .txt file with one a line, share a pool.",
+    ),
 ]
 
 
@@ -29,7 +32,7 @@ RecordingOrStream = Annotated[
 class InputOptions:
     """What is tracked."""
 
-    sequence: RecordingOrStream
+    sequences: RecordingsOrStream
     dof: Annotated[
         str | None,
         typer.Option(
@@ -144,6 +147,14 @@ class MethodOptions:
             help="Of all random numbers: the same seed gives the same bytes.", rich_help_panel=METHOD
         ),
     ] = 0
+    seeds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B",
+            help="Track with each of the seeds A to before B, in folders within --out.",
+            rich_help_panel=METHOD,
+        ),
+    ] = None
     deadline: Annotated[
         float | None,
         typer.Option(
@@ -163,6 +174,14 @@ class WorkerOptions:
         typer.Option(
             metavar="N",
             help="Lanes of the local worker (default: one per core); 0 for none.",
+            rich_help_panel=WORKERS,
+        ),
+    ] = None
+    at_once: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Of several recordings, so many at once (default: what keeps the workers busy).",
             rich_help_panel=WORKERS,
         ),
     ] = None

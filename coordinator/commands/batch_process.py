@@ -1,0 +1,125 @@
+"""One run of several, in a process of its own: forked from one that has loaded all, it starts in a moment."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+
+from common.errors import GepfError, InputError
+from coordinator.commands.job import Job
+from coordinator.commands.progress import Advance, FrameMeter
+from coordinator.commands.track import track_sequence
+from coordinator.commands.workers import connect_workers, end_as_interrupted
+
+DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a run has to say: a line, or how many of its frames are done."""
+
+    line: str = ""
+    done: int = 0
+    total: int = 0
+
+
+class DistantShow:
+    """Progress that another process shows."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+
+    def say(self, text: str) -> None:
+        """Send a line."""
+        self.send(Told(line=text))
+
+    @contextmanager
+    def steps(self, text: str) -> Iterator[Advance]:
+        """Keep steps of other things than frames for ourselves."""
+        del text
+        yield lambda *_: None
+
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
+        """A meter that sends how far it is."""
+        return DistantMeter(total, done, self)
+
+    def send(self, told: Told) -> None:
+        """Send, if somebody still listens."""
+        try:
+            self._pipe.send(told)
+        except OSError:
+            return
+
+
+class DistantMeter(FrameMeter):
+    """Counts frames for another process."""
+
+    def __init__(self, total: int | None, done: int, show: DistantShow) -> None:
+        super().__init__(total, done)
+        self._show = show
+
+    def show(self, text: str) -> None:
+        """Send the count."""
+        del text
+        self._show.send(Told(done=self.done, total=self.total or 0))
+
+
+def track_one(job: Job, pipe: Connection) -> None:
+    """The body of the process: track, and exit with the code that a `gepf track` of its own would have."""
+    os.setpgid(0, 0)  # Ctrl-C goes to who started us, and from there to us, once
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have what they start behind ignore it
+    end_as_interrupted()
+    end_with_parent()
+    show = DistantShow(pipe)
+    log = logging.getLogger()
+    log.handlers = [PipeHandler(show)]
+    log.setLevel(logging.WARNING)
+    sys.exit(code_of(job, show))
+
+
+def code_of(job: Job, show: DistantShow) -> int:
+    """Do the run; what ends it is the last line that it says."""
+    try:
+        track_sequence(job, show, connect_workers)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except GepfError as error:
+        show.say(str(error))
+        return INPUT_AT_FAULT if isinstance(error, InputError) else FAILED
+    except Exception as error:  # noqa: BLE001 one run's fault is not another's
+        show.say(f"{type(error).__name__}: {error}")
+        return FAILED
+    return DONE
+
+
+def end_with_parent() -> None:
+    """Have this process interrupted when the one that started it is gone, however that ended."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=interrupt_after, args=(parent.sentinel,), daemon=True).start()
+
+
+def interrupt_after(sentinel: int) -> None:
+    """Wait for the other process's end, then interrupt our own."""
+    wait([sentinel])
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+class PipeHandler(logging.Handler):
+    """Sends warnings as lines."""
+
+    def __init__(self, show: DistantShow) -> None:
+        super().__init__(logging.WARNING)
+        self._show = show
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send one."""
+        self._show.say(record.getMessage())

@@ -1,0 +1,161 @@
+"""Several recordings over one pool, and their runs against truths."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from common.errors import InputError
+from coordinator.cli import main
+from coordinator.commands.batch import gravest, track_many
+from coordinator.commands.job import Job
+from coordinator.commands.options import choose_settings
+from coordinator.commands.progress import show_on
+from coordinator.commands.recordings import choose_entries, is_several
+from coordinator.commands.track import track_sequence
+from coordinator.commands.workers import connect_workers
+from coordinator.pool.options import Pool
+from tests.support.processes import INSTANT
+from tests.support.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+
+
+def test_a_list_and_seeds_give_a_run_each(tmp_path: Path) -> None:
+    """Names come from folders and files; a list's lines are as seen from its folder, without comments."""
+    (tmp_path / "walk").mkdir()
+    (tmp_path / "list.txt").write_text("walk  # slowly\n\n# nothing\nsub/run.mat\n")
+    entries = choose_entries([tmp_path / "list.txt"], 0, "3:5")
+    assert [(each.name, each.seed) for each in entries] == [
+        ("walk-seed3", 3),
+        ("walk-seed4", 4),
+        ("run-seed3", 3),
+        ("run-seed4", 4),
+    ]
+    assert entries[-1].sequence == tmp_path / "sub" / "run.mat"
+    assert is_several([tmp_path / "list.txt"], None)
+    assert is_several([tmp_path / "walk"], "0:2")
+    assert not is_several([tmp_path / "walk"], None)
+
+
+@pytest.mark.parametrize(
+    ("names", "seeds", "says"),
+    [
+        (("a/walk", "b/walk"), None, "two recordings are called 'walk'"),
+        (("a/walk",), "3", "--seeds '3' is not of the form A:B"),
+        (("a/walk",), "5:3", "holds 0 seeds"),
+        (("none.txt",), None, "cannot read"),
+    ],
+)
+def test_what_cannot_be_several_is_refused(
+    tmp_path: Path, names: tuple[str, ...], seeds: str | None, says: str
+) -> None:
+    """Equal names, seeds that are no range, lists that are not there."""
+    with pytest.raises(InputError, match="(?s).*" + says.replace("(", r"\(")):
+        choose_entries([tmp_path / name for name in names], 0, seeds)
+
+
+def test_the_gravest_end_decides_the_exit_code() -> None:
+    """Interrupted over failed over input at fault over most frames not tracked over done."""
+    assert [gravest(codes) for codes in ([0, 0], [0, 3], [2, 3, 0], [1, 2], [130, 1, 2])] == [0, 3, 2, 1, 130]
+
+
+def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
+    sequence: Path,
+    tmp_path: Path,
+) -> None:
+    """Real processes that share a worker; the table has a line for each, also for the one that is refused."""
+    pool = Pool(2, worker_command=INSTANT)
+    names = ("first", "second", "damaged")
+    for name in names:
+        shutil.copytree(sequence, tmp_path / name)
+    (tmp_path / "damaged" / "depth" / "000000.png").write_bytes(b"no picture")
+    jobs = [
+        Job(
+            tmp_path / name,
+            tmp_path / "runs" / name,
+            choose_settings("gepf", "default", 6, 300, seed),
+            pool,
+            pictures=False,
+        )
+        for seed, name in enumerate(names)
+    ]
+    written = io.StringIO()
+    show = show_on(Console(file=written, width=300))
+    assert track_many(jobs, None, show) == 2
+    lines = written.getvalue().splitlines()
+    table = lines[[line.startswith("recording  ") for line in lines].index(True) :]
+    assert len(table) == 4
+    (refused,) = [line for line in table if line.startswith("damaged")]
+    assert "exit code 2" in refused
+    assert "000000.png" in refused
+    assert not (tmp_path / "runs" / "damaged").exists()
+    for seed, name in enumerate(names[:2]):
+        alone = Job(
+            tmp_path / name,
+            tmp_path / "alone" / name,
+            choose_settings("gepf", "default", 6, 300, seed),
+            pool,
+            pictures=False,
+        )
+        track_sequence(alone, show, connect_workers)
+        whole, single = (tmp_path / where / name / "track.npz" for where in ("runs", "alone"))
+        assert whole.read_bytes() == single.read_bytes()
+
+
+def write_truth(folder: Path, joints: tuple[str, ...], positions: np.ndarray) -> Path:
+    """A truth file."""
+    np.savez(folder / "truth.npz", joint_names=np.array(joints), joint_positions=positions)
+    return folder / "truth.npz"
+
+
+@pytest.mark.usefixtures("no_traces")
+def test_runs_are_compared_with_their_own_truths_alone(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """--csv has a line a run; a truth beside other frames than those that were tracked is refused."""
+    other = tmp_path / "other"
+    shutil.copytree(sequence, other)
+    shutil.copy(other / "depth" / "000003.png", other / "depth" / "000000.png")
+    for folder in (sequence, other):
+        write_truth(folder, ("pelvis",), np.tile([0.0, 0.0, 2.0], (5, 1, 1)))
+    runs = [tmp_path / "a", tmp_path / "b"]
+    for run in runs:
+        assert main(["track", str(sequence), "--out", str(run), "--no-pictures"], workers.connect) == 0
+    capsys.readouterr()
+    assert main(["evaluate", *map(str, runs), "--csv"]) == 0
+    heads, *rows = capsys.readouterr().out.splitlines()
+    assert heads.startswith("run,frames,")
+    assert [row.split(",")[:2] for row in rows] == [[str(run), "5"] for run in runs]
+    assert main(["evaluate", str(runs[0])]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 5
+    assert main(["evaluate", str(runs[0]), "--truth", str(other / "truth.npz")]) == 2
+    assert "is the truth of other, but" in capsys.readouterr().err
+    assert main(["evaluate", *map(str, runs)]) == 2
+    assert "add --csv" in capsys.readouterr().err
+
+
+def test_a_task_of_slurm_takes_the_line_of_its_number(tmp_path: Path) -> None:
+    """The example's script, with a gepf that prints what it was called with."""
+    (tmp_path / "gepf").write_text('#!/bin/sh\necho "$@"\n')
+    (tmp_path / "gepf").chmod(0o755)
+    (tmp_path / "list.txt").write_text("walks/slow\nwalks/fast.mat\n")
+    script = Path(__file__).parents[2] / "examples" / "slurm.sh"
+    numbers = {"SLURM_ARRAY_TASK_ID": "2", "SLURM_CPUS_PER_TASK": "8"}
+    done = subprocess.run(
+        ["bash", script, tmp_path / "list.txt", "runs"],
+        env={**os.environ, **numbers, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "track walks/fast.mat --out runs/fast --resume --no-pictures --workers 8\n"
