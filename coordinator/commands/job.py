@@ -35,6 +35,7 @@ class Job:
     results_json: bool = False
     scope: AskedScope = field(default_factory=AskedScope)  # what of the scene is tracked
     pictures: bool = True
+    idle_timeout: float | None = None  # seconds without a frame until live input is over
 
     def asked(self, bodies: Bodies, start: Mapping[str, float] | None, scope: Scope) -> Asked:
         """What decides the results besides the input."""

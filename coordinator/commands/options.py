@@ -81,6 +81,13 @@ def choose_deadline(milliseconds: float | None, method: str) -> float | None:
     return milliseconds / 1000
 
 
+def choose_idle_timeout(seconds: float | None) -> float | None:
+    """Seconds of silence after which live input is over; None for never."""
+    if seconds is not None and not 0 < seconds < math.inf:
+        raise InputError(f"--idle-timeout {seconds:g} is no time to wait; give seconds above 0")
+    return seconds
+
+
 def choose_dofs(names: str | None) -> tuple[str, ...] | None:
     """Names of degrees of freedom between commas; None for the model's own choice."""
     if names is None:

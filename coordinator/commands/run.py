@@ -14,6 +14,7 @@ from coordinator.commands.options import (
     at_least,
     choose_deadline,
     choose_dofs,
+    choose_idle_timeout,
     choose_pool,
     choose_settings,
     secure,
@@ -103,4 +104,5 @@ def choose_job(options: TrackOptions) -> Job:
         given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
         scope=choose_scope(options.scene),
         pictures=options.output.pictures,
+        idle_timeout=choose_idle_timeout(source.idle_timeout),
     )

@@ -60,6 +60,14 @@ class InputOptions:
     frames: Annotated[
         str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.", rich_help_panel=INPUT)
     ] = None
+    idle_timeout: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Live input is over after so long without a frame (default: wait).",
+            rich_help_panel=INPUT,
+        ),
+    ] = None
     color: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Draw results over these colour frames.", rich_help_panel=INPUT),

@@ -51,8 +51,9 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> No
     start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), HUMAN_DOFS)
     scope = job.scope.read(None)
     configuration = live_run_configuration(str(job.sequence), job.asked(bodies, start, scope))
+    frames = LiveFrames(key, show.say, idle=job.idle_timeout)
     with Recorder(job.out, configuration) as recorder:
-        run = LiveRun(job, key, LiveFrames(key, show.say), bodies, start, scope, recorder)
+        run = LiveRun(job, key, frames, bodies, start, scope, recorder)
         meter, complete = show.frames(None), False
         try:
             with until_interrupted(recorder):
@@ -97,6 +98,7 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
     with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
         prepare()  # so that no frame has to wait for it
         refiner.listen(run.key, run.frames.receive)
+        show.say(f"listening on {run.key}; the newest frame is tracked as soon as the workers are ready")
         isolation = Isolation(run.job.settings.points, run.scope)
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, isolation=isolation)
         for frame in from_first_seen(iter(run.frames)):

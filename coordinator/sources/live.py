@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -35,11 +36,15 @@ class LiveFrames:
     """The newest frame whenever one is asked for; iterates until the stream ends.
 
     Messages are received on a thread of the bus. `report` is called with a line for people when the stream
-    is silent, and at the first message that makes no sense.
+    is silent, and at the first message that makes no sense. The stream also ends when it was silent for
+    `idle` seconds; None to wait for ever.
     """
 
-    def __init__(self, key: str, report: Callable[[str], None], notice: float = NOTICE) -> None:
+    def __init__(
+        self, key: str, report: Callable[[str], None], notice: float = NOTICE, idle: float | None = None
+    ) -> None:
         self._key = key
+        self._idle = math.inf if idle is None else idle
         self._notice = notice
         self._report = report
         self._changed = threading.Condition()
@@ -80,11 +85,17 @@ class LiveFrames:
     def _take(self) -> DepthFrame | None:
         """The newest frame as soon as there is one; None at the end."""
         with self._changed:
-            if not self._changed.wait_for(self._is_ready, self._notice):
+            if not self._wait(min(self._notice, self._idle)) and self._notice < self._idle:
                 self._report(f"no frame comes on {self._key}; waiting for one")
-                self._changed.wait_for(self._is_ready)
+                self._wait(self._idle - self._notice)
+            if not self._is_ready():
+                self._report(f"no frame came on {self._key} for {self._idle:g} s; ending")
+                self._ended = True
             frame, self._newest = self._newest, None
             return frame
+
+    def _wait(self, seconds: float) -> bool:
+        return self._changed.wait_for(self._is_ready, None if math.isinf(seconds) else seconds)
 
     def _is_ready(self) -> bool:
         return self._newest is not None or self._ended

@@ -101,6 +101,18 @@ def test_a_frame_is_waited_for_and_silence_is_reported() -> None:
     assert said == [f"no frame comes on {KEY}; waiting for one"]
 
 
+def test_a_stream_whose_publisher_died_is_over_after_a_while() -> None:
+    """The frame that waits is still given; then silence ends it, with a line. A frame starts it anew."""
+    said: list[str] = []
+    frames = LiveFrames(KEY, said.append, notice=60.0, idle=0.3)
+    frames.receive(encode_live(image(1)))
+    numbers = iter(frames)
+    assert next(numbers).number == 1
+    threading.Timer(0.1, lambda: frames.receive(encode_live(image(2)))).start()
+    assert [frame.number for frame in numbers] == [2]
+    assert said == [f"no frame came on {KEY} for 0.3 s; ending"]
+
+
 def test_nothing_starts_from_frames_without_depth() -> None:
     """Empty frames before the first one with depth are passed over, later ones are not."""
     frames = [image(0, depth=0), image(1), image(2, depth=0)]
