@@ -52,6 +52,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     points: int = 10_000  # observed points at the most
     measure_noise: bool = True  # in the first frame; what `refine` assumes is the least
     pace_iterations: bool = False  # more of them where frames are farther apart in time
+    recover: bool = True  # look for the body where it is lost or in doubt
+    rotate_deg: int | None = None  # turns the picture clockwise until a person is upright; None to find it
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
 
@@ -76,7 +78,11 @@ PRESETS = {
         ),
         filter=FilterSettings(particles=20, velocity_share=0.75, explore=True),
     ),
-    "paper": Settings(preset="paper", refine=RefineSettings(keep_limits=True)),  # which the paper leaves open
+    "paper": Settings(
+        preset="paper",
+        recover=False,
+        refine=RefineSettings(keep_limits=True),  # which the paper leaves open
+    ),
 }
 
 

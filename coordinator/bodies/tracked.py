@@ -49,8 +49,8 @@ class Bodies:
         dof_names: All degrees of freedom that there are; None to see by the body.
     """
 
-    finds_start = True
-    """Whether a start can be found, so that none need be given."""
+    people = True
+    """Whether it is a person, who is looked for in the postures of people."""
 
     content: str | None = None
     """Hash of a body that is known whole."""
@@ -66,6 +66,7 @@ class Bodies:
         self._dof_names = dof_names
         self._build = build
         self._full: dict[float, BodyModel] = {}
+        self._for_start: dict[float, BodyModel] = {}
         self.start_dofs = start_dofs
         self.active = active
         self.measures = measures
@@ -83,8 +84,10 @@ class Bodies:
 
     def for_start(self, stature: float, girth: float) -> BodyModel:
         """The body with the degrees of freedom that a start is searched in."""
-        full = self.full(stature, girth)
-        return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
+        if girth not in self._for_start:
+            full = self.full(REFERENCE_STATURE, girth)
+            self._for_start[girth] = activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
+        return scaled(self._for_start[girth], stature / REFERENCE_STATURE)
 
     def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The body as it is tracked, what is not active held at `values`, and its pose (D,) there."""
@@ -101,7 +104,7 @@ class OneBody(Bodies):
         model: The body with all its degrees of freedom.
         start_dofs: Degrees of freedom that a start is searched in.
         active: Those that are tracked.
-        measures: Stature and girth of a person, whose start can be found; None for anything else.
+        measures: Stature and girth of a person; None for anything else.
     """
 
     def __init__(
@@ -113,9 +116,17 @@ class OneBody(Bodies):
     ) -> None:
         super().__init__(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan))
         self._model = model
-        self.finds_start = measures is not None
+        self.people = measures is not None
         self.content = model.hash
 
     def full(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
         """The body with all its degrees of freedom."""
         return self._model
+
+    def for_start(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
+        """The body with the degrees of freedom that a start is searched in."""
+        if not self._for_start:
+            self._for_start[1.0] = activate(
+                self._model, self.start_dofs, np.zeros(len(self._model.dof_names))
+            )
+        return self._for_start[1.0]

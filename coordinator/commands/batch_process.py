@@ -20,6 +20,7 @@ from coordinator.commands.track import track_sequence
 from coordinator.commands.workers import connect_workers, end_as_interrupted
 
 DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
+NOT_TRACKED = 3  # done, but most frames were not
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,10 @@ class DistantShow:
 
     def say(self, text: str) -> None:
         """Send a line."""
+        self.send(Told(line=text))
+
+    def warn(self, text: str) -> None:
+        """Send a line, as any other."""
         self.send(Told(line=text))
 
     @contextmanager
@@ -88,7 +93,7 @@ def track_one(job: Job, pipe: Connection) -> None:
 def code_of(job: Job, show: DistantShow) -> int:
     """Do the run; what ends it is the last line that it says."""
     try:
-        track_sequence(job, show, connect_workers)
+        tracked = track_sequence(job, show, connect_workers)
     except KeyboardInterrupt:
         return INTERRUPTED
     except GepfError as error:
@@ -97,7 +102,7 @@ def code_of(job: Job, show: DistantShow) -> int:
     except Exception as error:  # noqa: BLE001 one run's fault is not another's
         show.say(f"{type(error).__name__}: {error}")
         return FAILED
-    return DONE
+    return DONE if tracked else NOT_TRACKED
 
 
 def end_with_parent() -> None:

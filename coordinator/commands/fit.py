@@ -25,7 +25,7 @@ from coordinator.commands.workers import Connect, end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
-from coordinator.sources.source import first_frame, select_frames
+from coordinator.sources.source import select_frames
 from coordinator.tracking.fitting import MEASURES, WHOLE_FIT, Fit, Fitter, Posed, Sweeps
 from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.refiner import Refiner
@@ -74,7 +74,6 @@ def fit_sequence(job: FitJob, show: Show, connect: Connect[Refiner], sweeps: Swe
     numbers = select_frames(source.numbers, job.frames)
     if job.frames is None:
         numbers = numbers[:TRACKED]
-    first_frame(source, numbers)
     with connect(job.pool, show) as refiner:
         tracker, frames = follow(job, source, numbers, refiner, show)
         start = tracker.start
@@ -111,8 +110,10 @@ def follow(
             frame = source.frame(number)
             estimate = tracker.track(frame)
             meter.advance(estimate)
+            if estimate.status != "tracked":
+                continue
             subject = isolation.cut(frame, PosedBody(tracker.model, estimate.pose)).subject
-            if estimate.status == "tracked" and subject is not None:
+            if subject is not None:
                 seen.append((estimate.residual, Posed(subject, estimate.pose)))
     if not seen:
         raise InputError(f"the person is tracked in no frame of {source.name}; give other --frames")

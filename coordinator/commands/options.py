@@ -17,6 +17,8 @@ from coordinator.security.tls import TlsFiles, choose_security
 
 LARGEST_NOISE = 1.0  # metres
 
+QUARTERS = (0, 90, 180, 270)  # degrees that --rotate knows
+
 
 def choose_settings(
     method: str, preset_name: str, particles: int | None, points: int | None, seed: int
@@ -28,6 +30,13 @@ def choose_settings(
         if number is not None:
             at_least(1, option, number)
     return msgspec.structs.replace(settings_for(method, preset_name, particles, points), seed=seed)
+
+
+def set_rotation(settings: Settings, rotate: str) -> Settings:
+    """Settings for a camera that is held the way up that --rotate says; `auto` finds it."""
+    if rotate not in ("auto", *map(str, QUARTERS)):
+        raise InputError(f"--rotate {rotate} makes no sense; give {', '.join(map(str, QUARTERS))} or auto")
+    return msgspec.structs.replace(settings, rotate_deg=None if rotate == "auto" else int(rotate))
 
 
 def set_noise(settings: Settings, depth: float | None, lateral: float | None) -> Settings:

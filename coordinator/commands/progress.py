@@ -28,6 +28,10 @@ class Show(Protocol):
         """One line."""
         ...
 
+    def warn(self, text: str) -> None:
+        """One line that must not be missed."""
+        ...
+
     def steps(self, text: str) -> AbstractContextManager[Advance]:
         """A count of something that takes a while."""
         ...
@@ -90,7 +94,8 @@ def describe(estimate: Estimate, rate: float) -> str:
     """A frame's state in one short line."""
     count = len(estimate.hypothesis_weight)
     residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
-    return f"{rate:.1f} frames/s, {count} hypotheses, residual {residual}, {estimate.status}"
+    why = f" ({estimate.why})" if estimate.why and estimate.status != "tracked" else ""
+    return f"{rate:.1f} frames/s, {count} hypotheses, residual {residual}, {estimate.status}{why}"
 
 
 class ConsoleShow:
@@ -102,6 +107,10 @@ class ConsoleShow:
     def say(self, text: str) -> None:
         """One line, above a bar if there is one."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def warn(self, text: str) -> None:
+        """One line in red."""
+        self._console.print(text, style="bold red", highlight=False, markup=False, soft_wrap=True)
 
 
 class TerminalShow(ConsoleShow):

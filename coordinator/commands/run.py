@@ -19,6 +19,7 @@ from coordinator.commands.options import (
     choose_settings,
     secure,
     set_noise,
+    set_rotation,
 )
 from coordinator.commands.progress import Show
 from coordinator.commands.recordings import Entry, choose_entries, is_several
@@ -32,6 +33,8 @@ from coordinator.results.summary import SUMMARY_FILE
 from coordinator.sources.given import parse_given
 from coordinator.sources.live import live_key
 
+NOT_TRACKED = 3  # exit code: done, but most frames were not tracked
+
 
 def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefiner]) -> int:
     """Track; gives the exit code. Raises InputError for options that make no sense, before anything is read.
@@ -43,18 +46,18 @@ def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefin
     end_as_interrupted()
     if is_several(options.input.sequences, options.method.seeds):
         return track_several(options, job, show)
-    track_single(options, job, show, connect)
-    return 0
+    return 0 if track_single(options, job, show, connect) else NOT_TRACKED
 
 
-def track_single(options: TrackOptions, job: Job, show: Show, connect: Connect[ListeningRefiner]) -> None:
-    """Track one recording, or live input."""
+def track_single(options: TrackOptions, job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bool:
+    """Track one recording, or live input; gives whether most of its frames were tracked."""
     if live_key(job.sequence) is None:
-        track_sequence(job, show, connect)
+        tracked = track_sequence(job, show, connect)
     else:
-        track_stream(job, show, connect)
+        tracked = track_stream(job, show, connect)
     if options.output.as_json:
         sys.stdout.write((job.out / SUMMARY_FILE).read_text(encoding="utf-8"))
+    return tracked
 
 
 def track_several(options: TrackOptions, job: Job, show: Show) -> int:
@@ -86,6 +89,7 @@ def choose_job(options: TrackOptions) -> Job:
     source, method, pool = options.input, options.method, options.pool
     settings = choose_settings(method.method, method.preset, method.particles, method.points, method.seed)
     settings = set_noise(settings, method.noise_depth, method.noise_lateral)
+    settings = set_rotation(settings, source.rotate)
     security = secure(options.security, pool.listen, pool.connect)
     deadline = choose_deadline(method.deadline, method.method)
     return Job(

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.body import BodyModel
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
@@ -22,16 +21,15 @@ from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracke
 from coordinator.results.recorded import Recorded
 from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.run_configuration import AUTOMATIC, run_configuration
-from coordinator.results.summary import summarise
+from coordinator.results.summary import describe_failure, describe_status, mostly_tracked, summarise
 from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
-from coordinator.sources.source import first_frame, select_frames
+from coordinator.sources.source import select_frames
 from coordinator.tracking.isolation import Isolation
 from coordinator.tracking.pipeline import follow
-from coordinator.tracking.start import require_start
 from coordinator.tracking.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 
@@ -50,27 +48,26 @@ class Run:
     colours: ColourFolder | None = None
 
 
-def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> None:
+def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> bool:
     """Do a `gepf track`. The folder of results is made when the options and the first frame are sound.
 
     Later frames are read when it is their turn. If the run ends early, by the user, a damaged frame or
     another fault, the frames so far are in the folder all the same, and another one with `resume` goes on
-    from there.
+    from there. Gives whether the body was tracked in most frames.
     """
     source = open_source(job.sequence, job.given)
     numbers = select_frames(source.numbers, job.frames)
     bodies = choose_bodies(job.active, job.settings.preset, job.model)
     start = choose_start(job.init, source, bodies.dof_names)
-    require_start(start, bodies)
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
-    first = first_frame(source, numbers)
+    first = source.frame(numbers[0])
     scope = job.scope.read(source)
     asked = job.asked(bodies, start, scope)
     configuration = run_configuration(job.sequence, first, numbers, asked, job.given)
     if job.resume and is_complete(job.out, configuration):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
-        return
+        return True
     with Recorder(job.out, configuration, resume=job.resume) as recorder:
         run = Run(job, source, numbers, bodies, start, scope, recorder, colours)
         meter = show.frames(len(numbers), recorder.frames)
@@ -80,8 +77,10 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> Non
                 track_frames(run, meter, show, connect)
         finally:
             recorded = finish(run, meter, show)
-    if recorded is not None:
-        draw(run, recorded.state.start.model, truth, show)
+    if recorded is None:
+        return True
+    draw(run, recorded, truth, show)
+    return conclude(recorded, show)
 
 
 def announce(run: Run) -> str:
@@ -165,8 +164,17 @@ def write_results(
     write_atomically(recorder.folder / CSV_FILE, lambda file: write_csv(track, file))
 
 
-def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:
+def conclude(recorded: Recorded, show: Show) -> bool:
+    """Warn where most frames are not tracked; gives whether they are."""
+    tracked = mostly_tracked(recorded.estimates)
+    if not tracked:
+        show.warn(describe_failure(recorded.estimates))
+    return tracked
+
+
+def draw(run: Run, recorded: Recorded, truth: Truth | None, show: Show) -> None:
     """Pictures of a finished run."""
+    model = recorded.state.start.model
     out, frames = run.job.out, f"{len(run.numbers)} frames"
     if not run.job.pictures:
         show.say(f"{frames} are in {out}; gepf pictures {out} draws them")
@@ -176,4 +184,4 @@ def draw(run: Run, model: BodyModel, truth: Truth | None, show: Show) -> None:
     except KeyboardInterrupt:
         show.say(f"{frames} are in {out}, without pictures; gepf pictures {out} draws them")
         raise
-    show.say(f"{frames} and {len(files)} pictures are in {out}")
+    show.say(f"{frames} and {len(files)} pictures are in {out}: {describe_status(recorded.estimates)}")

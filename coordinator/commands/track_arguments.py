@@ -68,6 +68,14 @@ class InputOptions:
             rich_help_panel=INPUT,
         ),
     ] = None
+    rotate: Annotated[
+        str,
+        typer.Option(
+            metavar="0|90|180|270|auto",
+            help="Degrees clockwise that turn the picture upright (default: found).",
+            rich_help_panel=INPUT,
+        ),
+    ] = "auto"
     color: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Draw results over these colour frames.", rich_help_panel=INPUT),

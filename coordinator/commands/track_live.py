@@ -15,12 +15,13 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameMeter, Show
 from coordinator.commands.results_stream import open_results
-from coordinator.commands.track import describe_pool, write_results
+from coordinator.commands.track import conclude, describe_pool, write_results
 from coordinator.commands.workers import Connect, ListeningRefiner
 from coordinator.files.names import HYPOTHESES_FILE
+from coordinator.results.recorded import Recorded
 from coordinator.results.recorder import Recorder
 from coordinator.results.run_configuration import AUTOMATIC, live_run_configuration
-from coordinator.results.track import read_track
+from coordinator.results.track import filled, read_track
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.tracking.isolation import Isolation, prepare
@@ -41,10 +42,11 @@ class LiveRun:
     recorder: Recorder
 
 
-def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> None:
+def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bool:
     """Do a `gepf track zenoh:KEY`. An interrupt ends the stream as its publisher does.
 
-    Raises InputError if it ends before a frame with depth came.
+    Gives whether the body was tracked in most frames. Raises InputError if the stream ends before a frame
+    came.
     """
     key = check_live(job)
     bodies = choose_bodies(job.active, job.settings.preset)
@@ -60,10 +62,11 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> No
                 track_newest(run, meter, show, connect)
             complete = True
         finally:
-            finish(run, meter, complete=complete)
-        if not recorder.frames:
+            recorded = finish(run, meter, complete=complete)
+        if recorded is None or not recorder.frames:
             raise InputError(f"the stream on {key} ended before any depth came; start its publisher later")
     draw(run, show)
+    return conclude(recorded, show)
 
 
 def check_live(job: Job) -> str:
@@ -109,15 +112,16 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
             run.recorder.append(estimate, tracker.state, refiner.statistics, meter.seconds)
 
 
-def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> None:
+def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> Recorded | None:
     """Write the final files of what was recorded."""
     recorded = run.recorder.read()
     if recorded is None:
-        return
+        return None
     counts = {f"frames_{name}": count for name, count in asdict(run.frames.counts).items()}
     pool = describe_pool(run.job.pool)
     said = {"complete": complete, "frame_rate": meter.rate, "pool": pool, **counts}
     write_results(run.recorder, recorded, said, complete=complete)
+    return recorded
 
 
 def draw(run: LiveRun, show: Show) -> None:
@@ -127,5 +131,5 @@ def draw(run: LiveRun, show: Show) -> None:
     if run.job.pictures:
         from coordinator.pictures.hypotheses import draw_hypotheses
 
-        draw_hypotheses(track, None, out / HYPOTHESES_FILE)
+        draw_hypotheses(filled(track), None, out / HYPOTHESES_FILE)
     show.say(f"{len(track.frame)} of {run.frames.counts.received} frames were tracked; results are in {out}")

@@ -13,7 +13,7 @@ from coordinator.commands.arguments import ViewOptions
 from coordinator.commands.progress import Show
 from coordinator.commands.tracked_sequence import find_sequence
 from coordinator.results.model_file import read_tracked_body
-from coordinator.results.track import Track, read_track
+from coordinator.results.track import Track, filled, read_track
 from coordinator.sources import Source
 from coordinator.viewing.scene import layout, log_run
 
@@ -30,7 +30,7 @@ def run_view(options: ViewOptions, show: Show) -> None:
 
 def save_run(run: Path, sequence: Path | None, file: Path, show: Show) -> None:
     """Write the recording as a file that any rerun viewer opens."""
-    track, recording = read_track(run), rr.RecordingStream(APPLICATION)
+    track, recording = filled(read_track(run)), rr.RecordingStream(APPLICATION)
     source = find_sequence(run, sequence)
     if not file.parent.is_dir():
         raise InputError(f"no such folder: {file.parent}; give a file in a folder that there is with --save")
@@ -44,7 +44,7 @@ def serve_run(run: Path, sequence: Path | None, port: int, show: Show, *, browse
         signal.signal(
             number, signal.SIG_DFL
         )  # nothing is kept, and the viewer's own code swallows interrupts
-    track, recording = read_track(run), rr.RecordingStream(APPLICATION)
+    track, recording = filled(read_track(run)), rr.RecordingStream(APPLICATION)
     source = find_sequence(run, sequence)
     try:
         address = recording.serve_grpc(grpc_port=port + 1, default_blueprint=layout(track))

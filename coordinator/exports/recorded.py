@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.model_file import TrackedBody, read_tracked_body
-from coordinator.results.track import Track
+from coordinator.results.track import Track, filled
 
 USUAL_RATE = 30.0
 
@@ -60,14 +60,13 @@ class RecordedRun:
 
     @property
     def lost(self) -> NDArray[np.bool_]:
-        """Which frames (F,) the tracker gave up on."""
-        lost: NDArray[np.bool_] = self.track.status == "lost"
-        return lost
+        """Frames (F,) of which the tracker does not know where the body is."""
+        return self.track.unknown
 
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged."""
-    track = read_track_with_angles(folder)
+    track = filled(read_track_with_angles(folder))
     shown = track if smooth_hz is None else smoothed(track, folder, smooth_hz)
     return RecordedRun(folder.resolve().name, shown, folder, track, smooth_hz)
 

@@ -48,6 +48,11 @@ class Method:
     icp_iterations: int | None = None  # of every particle, always; None for what the settings say
 
     @property
+    def recovers(self) -> bool:
+        """Whether a body that is lost is looked for: the baselines are what their papers say."""
+        return self.descends and not self.lone
+
+    @property
     def descends(self) -> bool:
         """Whether particles are moved by their refinement; else only their likelihood is asked for."""
         return self.icp_iterations != 0
@@ -110,4 +115,5 @@ def apply_method(settings: Settings) -> Settings:
         refine = msgspec.structs.replace(refine, icp_iterations=method.icp_iterations)
     if method.lone:
         of_filter = msgspec.structs.replace(of_filter, particles=1)
-    return msgspec.structs.replace(settings, refine=refine, filter=of_filter)
+    recover = settings.recover and method.recovers
+    return msgspec.structs.replace(settings, refine=refine, filter=of_filter, recover=recover)

@@ -31,7 +31,13 @@ FARTHEST = 1e4  # pixels outside the picture that a line may go
 SKELETON_COLOUR, OTHERS_COLOUR = (255, 255, 255), (92, 214, 255)
 TITLE_COLOUR, EDGE = (235, 238, 243), (19, 23, 31)
 FAINTEST = 0.15  # opacity of a hypothesis without weight; the likeliest is opaque
-STATUS_COLOURS = {"tracked": (92, 200, 120), "ambiguous": (245, 190, 70), "lost": (240, 90, 90)}
+STATUS_COLOURS = {
+    "tracked": (92, 200, 120),
+    "ambiguous": (245, 190, 70),
+    "lost": (240, 90, 90),
+    "searching": (200, 110, 220),
+    "absent": (150, 150, 150),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +51,11 @@ class Shown:
     hypotheses: Array
     weights: Array
     status: str
+
+    @property
+    def there(self) -> bool:
+        """Whether there is a body to draw: it was found by then, and somebody is seen."""
+        return bool(np.isfinite(self.pose).all()) and self.status != "absent"
 
 
 class Painter:
@@ -60,9 +71,11 @@ class Painter:
     ) -> Image.Image:
         """The picture of a frame, RGB, of the view's size; over its colour image, if there is one."""
         canvas = self._paint_depth(frame) if colour is None else self._paint_colour(colour)
-        canvas = self._paint_model(canvas, shown.pose)
+        if shown.there:
+            canvas = self._paint_model(canvas, shown.pose)
         picture = Image.fromarray(canvas.astype(np.uint8))
-        self._draw_skeletons(picture, shown)
+        if shown.there:
+            self._draw_skeletons(picture, shown)
         picture = picture.resize((self.view.width, self.view.height), Image.Resampling.BOX)
         write_caption(picture, title or f"{frame.number}", shown.status)
         return picture

@@ -23,7 +23,7 @@ from coordinator.pictures.overlay import FINER, Painter, Shown
 from coordinator.pictures.sheet import spread, tile
 from coordinator.pictures.view import View, around
 from coordinator.results.evaluation import compare
-from coordinator.results.track import Track
+from coordinator.results.track import Track, filled
 from coordinator.results.truth import Truth
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
@@ -68,8 +68,8 @@ def draw_run(
     write_film(film, (wide.view.width, wide.view.height), track.time_s[filmed], files[3])
     write_sheet(pictures, files[1])
     advance(steps - 1, steps)
-    draw_hypotheses(track, truth, files[2])
-    if truth is not None and comparable(track, truth):
+    draw_hypotheses(filled(track), truth, files[2])
+    if truth is not None and track.placed.any() and comparable(track, truth):
         files.append(out / ERRORS_FILE)
         draw_errors(track, truth, files[-1])
     advance(steps, steps)

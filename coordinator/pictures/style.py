@@ -14,7 +14,13 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
-STATUS = {"tracked": "#5cc878", "ambiguous": "#f5be46", "lost": "#f05a5a"}
+STATUS = {
+    "tracked": "#5cc878",
+    "ambiguous": "#f5be46",
+    "lost": "#f05a5a",
+    "searching": "#c86edc",
+    "absent": "#969696",
+}
 DPI = 120
 
 STYLE: Mapping[str, Any] = {

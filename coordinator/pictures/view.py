@@ -63,7 +63,7 @@ def around(track: Track, camera: Intrinsics, width: int, height: int) -> View:
 
     Where a lost body is said to be does not count, unless it is lost all the time.
     """
-    kept = track.status != "lost"
+    kept = ~track.unknown
     points = track.joint_positions[kept if kept.any() else ...].reshape(-1, 3)
     points = points[np.all(np.isfinite(points), axis=1) & (points[:, 2] > MARGIN_M)]
     if not len(points):

@@ -72,11 +72,19 @@ def find_leaps(track: Track) -> list[Leap]:
     ]
 
 
+def describe_why(summary: dict[str, object]) -> str:
+    """What speaks against most frames that are not tracked, after a colon; empty where nothing does."""
+    doubts = summary.get("doubts")
+    return f": {next(iter(doubts))}" if isinstance(doubts, dict) and doubts else ""
+
+
 def find_banner(track: Track, summary: dict[str, object]) -> Banner | None:
     """A warning where a run cannot be trusted, whole or in part; None where it can."""
     share = float(np.mean(track.status == "tracked")) if len(track.status) else 0.0
     if share < DOUBTED:
-        return Banner("lost", f"Do not trust this run: {share:.0%} of its frames are tracked.")
+        return Banner(
+            "lost", f"Do not trust this run: {share:.0%} of its frames are tracked{describe_why(summary)}."
+        )
     if share < TRUSTED:
         return Banner("ambiguous", f"Trust this run in parts: {share:.0%} of its frames are tracked.")
     if not summary.get("complete", True):

@@ -19,7 +19,7 @@ from coordinator.report.facts import describe_run, describe_stages, describe_sta
 from coordinator.report.ranges import list_ranges
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.summary import read_summary
-from coordinator.results.track import Track
+from coordinator.results.track import Track, filled
 
 TEMPLATE = "page.html.j2"
 PICTURES = (ANIMATION_FILE, FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
@@ -55,7 +55,7 @@ def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
         ranges=list_ranges(track),
         pictures={name: embed(run / name) for name in PICTURES},
         angles=[
-            (group, Markup(draw_angles(track, names)))
+            (group, Markup(draw_angles(filled(track), names)))
             for group, names in group_angles(track.angle_names or ())
         ],
         stages=describe_stages(summary),

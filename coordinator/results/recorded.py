@@ -18,7 +18,7 @@ from coordinator.results.run_configuration import RunConfiguration
 from coordinator.results.track import Track
 from coordinator.results.uncertainty import joint_deviation, with_angles
 from coordinator.scene.scene import Scene
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.estimate import UNKNOWN, Estimate
 from coordinator.tracking.start import Start
 from coordinator.tracking.state import TrackerState
 
@@ -100,8 +100,8 @@ def assemble(
 
 
 def deviation_of(model: BodyModel, estimate: Estimate) -> NDArray[np.float64]:
-    """How far each joint (J,) may be off, metres; NaN where the frame is lost, since then nobody knows."""
-    if estimate.status == "lost":
+    """How far each joint (J,) may be off, metres; NaN where nobody knows."""
+    if estimate.status in UNKNOWN:
         return np.full(len(model.joint_names), np.nan)
     joints = joint_positions(model, estimate.hypothesis_pose)
     return joint_deviation(joints, estimate.joint_positions, estimate.hypothesis_weight)

@@ -31,6 +31,7 @@ OPTIONS = {
     "settings.refine.noise_depth": "--noise-depth",
     "settings.refine.noise_lateral": "--noise-lateral",
     "settings.seed": "--seed",
+    "settings.rotate_deg": "--rotate",
     "model.name": "--model",
     "model.content": "the content of --model",
     "dof": "--dof",

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 import msgspec
+import numpy as np
 
 from common.errors import InputError
 from coordinator.results.recorded import Recorded
 from coordinator.results.versions import versions
-from coordinator.tracking.estimate import Estimate, Status
+from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
@@ -30,8 +31,8 @@ def summarise(recorded: Recorded) -> dict[str, object]:
         "model": {
             **configuration["model"],
             "hash": start.model.hash,
-            "stature_m": start.stature,
-            "girth": start.girth,
+            "stature_m": start.stature if start.found else None,
+            "girth": start.girth if start.found else None,
             "active": start.model.dof_names,
         },
         "noise_m": {"depth": start.noise.depth, "lateral": start.noise.lateral},
@@ -45,6 +46,8 @@ def summarise(recorded: Recorded) -> dict[str, object]:
         "replies_malformed": statistics.replies_malformed,
         "frames": len(recorded.estimates),
         "status": count_status(recorded.estimates),
+        "doubts": count_doubts(recorded.estimates),
+        "rotate_deg": round(np.degrees(start.way_up)),
         "particles": settings["filter"]["particles"],
         "particles_unanswered": count_unanswered(recorded.estimates, settings["filter"]["particles"]),
         "seconds": recorded.seconds,
@@ -56,6 +59,29 @@ def count_status(estimates: Iterable[Estimate]) -> dict[str, int]:
     """Frames by status."""
     counts = Counter[str](estimate.status for estimate in estimates)
     return {status: counts[status] for status in STATUSES}
+
+
+def count_doubts(estimates: Iterable[Estimate]) -> dict[str, int]:
+    """What speaks against the poses of frames that are not tracked, and of how many, most first."""
+    counts = Counter[str](e.why for e in estimates if e.why and e.status != "tracked")
+    return dict(counts.most_common())
+
+
+def mostly_tracked(estimates: Sequence[Estimate]) -> bool:
+    """Whether half of the frames or more are, be it ambiguously."""
+    return 2 * sum(e.status in UNKNOWN for e in estimates) <= len(estimates)
+
+
+def describe_status(estimates: Sequence[Estimate]) -> str:
+    """How many frames have each status that occurs, in words."""
+    return ", ".join(f"{n} {status}" for status, n in count_status(estimates).items() if n)
+
+
+def describe_failure(estimates: Sequence[Estimate]) -> str:
+    """What to say of a run of which most frames are not tracked, and why, where that can be told."""
+    doubts = count_doubts(estimates)
+    why = f": {next(iter(doubts))}" if doubts else ""
+    return f"most frames are not tracked ({describe_status(estimates)}){why}"
 
 
 def count_unanswered(estimates: Iterable[Estimate], particles: int) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from common.errors import InputError
 from coordinator.files.arrays import read_arrays
 from coordinator.files.names import LOG_FILE
+from coordinator.tracking.estimate import UNKNOWN
 
 TRACK_FILE = "track.npz"
 
@@ -34,12 +35,37 @@ class Track:
     joint_positions: NDArray[np.float64]  # (F, J, 3)
     hypothesis_pose: NDArray[np.float64]  # (F, M, D)
     hypothesis_weight: NDArray[np.float64]  # (F, M)
-    status: NDArray[np.str_]  # (F,) tracked, ambiguous or lost
-    joint_deviation: NDArray[np.float64] | None = None  # (F, J) one standard deviation; NaN where lost
+    status: NDArray[np.str_]  # (F,) tracked, ambiguous, lost, searching or absent
+    joint_deviation: NDArray[np.float64] | None = None  # (F, J) one standard deviation; NaN where unknown
     angle_names: tuple[str, ...] | None = None  # (A,)
     angle: NDArray[np.float64] | None = None  # (F, A) radians, continuous from frame to frame
-    angle_deviation: NDArray[np.float64] | None = None  # (F, A) one standard deviation; NaN where lost
+    angle_deviation: NDArray[np.float64] | None = None  # (F, A) one standard deviation; NaN where unknown
     particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Frames (F,) of which nobody knows where the body is: it is lost, searched for, or not there."""
+        return np.asarray(np.isin(self.status, UNKNOWN))
+
+    @property
+    def placed(self) -> NDArray[np.bool_]:
+        """Frames (F,) that have a pose, be it the last that was known: all but those before the body came."""
+        return np.asarray(np.isfinite(self.pose).all(axis=1))
+
+
+def filled(track: Track) -> Track:
+    """The track with the first pose that was found in the frames before it; zeros where none ever was."""
+    if track.placed.all():
+        return track
+    missing = ~track.placed
+    first = int(np.argmax(track.placed)) if track.placed.any() else None
+    changed: dict[str, Any] = {}
+    for name in ("pose", "joint_positions", "angle"):
+        values = getattr(track, name)
+        if values is not None:
+            changed[name] = values.copy()
+            changed[name][missing] = 0.0 if first is None else values[first]
+    return replace(track, **changed)
 
 
 def report_unfinished(folder: Path) -> None:
@@ -92,6 +118,7 @@ def read_track(folder: Path) -> Track:
         if "particles_answered" in arrays
         else None,
     )
-    if not (np.isfinite(track.pose).all() and np.isfinite(track.joint_positions).all()):
+    said = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))
+    if not np.all(said | track.unknown):
         raise InputError(f"{folder / TRACK_FILE} holds poses that are not finite; track the sequence again")
     return track

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS
 from coordinator.bodies.angles import Angles, is_person
 from coordinator.bodies.levers import weigh
-from coordinator.results.track import Track
+from coordinator.results.track import Track, filled
 
 
 def deviation(track: Track) -> NDArray[np.float64]:
@@ -65,15 +65,16 @@ UNKNOWN = np.radians(60.0)
 
 def with_angles(track: Track, angles: Angles) -> Track:
     """The track with its body's angles (F, A), and how far each may be off."""
-    reported = angles.follow(track.pose)
-    deviations = angle_deviation(track, angles, reported)
+    reported = angles.follow(filled(track).pose)
+    deviations = angle_deviation(filled(track), angles, reported)
+    reported[~track.placed] = np.nan
     return replace(track, angle_names=angles.names, angle=reported, angle_deviation=deviations)
 
 
 def angle_deviation(track: Track, angles: Angles, reported: NDArray[np.float64]) -> NDArray[np.float64]:
     """Expected distance (F, A) of the reported angles from the true ones, one standard deviation, radians.
 
-    Of a robot, whose measures are known, that of the hypotheses alone. NaN where the frame is lost.
+    Of a robot, whose measures are known, that of the hypotheses alone. NaN where the frame is unknown.
     """
     frames, most, dofs = track.hypothesis_pose.shape
     known = np.isfinite(track.hypothesis_weight)
@@ -83,7 +84,7 @@ def angle_deviation(track: Track, angles: Angles, reported: NDArray[np.float64])
     weight = np.where(known, track.hypothesis_weight, 0.0)
     spread = np.einsum("fm,fma->fa", weight, squares) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
     expected: NDArray[np.float64] = np.sqrt(misfit(track, angles, reported) ** 2 + UNSEEN**2 * spread)
-    expected[track.status == "lost"] = np.nan
+    expected[track.unknown] = np.nan
     return expected
 
 

@@ -113,16 +113,5 @@ def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     return chosen
 
 
-def first_frame(source: Source, numbers: Sequence[int]) -> DepthFrame:
-    """The frame that tracking starts from; InputError if it is damaged or holds no depth at all."""
-    frame = source.frame(numbers[0])
-    if not frame.depth.any():
-        raise InputError(
-            f"frame {frame.number} of {source.name} holds no depth at all, so tracking cannot start there; "
-            f"choose a later start with --frames A:{numbers[-1] + 1}"
-        )
-    return frame
-
-
 def _span(numbers: Sequence[int]) -> str:
     return f"frames {numbers[0]}:{numbers[-1] + 1}"

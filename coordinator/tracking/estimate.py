@@ -8,7 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Status = Literal["tracked", "ambiguous", "lost"]
+Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
+
+UNKNOWN = ("lost", "searching", "absent")
+"""Status of frames whose pose is only the last that was known, or not a number if there was none yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,8 +19,10 @@ class Estimate:
     """The reported pose of a frame, all hypotheses (M) behind it, and how sure the tracker is.
 
     Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the likeliest's
-    mean distance between observed points and the model, metres; NaN where nothing was observed.
-    `particles_answered` are those whose descent was finished when the frame was due.
+    mean distance between observed points and the model, metres; NaN where nothing was observed. Until the
+    body is found there are no hypotheses (M = 0), and pose and joints are NaN.
+    `particles_answered` are those whose descent was finished when the frame was due. `why` is what speaks
+    against the pose, in words; empty where nothing does.
     """
 
     frame: int
@@ -30,3 +35,4 @@ class Estimate:
     residual: float
     stage_seconds: dict[str, float] = field(default_factory=dict)
     particles_answered: int = 0
+    why: str = ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 from coordinator.filters.belief import Belief
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.start import Start
+from coordinator.tracking.watch import Watch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
     """What changes with every frame, as it is recorded to resume from. A new field here is recorded, too."""
 
-    belief: dict[str, NDArray[np.float64]]  # by field
-    around: NDArray[np.float64]  # pose (D,) near which the next frame shows the subject
-    time_s: float  # of the last frame that showed something
+    belief: dict[str, NDArray[np.float64]]  # by field; none until the body is found
+    around: NDArray[np.float64] | None  # pose (D,) near which the next frame shows the subject
+    time_s: float | None  # of the last frame that showed something
     generator: str  # the random generator's state as JSON, whose integers have any size
     scene: SceneChange  # what the frame changed in what is known of the scene; of a resumed run, all of it
+    watch: Watch = field(default_factory=Watch)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +35,17 @@ class TrackerState:
 
 
 def take_checkpoint(
-    belief: Belief, around: NDArray[np.float64], time_s: float, rng: np.random.Generator, scene: SceneChange
+    belief: Belief | None,
+    around: NDArray[np.float64] | None,
+    time_s: float | None,
+    rng: np.random.Generator,
+    scene: SceneChange,
+    watch: Watch,
 ) -> Checkpoint:
     """A belief, a pose (D,), a time, a generator and a scene as values that can be recorded."""
-    arrays = {field.name: getattr(belief, field.name) for field in fields(belief)}
-    return Checkpoint(arrays, around, time_s, json.dumps(rng.bit_generator.state), scene)
+    names = [] if belief is None else [field.name for field in fields(belief)]
+    arrays = {name: getattr(belief, name) for name in names}
+    return Checkpoint(arrays, around, time_s, json.dumps(rng.bit_generator.state), scene, watch)
 
 
 def load_generator(state: str) -> np.random.Generator:

@@ -8,8 +8,10 @@ from typing import Any
 from common.frame import DepthFrame
 from coordinator.filters.belief import Belief
 from coordinator.filters.proposal import Proposal
+from coordinator.tracking.estimate import Status
 from coordinator.tracking.isolation import Isolated
 from coordinator.tracking.refiner import Pending
+from coordinator.tracking.seeker import Finding
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.stopwatch import Stopwatch
 
@@ -36,7 +38,9 @@ class Submitted:
     """A frame whose particles are with the workers."""
 
     frame: DepthFrame
-    request: Request | None  # None where nothing is seen that they could be refined on
+    request: Request | None  # None where there is no body yet, or nothing that it could be refined on
+    shows: bool  # something, be it the body or not
+    rival: Finding | None  # the body elsewhere, if it was looked for
     first: bool
     clock: Stopwatch
 
@@ -47,6 +51,7 @@ class Tracked:
 
     frame: DepthFrame
     state: TrackerState  # after it
-    belief: Belief  # the same as in the state
+    belief: Belief | None  # the same as in the state
+    status: Status | None  # None: judge by the belief
     answered: int  # particles
     clock: Stopwatch

@@ -14,30 +14,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.errors import InputError
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
+from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
+from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.search.search import ways_of
+from coordinator.tracking.search.settling import believe
+from coordinator.tracking.seeker import Finding, Seeker
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.sighting import see
-from coordinator.tracking.start import Start, find_start, given_start, require_start
+from coordinator.tracking.start import Start, given_start, no_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
 from coordinator.tracking.status import judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
-from coordinator.tracking.subject import CLEARANCE
+from coordinator.tracking.verdict import FEWEST, weigh
+from coordinator.tracking.watch import GIVEN, Watch
 
 Array = NDArray[np.float64]
 
+SURELY = 1.0  # log likelihood by which what is found elsewhere must explain a frame better
 RECORDED = 100  # hypotheses of a frame at the most, the likeliest
 
 
@@ -48,8 +54,7 @@ class Tracker:
         refiner: Has particles refined, here or elsewhere.
         settings: What to compute. What makes their method holds whatever else they say.
         bodies: Gives the body that is tracked, by its measures.
-        start: Values of degrees of freedom in the first frame, metres and radians; None to find
-            them, which can be done for people only.
+        start: Values of degrees of freedom in the first frame, metres and radians; None to find the body.
         state: Go on from here, where another tracker of the same settings left off.
         isolation: Cuts the body out of the frames; None for the usual way.
     """
@@ -63,16 +68,17 @@ class Tracker:
         state: TrackerState | None = None,
         isolation: Isolation | None = None,
     ) -> None:
-        require_start(start, bodies)
         self._refiner = refiner
         self._settings = settings = apply_method(settings)
         self._method = METHODS[settings.method]
         self._bodies = bodies
-        self._given = start
+        self._given = start is not None
+        self._start = no_start(bodies) if start is None else given_start(start, bodies)
+        self._seeker = Seeker(bodies, refiner, settings.refine, ways_of(settings.rotate_deg))
         self._rng = np.random.default_rng(settings.seed)
-        self._start: Start | None = None
         self._belief: Belief | None = None
-        self._around: Array | None = None  # pose (D,) near which the next frame shows the subject
+        self._watch = Watch() if start is None else GIVEN
+        self._around = None if start is None else self._start.pose  # (D,) near which the next frame shows it
         self._time_s: float | None = None  # of the last frame that showed something
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
         self._isolation = isolation or Isolation(settings.points)
@@ -80,40 +86,38 @@ class Tracker:
         if state is not None:
             self._scene = state.checkpoint.scene
             self._isolation.recall(self._scene)
-            self._around = state.checkpoint.around
+            self._around, self._watch = state.checkpoint.around, state.checkpoint.watch
             self._time_s = state.checkpoint.time_s
             self._rng = load_generator(state.checkpoint.generator)
             self._start = state.start
-            self._belief = replace(self._begin_at(state.start), **state.checkpoint.belief)
+            if state.checkpoint.belief:
+                self._belief = replace(self._begin_at(self._start.pose), **state.checkpoint.belief)
 
     @property
     def start(self) -> Start:
-        """The body and pose that tracking began with; there after the first frame."""
-        if self._start is None:
-            raise RuntimeError("tracking has not begun: no frame was given yet")
+        """The body and pose that tracking began with; nobody's until somebody is found."""
         return self._start
 
     @property
     def model(self) -> BodyModel:
-        """The body that is tracked; there after the first frame."""
-        return self.start.model
+        """The body that is tracked. Until it is found, all but names may change."""
+        return self._start.model
 
     @property
     def state(self) -> TrackerState:
-        """All that the next frame goes on from; there after the first frame."""
-        assert self._belief is not None
-        assert self._around is not None
-        assert self._time_s is not None
-        checkpoint = take_checkpoint(self._belief, self._around, self._time_s, self._rng, self._scene)
-        return TrackerState(self.start, checkpoint)
+        """All that the next frame goes on from."""
+        checkpoint = take_checkpoint(
+            self._belief, self._around, self._time_s, self._rng, self._scene, self._watch
+        )
+        return TrackerState(self._start, checkpoint)
 
     @property
     def rules(self) -> RefineSettings:
         """How particles are refined: the settings, for the noise that was found at the start."""
-        return assume_noise(self._settings.refine, self.start.noise)
+        return assume_noise(self._settings.refine, self._start.noise)
 
     def track(self, frame: DepthFrame) -> Estimate:
-        """Follow the body into the next frame. InputError if nothing is seen in the first."""
+        """Follow the body into the next frame, or look for it."""
         return self.report(self.collect(self.submit(frame)))
 
     def submit(self, frame: DepthFrame) -> Submitted:
@@ -122,18 +126,23 @@ class Tracker:
         first, clock, subject = self._belief is None, cut.clock, cut.isolated.subject
         self._scene = cut.isolated.change
         if subject is None:
-            self._around = self._require_belief(frame).reported
-            return Submitted(frame, None, first, clock)
+            elsewhere = self._around is not None and bool(frame.depth.any())
+            self._around = self._whereabouts()
+            return Submitted(frame, None, elsewhere, None, first, clock)
         with clock.stage("publish"):
             self._refiner.publish(subject)
-        with clock.stage("start"):
-            past = self._begin(subject) if self._belief is None else self._belief
-            self._around = past.reported
+        with clock.stage("search"):
+            rival = self._look(subject, cut.isolated.view.planes)
+        if self._belief is None:
+            return Submitted(frame, None, True, None, first, clock)
+        self._around = self._whereabouts()
         with clock.stage("draw"):
             sighting = see(subject, self._time_s)
-            proposal = self._method.propose(self.model, past, sighting, self._settings.filter, self._rng)
+            proposal = self._method.propose(
+                self.model, self._belief, sighting, self._settings.filter, self._rng
+            )
         with clock.stage("refine"):
-            return Submitted(frame, self._request(proposal), first, clock)
+            return Submitted(frame, self._request(proposal), True, rival, first, clock)
 
     def send_ahead(self, frame: DepthFrame | None) -> None:
         """Cut out the frame that comes next, and let the workers have it before its turn."""
@@ -147,36 +156,97 @@ class Tracker:
 
     def collect(self, submitted: Submitted) -> Tracked:
         """Wait for the refined particles of the frame that was submitted last, and update the belief."""
+        answered, status = 0, None
         if submitted.request is None:
-            belief, answered = self._lose(), 0
+            status = self._lose(submitted)
         else:
-            belief, answered = self._update(submitted.request, submitted.clock)
+            found, answered = self._update(submitted.request, submitted.clock)
             self._time_s = submitted.frame.time_s
-        if submitted.first:
-            belief = belief.at_rest()  # the way from a guess is no motion
-        self._belief = belief
-        return Tracked(submitted.frame, self.state, belief, answered, submitted.clock)
+            if submitted.first:
+                found = found.at_rest()  # the way from a guess is no motion
+            self._belief = self._decide(found, submitted.rival)
+        return Tracked(submitted.frame, self.state, self._belief, status, answered, submitted.clock)
 
     def report(self, tracked: Tracked) -> Estimate:
         """What was found in a frame that was collected; at any time after that."""
         with tracked.clock.stage("report"):
-            found, weights = tracked.belief, tracked.belief.weights[:RECORDED]
-            shown = found.poses[:RECORDED]
-            joints = joint_positions(self.model, np.concatenate([found.reported[None], shown]))
-            residual = float(found.residual[0])
-            status = judge(residual, self.rules.noise_depth, weights, joints[1:])
+            watch, model = tracked.state.checkpoint.watch, tracked.state.start.model
+            belief = tracked.belief
+            reported = tracked.state.start.pose if belief is None else belief.reported
+            weights = np.empty(0) if belief is None else belief.weights[:RECORDED]
+            shown = reported[None][:0] if belief is None else belief.poses[:RECORDED]
+            joints = joint_positions(model, np.concatenate([reported[None], shown]))
+            status = tracked.status or judge(watch, weights, joints[1:])
         return Estimate(
             frame=tracked.frame.number,
             time_s=tracked.frame.time_s,
             status=status,
-            pose=found.reported,
+            pose=reported,
             joint_positions=joints[0],
             hypothesis_pose=shown,
-            hypothesis_weight=weights / weights.sum(),
-            residual=residual,
+            hypothesis_weight=weights / weights.sum() if len(weights) else weights,
+            residual=np.nan if belief is None else float(belief.residual[0]),
             particles_answered=tracked.answered,
+            why=watch.why,
             stage_seconds=tracked.clock.seconds,
         )
+
+    def _look(self, subject: SubjectFrame, planes: Planes) -> Finding | None:
+        """Find the body, if there is none yet, or where else it may be, if that is in doubt."""
+        if self._belief is None:
+            self._find(subject, planes)
+            return None
+        if not (self._watch.checks and self._recovers):
+            return None
+        return self._seeker.find_again(subject, self._start, self.rules)
+
+    def _find(self, subject: SubjectFrame, planes: Planes) -> None:
+        """Begin where the body is given or found, if what is found can be believed."""
+        noise = measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
+        if self._given:
+            self._start = replace(self._start, noise=noise)
+            self._belief = self._begin_at(self._start.pose)
+        elif len(subject.picked) < min(FEWEST, self._settings.points):
+            self._watch = self._watch.saw_nobody()
+        elif self._watch.pause > 0:
+            self._watch = self._watch.waited()
+        else:
+            finding = self._seeker.find(subject, noise, planes)
+            if finding.verdict.stands:
+                self._start, self._belief = finding.start, self._begin_with(finding)
+                self._watch = Watch(why=finding.verdict.why)
+            else:
+                self._watch = self._watch.failed(finding.verdict.why)
+
+    @property
+    def _recovers(self) -> bool:
+        return self._settings.recover and self._seeker.can_find_again(self._start)
+
+    def _lose(self, submitted: Submitted) -> Status:
+        """Nothing of the body was seen: hypotheses stay where they are."""
+        if self._belief is None:
+            return "searching" if submitted.shows and self._watch.failures else "absent"
+        unseen = np.full(len(self._belief.residual), np.nan)
+        self._belief = replace(self._belief.at_rest(), residual=unseen)
+        self._watch = self._watch.saw_nobody()
+        return "lost" if submitted.shows else "absent"
+
+    def _decide(self, followed: Belief, rival: Finding | None) -> Belief:
+        """The hypotheses that were followed, or those that were found elsewhere, if they are likelier."""
+        verdict = weigh(followed.log_weights[0], followed.residual[0], self.rules)
+        anew = rival is not None and rival.standing.log_likelihood[0] > followed.log_weights[0] + SURELY
+        if anew and rival is not None:
+            followed, verdict = self._begin_with(rival), rival.verdict
+        self._watch = self._watch.followed(verdict, anew=anew)
+        return followed
+
+    def _begin_with(self, finding: Finding) -> Belief:
+        """The belief in what was found: all of it, if the method can have several hypotheses."""
+        standing, model = finding.standing, finding.start.model
+        begun = self._method.begin(model, standing.poses[0], self._settings.filter)
+        if isinstance(begun, Hypotheses) and self._settings.filter.particles > 1:
+            return believe(model, standing, self._settings.filter)
+        return replace(begun, log_weights=standing.log_likelihood[:1], residual=standing.residual[:1])
 
     def _request(self, proposal: Proposal[Any]) -> Request:
         refine = self.rules
@@ -201,21 +271,6 @@ class Tracker:
             with clock.stage("refine"):
                 request = self._request(found)
 
-    def _lose(self) -> Belief:
-        """Nothing was seen: hypotheses stay where they are."""
-        assert self._belief is not None
-        return replace(self._belief.at_rest(), residual=np.full(len(self._belief.residual), np.nan))
-
-    def _require_belief(self, frame: DepthFrame) -> Belief:
-        """The belief before a frame that shows nothing; InputError if it is the first."""
-        if self._belief is None:
-            where = "" if self._given is None else f" within {100 * CLEARANCE:.0f} cm of the given start"
-            raise InputError(
-                f"frame {frame.number} shows no depth{where}, so there is nothing to start from; "
-                "begin with a frame that shows the person, e.g. with --frames"
-            )
-        return self._belief
-
     def _cut_out(self, frame: DepthFrame) -> CutOut:
         """What is near the body as it was two frames ago: so it can be cut out while the last is refined."""
         if self._ahead is not None and self._ahead.frame is frame:
@@ -225,23 +280,17 @@ class Tracker:
             return CutOut(frame, self._isolation.cut(frame, self._body()), clock)
 
     def _body(self) -> PosedBody | None:
-        """Near what a frame is cut out, at first the given pose; None where nothing is known yet."""
-        if self._around is not None:
-            return PosedBody(self.model, self._around)
-        if self._given is not None:
-            start = given_start(self._given, self._bodies)
-            return PosedBody(start.model, start.pose)
-        return None
+        """Near what a frame is cut out; None where the body may be anywhere."""
+        return None if self._around is None else PosedBody(self.model, self._around)
 
-    def _begin(self, subject: SubjectFrame) -> Belief:
-        noise = measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
-        if self._given is not None:
-            start = given_start(self._given, self._bodies)
-        else:
-            refine = assume_noise(self._settings.refine, noise)
-            start = find_start(subject, self._bodies, self._refiner, refine)
-        self._start = replace(start, noise=noise)
-        return self._begin_at(self._start)
+    def _whereabouts(self) -> Array | None:
+        """The pose (D,) near which the next frame but one shows the body; None where it may be anywhere.
 
-    def _begin_at(self, start: Start) -> Belief:
-        return self._method.begin(start.model, start.pose, self._settings.filter)
+        That frame is cut out before this one is collected, so it is what is known before this one.
+        """
+        if self._belief is None or (self._watch.seeks and self._recovers):
+            return None
+        return self._belief.reported
+
+    def _begin_at(self, pose: Array) -> Belief:
+        return self._method.begin(self.model, pose, self._settings.filter)

@@ -126,11 +126,11 @@ def test_a_shell_completes_commands() -> None:
     assert done.stdout.split() == ["track"]
 
 
-def test_a_frame_without_depth_is_lost_and_the_run_goes_on(tracked: Tracked) -> None:
+def test_a_frame_without_depth_shows_nobody_and_the_run_goes_on(tracked: Tracked) -> None:
     """Nothing can be said of the frame in which nothing is seen; the next is tracked again."""
     track, summary = tracked("--method", "gradient")
-    assert track.status.tolist() == ["tracked", "tracked", "tracked", "lost", "tracked"]
-    assert summary["status"] == {"tracked": 4, "ambiguous": 0, "lost": 1}
+    assert track.status.tolist() == ["tracked", "tracked", "tracked", "absent", "tracked"]
+    assert summary["status"] == {"tracked": 4, "ambiguous": 0, "lost": 0, "searching": 0, "absent": 1}
 
 
 def test_the_summary_has_settings_and_outcome(tracked: Tracked) -> None:

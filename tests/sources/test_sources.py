@@ -15,7 +15,7 @@ from scipy.io import savemat
 
 from common.errors import InputError
 from coordinator.sources import open_source
-from coordinator.sources.source import first_frame, select_frames
+from coordinator.sources.source import select_frames
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 UTD = DATA / "utd_mhad" / "depth" / "a9_s2_t1_depth.mat"
@@ -243,18 +243,6 @@ def test_a_path_without_a_sequence_says_what_was_expected(tmp_path: Path) -> Non
     (tmp_path / "film.mp4").touch()
     with pytest.raises(InputError, match="a film holds colours, not depth"):
         open_source(tmp_path / "film.mp4")
-
-
-def test_a_first_frame_without_depth_is_refused_and_a_later_one_is_not(
-    tmp_path: Path, frames: NDArray[np.uint16]
-) -> None:
-    """Tracking can cross an empty frame, but not start from it; with a later start all is well."""
-    frames[1] = 0
-    source = open_source(write_folder(tmp_path / "gap", frames))
-    np.testing.assert_array_equal(first_frame(source, source.numbers).depth, frames[0])
-    with pytest.raises(InputError, match=r"frame 1 of gap holds no depth at all.*--frames A:3"):
-        first_frame(source, range(1, 3))
-    assert first_frame(source, range(2, 3)).number == 2
 
 
 @pytest.mark.parametrize(

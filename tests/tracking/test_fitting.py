@@ -148,7 +148,7 @@ def test_a_person_file_holds_what_was_measured(tmp_path: Path) -> None:
     assert read.thigh == pytest.approx(OTHER.thigh, abs=6e-5)
     bodies = choose_bodies(None, "default", str(tmp_path / "new" / "person.json"))
     assert bodies.measures == (1.75, 1.0)
-    assert bodies.finds_start
+    assert bodies.people
     model = bodies.tracked(1.0, 1.0, {})[0]  # measures of a file are not changed by what is sought
     np.testing.assert_allclose(model.joint_points, build(OTHER).joint_points, atol=1e-3)
 

@@ -1,0 +1,49 @@
+"""The last of a search: a few rounds of the filter itself on one frame, from all candidates that are left."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from common.body import BodyModel
+from common.frame import SubjectFrame
+from common.settings import FilterSettings, RefineSettings
+from coordinator.filters import gradient_enhanced
+from coordinator.filters.gradient_enhanced import Hypotheses
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.search.stages import Standing, refine
+from coordinator.tracking.sighting import see
+
+SEED = 0  # of the rounds, whatever the run's: a search draws nothing from the tracker's generator
+
+
+def settle(
+    refiner: Refiner,
+    subject: SubjectFrame,
+    model: BodyModel,
+    standing: Standing,
+    settings: RefineSettings,
+    rounds: int,
+) -> Hypotheses:
+    """What the filter makes of candidates on one body after so many rounds on the published frame."""
+    filtering = FilterSettings(velocity_share=0.0, explore=True)
+    belief, rng = believe(model, standing, filtering), np.random.default_rng(SEED)
+    for _ in range(rounds):
+        proposal = gradient_enhanced.propose(model, belief, see(subject, None), filtering, rng)
+        refined = refine(refiner, model, proposal.poses, settings)
+        belief = gradient_enhanced.update(model, proposal, refined, filtering, rng).at_rest()
+    return belief
+
+
+def believe(model: BodyModel, standing: Standing, settings: FilterSettings) -> Hypotheses:
+    """Candidates (M) as hypotheses at rest, each as uncertain as a start."""
+    first = gradient_enhanced.begin(model, standing.poses[0], settings)
+    return replace(
+        first,
+        poses=standing.poses,
+        log_weights=standing.log_likelihood,
+        residual=standing.residual,
+        velocities=np.zeros_like(standing.poses),
+        covariances=np.repeat(first.covariances, len(standing.poses), axis=0),
+    )

@@ -1,0 +1,96 @@
+"""A body's shape as a camera sees it: a coarse depth image about its middle, seen from far away.
+
+The image is orthographic, with cells so large that a few hundred points fill them, so it can be had of a
+model's vertices and of observed points alike, at any distance. Depth counts from the middle, too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Image = NDArray[np.float32]
+
+ROWS, COLUMNS = 40, 36
+EMPTY = np.float32(1e3)  # depth of a cell in which there is nothing
+CELL = 0.06  # metres, of a person of reference stature
+BOUND = 25.0 / 6.0  # cells: a difference of depth beyond it is as bad as nothing at all
+
+
+@numba.njit(cache=True, nogil=True)
+def sign(points: Any, cell: float, image: Image, middle: Array) -> int:
+    """Fill image (ROWS, COLUMNS) with the nearest depth of points (P, 3) in each cell, and middle (3,).
+
+    The middle is the mean of the cells' centres that see something and of their depth; depth in the image is
+    relative to it. Gives the number of cells that are not empty.
+    """
+    middle[0] = middle[1] = middle[2] = 0.0
+    for i in range(len(points)):
+        for a in range(2):
+            middle[a] += points[i, a] / len(points)
+    splat(points, cell, middle, image)
+    centre(cell, image, middle)
+    count = splat(points, cell, middle, image)
+    total = 0.0
+    for row in range(ROWS):
+        for column in range(COLUMNS):
+            if image[row, column] < EMPTY:
+                total += image[row, column]
+    middle[2] = total / max(count, 1)
+    for row in range(ROWS):
+        for column in range(COLUMNS):
+            if image[row, column] < EMPTY:
+                image[row, column] -= np.float32(middle[2])
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def splat(points: Any, cell: float, middle: Array, image: Image) -> int:
+    """Fill image with the nearest depth in each cell about middle (3,); gives how many cells have any."""
+    image[:] = EMPTY
+    count = 0
+    for i in range(len(points)):
+        column = int(np.floor((points[i, 0] - middle[0]) / cell + 0.5 * COLUMNS))
+        row = int(np.floor((points[i, 1] - middle[1]) / cell + 0.5 * ROWS))
+        if 0 <= column < COLUMNS and 0 <= row < ROWS:
+            if image[row, column] == EMPTY:
+                count += 1
+            image[row, column] = min(image[row, column], np.float32(points[i, 2]))
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def centre(cell: float, image: Image, middle: Array) -> None:
+    """Move middle (3,) to the mean centre of the cells in which image about it has something."""
+    across, down, count = 0.0, 0.0, 0
+    for row in range(ROWS):
+        for column in range(COLUMNS):
+            if image[row, column] < EMPTY:
+                across += column + 0.5 - 0.5 * COLUMNS
+                down += row + 0.5 - 0.5 * ROWS
+                count += 1
+    if count > 0:
+        middle[0] += across / count * cell
+        middle[1] += down / count * cell
+
+
+@numba.njit(cache=True, nogil=True)
+def compare(cells: Image, occupied: Array, image: Image, bound: float, out: Array) -> None:
+    """Fill out (N,) with how much signatures differ from an image: the sum of min(|dz|, bound)^2.
+
+    cells: The signatures (ROWS * COLUMNS, N), cell by cell; occupied: how many of each are not empty.
+    """
+    worst, depths = bound * bound, image.ravel()
+    for n in range(len(out)):
+        out[n] = worst * occupied[n]
+    for k in range(len(depths)):
+        if depths[k] < EMPTY:
+            line, depth = cells[k], depths[k]
+            for n in range(len(out)):
+                apart = np.float64(line[n] - depth)
+                both = worst if line[n] < EMPTY else 0.0
+                out[n] += min(apart * apart, worst) - both

@@ -1,0 +1,138 @@
+"""Looks for the tracked body: of any size at first, of its own when it may be elsewhere.
+
+And doubts what it finds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS
+from common.frame import SubjectFrame
+from common.kinematics import joint_positions
+from common.settings import RefineSettings, preset
+from coordinator.bodies.tracked import Bodies
+from coordinator.scene.planes import Planes
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.search.search import QUICK, THOROUGH, WAYS_UP, Found, Search, observed_points
+from coordinator.tracking.search.sizes import Size
+from coordinator.tracking.search.stages import Standing, refine
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from coordinator.tracking.start import Start, found_start, poses_of
+from coordinator.tracking.verdict import (
+    Verdict,
+    add_doubts,
+    doubt_flat,
+    doubt_place,
+    doubt_size,
+    doubt_span,
+    weigh,
+)
+
+Array = NDArray[np.float64]
+
+ALIKE = 1.0  # difference of log likelihood up to which candidates explain a frame as well as each other
+ELSEWHERE = 0.2  # metres of a joint between poses that are told apart
+HEAD, PELVIS = "head", "pelvis"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """Where a body was found in a frame: hypotheses (M), the likeliest first, of the body that is tracked."""
+
+    start: Start
+    standing: Standing
+    verdict: Verdict
+
+
+class Seeker:
+    """Finds a body in single frames.
+
+    Args:
+        bodies: Whoever may be there.
+        refiner: Has candidates refined.
+        settings: What the tracker assumes of the camera's noise.
+        ways_up: Turns of the picture in which a body is looked for, radians.
+    """
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        refiner: Refiner,
+        settings: RefineSettings,
+        ways_up: Sequence[float] = WAYS_UP,
+    ) -> None:
+        self._bodies = bodies
+        self._refiner = refiner
+        self._settings = msgspec.structs.replace(
+            preset("default").refine, noise_depth=settings.noise_depth, noise_lateral=settings.noise_lateral
+        )
+        self._ways_up = tuple(ways_up)
+
+    @cached_property
+    def _search(self) -> Search:
+        return Search(self._bodies, self._refiner)
+
+    def find(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Finding:
+        """A body of which nothing is known. The verdict says whether to believe it."""
+        settings = assume_noise(self._settings, noise)
+        found = self._search.find(subject, settings, THOROUGH, ways_up=self._ways_up)
+        start = found_start(found, self._bodies, noise)
+        standing = self._on_tracked(found, start, settings)
+        verdict = weigh(standing.log_likelihood[0], standing.residual[0], settings)
+        verdict = add_doubts(verdict, self._doubts(subject, start, found.size, standing.joints[0], planes))
+        return Finding(start, standing, self._mention_rivals(verdict, standing))
+
+    def find_again(self, subject: SubjectFrame, start: Start, rules: RefineSettings) -> Finding:
+        """The body that is known, wherever it is now."""
+        ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
+        settings = assume_noise(self._settings, start.noise)
+        size = Size(start.stature, start.girth)
+        found = self._search.find(subject, settings, QUICK, size, ways)
+        standing = self._on_tracked(found, start, rules)
+        return Finding(start, standing, weigh(standing.log_likelihood[0], standing.residual[0], rules))
+
+    def can_find_again(self, start: Start) -> bool:
+        """Whether the body may be elsewhere: its base is not held still."""
+        return set(ROOT_DOFS) <= set(start.model.dof_names)
+
+    def _on_tracked(self, found: Found, start: Start, settings: RefineSettings) -> Standing:
+        """What was found, as the body that is tracked takes it."""
+        model, poses = start.model, poses_of(found, start)
+        refined = refine(self._refiner, model, poses, settings)
+        order = np.argsort(-refined.log_likelihood, kind="stable")
+        order = order[np.isfinite(refined.log_likelihood[order])]
+        joints = joint_positions(model, refined.poses)
+        sizes = np.zeros(len(poses), dtype=np.int64)
+        return Standing(refined.poses, sizes, refined.log_likelihood, refined.residual, joints).take(order)
+
+    def _doubts(
+        self, subject: SubjectFrame, start: Start, size: Size, joints: Array, planes: Planes
+    ) -> list[tuple[float, str]]:
+        """What speaks against a person; of another body nothing is known."""
+        if not self._bodies.people:
+            return []
+        points, names = observed_points(subject), start.model.joint_names
+        doubts = [*doubt_span(points, size.stature), *doubt_flat(points)]
+        if self._bodies.measures is None:
+            doubts += doubt_size(extreme=size.extreme, stature=size.stature)
+        if planes.camera_height is not None:
+            trunk = joints[names.index(HEAD)] - joints[names.index(PELVIS)]
+            doubts += doubt_place(float(trunk @ planes.up), float(planes.above(joints).min()))
+        return doubts
+
+    @staticmethod
+    def _mention_rivals(verdict: Verdict, standing: Standing) -> Verdict:
+        """Say where other poses explain the frame as well."""
+        close = standing.log_likelihood > standing.log_likelihood[0] - ALIKE
+        apart = np.linalg.norm(standing.joints - standing.joints[0], axis=-1).max(axis=-1) > ELSEWHERE
+        count = int(np.sum(close & apart))
+        if verdict.why or not count:
+            return verdict
+        return Verdict(verdict.strain, f"{count + 1} poses look alike; the likeliest was taken")

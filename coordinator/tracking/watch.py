@@ -1,0 +1,70 @@
+"""When to look for the body anew: at first, when it is lost or gone, and now and then while in doubt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from coordinator.tracking.verdict import Verdict
+
+LOST = 1.3  # strain from which on a body that was tracked is not: those who are stay below 1.2
+PATIENCE = 2  # frames in a row that may be badly explained before the body is looked for
+LONGEST_PAUSE = 5  # frames between searches for a body of which nothing is known
+CHECKS = (2, 5, 9)  # frames after a find in which it is held against a new search
+DOUBTFUL = 0.85  # strain from which on it is held against a search every so many frames
+EVERY = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """How it went lately; a tracker's state has it. What is counted is frames.
+
+    seeks: the body may be anywhere. tracked: since it was found last. unexplained, failures: in a row, of
+    frames and of searches for an unknown body. pause: until the next of these. strain, why: of the last.
+    """
+
+    seeks: bool = False
+    tracked: int = 0
+    unexplained: int = 0
+    failures: int = 0
+    pause: int = 0
+    strain: float = 0.0
+    why: str = ""
+
+    @property
+    def checks(self) -> bool:
+        """Whether to look elsewhere, though the body seems to be where it is."""
+        doubtful = self.strain > DOUBTFUL and self.tracked % EVERY == 0
+        return self.seeks or self.tracked in CHECKS or doubtful
+
+    def saw_nobody(self) -> Self:
+        """After a frame that shows nobody, or not where the body was."""
+        return replace(self, seeks=True, pause=0, failures=0, why="")
+
+    def waited(self) -> Self:
+        """After a frame in which an unknown body was not looked for."""
+        return replace(self, pause=self.pause - 1)
+
+    def failed(self, why: str) -> Self:
+        """After a search for an unknown body that found nobody to be believed."""
+        failures = self.failures + 1
+        return replace(self, failures=failures, pause=min(failures, LONGEST_PAUSE) - 1, why=why)
+
+    def followed(self, verdict: Verdict, *, anew: bool) -> Self:
+        """After a frame in which the body was tracked, or found `anew`."""
+        if verdict.strain <= (1.0 if self.seeks else LOST):
+            tracked = 0 if anew else self.tracked + 1
+            return type(self)(tracked=tracked, strain=verdict.strain, why=verdict.why)
+        unexplained = self.unexplained + 1
+        return replace(
+            self,
+            seeks=self.seeks or unexplained > PATIENCE,
+            tracked=self.tracked + 1,
+            unexplained=unexplained,
+            strain=verdict.strain,
+            why=verdict.why,
+        )
+
+
+GIVEN = Watch(tracked=CHECKS[-1] + 1)
+"""Of a body whose start was given: it is not held against a search unless there is doubt."""
