@@ -218,7 +218,7 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
     """All frames are there, no worker is asked, and the files come to be as ever."""
     out = tmp_path / "out"
     assert track(workers, sequence, tmp_path / "calm") == 0
-    workers.before = lambda number: (out / "poses.csv").mkdir() if number == 4 else None
+    workers.before = lambda number: (out / "poses.csv").mkdir(exist_ok=True) if number == 4 else None
     assert track(workers, sequence, out) == 1
     (out / "poses.csv").rmdir()
     (out / "track.npz").unlink()
