@@ -67,7 +67,9 @@ def understand(line: str) -> None:
         except typer.TyperException as error:
             assert "Missing parameter" in str(error)  # noqa: PT017 all else is a fault of the document
     else:
-        known = {option for parameter in command.params for option in parameter.opts}
+        known = {
+            option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)
+        }
         assert set(words[:1]) <= known
 
 
@@ -93,7 +95,8 @@ def test_every_printed_option_is_one(option: str) -> None:
 
 def needs_value(option: str) -> bool:
     """Whether an option of gepf track is followed by a value."""
-    (found,) = [p for p in PROGRAMS["gepf"].commands["track"].params if option in p.opts]  # type: ignore[attr-defined]
+    parameters = PROGRAMS["gepf"].commands["track"].params  # type: ignore[attr-defined]
+    (found,) = [p for p in parameters if option in (*p.opts, *p.secondary_opts)]
     return not getattr(found, "is_flag", False)
 
 
