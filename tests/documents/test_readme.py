@@ -137,6 +137,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     type_in(folder, "gepf synth arm --frames 3 --out recording")
     shutil.copy(folder / "recording" / "truth.npz", folder / "truth.npz")
     shutil.copy(ROOT / "examples" / "arm7.urdf", folder / "robot.urdf")
+    shutil.copytree(ROOT / "examples", folder / "examples")
     return folder
 
 
