@@ -14,7 +14,7 @@ from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import pack_observation, pack_parameters
 from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
-from worker.kernel.solver.priors import clamp_to_limits
+from worker.kernel.solver.priors import LIMIT_SHARE, clamp_to_limits
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_surface, repose_visible, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
@@ -49,7 +49,14 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
     workspace = make_workspace(skeleton, surface, packed)
     pose, clock = case.start[0].copy(), Clock()
     metric = np.array([1.0, 1.0, parameters.stretch**2])
-    damping = parameters.damping + parameters.damping_share * packed.count
+    solver = SolverParameters(
+        metric,
+        parameters.damping + parameters.damping_share * packed.count,
+        parameters.rest_weight * packed.count,
+        LIMIT_SHARE * packed.count,
+        parameters.gauss_newton_iterations,
+        parameters.keep_limits,
+    )
     if parameters.keep_limits:
         clamp_to_limits(skeleton, pose)
     last_count, visible, before = 0, workspace.visibility.visible, pose.copy()
@@ -69,12 +76,8 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         before[:] = pose
         last_count = find_correspondences(visible, last_count, surface, packed, parameters, workspace)
         clock.lap("closest points")
-        unexplained = accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
+        accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         clock.lap("moments")
-        stiffness = parameters.rest_weight * unexplained
-        solver = SolverParameters(
-            metric, damping, stiffness, parameters.gauss_newton_iterations, parameters.keep_limits
-        )
         minimise(skeleton, pose, solver, workspace.equations)
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)

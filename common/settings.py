@@ -14,7 +14,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gauss_newton_iterations: int = 5
     damping: float = 0.1  # lambda of Eq. 4
     damping_share: float = 0.0  # is added to it for each observed point
-    rest_weight: float = 0.0  # of a squared joint angle, for each point that the pose leaves unexplained
+    pose_deviation: float = 0.0  # of joint angles from rest, a prior; 0: none
     keep_limits: bool = False  # of the joints
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
     noise_lateral: float = 0.01  # and across it; closest points are sought in units of both
@@ -70,7 +70,7 @@ PRESETS = {
             visibility_interval=3,
             soft_correspondences=True,
             damping_share=0.0003,
-            rest_weight=0.0005,
+            pose_deviation=0.8,
             keep_limits=True,
             outlier_distance=0.1,
             free_space_weight=1.0,

@@ -173,7 +173,7 @@ class Extremes:
             gauss_newton_iterations=self._one_of((0, 1, 5)),
             damping=self._one_of(ANY_SETTING),
             damping_share=self._one_of(ANY_SETTING),
-            rest_weight=self._one_of(ANY_SETTING),
+            pose_deviation=self._one_of(ANY_SETTING),
             keep_limits=self._coin(),
             noise_depth=self._one_of(POSITIVE),
             noise_lateral=self._one_of(POSITIVE),

@@ -6,7 +6,7 @@ vertex whose skin is shared by two links is drawn as a part of each, by its shar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,6 @@ class Factors:
     links: Indices
     targets: Array
     weights: Array
-    unexplained: int = 0  # observed points that count less than half
 
 
 def render(model: BodyModel, pose: Array, camera: Intrinsics, number: int = 0) -> DepthFrame:
@@ -170,7 +169,6 @@ def weigh_correspondences(
     points = observed_points(subject)
     index, squared = closest_points(points, posed[visible], settings)
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
-    unexplained = int(np.count_nonzero(weights < 0.5))
     if settings.free_space_weight > 0.0:
         outline, away = project_onto_silhouette(
             posed[visible], is_measurable(model, pose, posed)[visible], subject
@@ -179,7 +177,7 @@ def weigh_correspondences(
         vertices = np.concatenate([vertices, visible[away > 0.0]])
         targets = np.concatenate([targets, outline[away > 0.0]])
         weights = np.concatenate([weights, pull[away > 0.0]])
-    return replace(split_by_link(model, pose, posed, vertices, targets, weights), unexplained=unexplained)
+    return split_by_link(model, pose, posed, vertices, targets, weights)
 
 
 def split_by_link(
@@ -234,13 +232,10 @@ def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSet
     for _ in range(settings.gauss_newton_iterations):
         gram, gradient = equations(model, factors, pose, settings)
         gram += np.eye(len(pose)) * (settings.damping + settings.damping_share * count)
-        gram, gradient = add_rest_prior(
-            model, pose, settings.rest_weight * factors.unexplained, gram, gradient
-        )
+        gram, gradient = add_rest_prior(model, pose, rest_weight(settings) * count, gram, gradient)
         free = np.ones(len(pose), dtype=bool)
         if settings.keep_limits:
-            stiffness = LIMIT_SHARE * factors.weights.sum()
-            gram, gradient = add_limit_prior(model, pose, stiffness, gram, gradient)
+            gram, gradient = add_limit_prior(model, pose, LIMIT_SHARE * count, gram, gradient)
             free = ~active_limits(model, pose, gradient)
         step = np.zeros_like(pose)
         step[free] = np.linalg.solve(gram[np.ix_(free, free)], -gradient[free])
@@ -249,6 +244,24 @@ def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSet
         if np.abs(step).max() < CONVERGED:
             break
     return pose
+
+
+def rest_weight(settings: RefineSettings) -> float:
+    """Of a squared joint angle, for each point, so that the prior has its deviation in the likelihood."""
+    known = settings.pose_deviation > 0.0
+    return (settings.likelihood_scale / settings.pose_deviation) ** 2 if known else 0.0
+
+
+def prior_cost(model: BodyModel, pose: Array, settings: RefineSettings) -> float:
+    """What a pose (D,) costs for each point, whatever is observed."""
+    away = difference(model, np.zeros((1, len(pose))), pose[None])[0]
+    away[[name in ROOT_DOFS for name in model.dof_names]] = 0.0
+    cost = rest_weight(settings) * float(away @ away)
+    excess = pose - np.clip(pose, *model.limits.T)
+    for start in model.balls:
+        if settings.keep_limits and abs(np.cos(pose[start + 1])) > 0.3:
+            cost += LIMIT_SHARE * float(np.sum(excess[start : start + 3] ** 2))
+    return cost
 
 
 def add_rest_prior(
@@ -312,6 +325,7 @@ def evaluate(
     cost = robust_cost(squared, settings).mean()
     _, away = project_onto_silhouette(posed[visible], is_measurable(model, pose, posed)[visible], subject)
     cost += settings.free_space_weight * robust_cost(away, settings).mean()
+    cost += prior_cost(model, pose, settings)
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
 

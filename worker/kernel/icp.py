@@ -23,7 +23,7 @@ from worker.kernel.soft.fisher_scoring import fisher_scoring_step
 from worker.kernel.soft.responsibilities import sample_distance
 from worker.kernel.soft.samples import SampleGrid, sample
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
-from worker.kernel.solver.priors import clamp_to_limits
+from worker.kernel.solver.priors import LIMIT_SHARE, clamp_to_limits
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_surface, repose_visible, update_visibility
 from worker.kernel.weighting import accumulate_correspondences
@@ -81,7 +81,14 @@ def refine_particle(
 ) -> tuple[float, float]:
     """Refine pose (D,) in place; returns its log likelihood and mean residual in metres."""
     metric = np.array([1.0, 1.0, parameters.stretch * parameters.stretch])
-    damping = parameters.damping + parameters.damping_share * observed.count
+    solver = SolverParameters(
+        metric,
+        parameters.damping + parameters.damping_share * observed.count,
+        parameters.rest_weight * observed.count,
+        LIMIT_SHARE * observed.count,
+        parameters.gauss_newton_iterations,
+        parameters.keep_limits,
+    )
     if parameters.keep_limits:
         clamp_to_limits(skeleton, pose)
     transforms, view = workspace.transforms, workspace.visibility
@@ -96,11 +103,7 @@ def refine_particle(
             break
         before[:] = pose
         last_count = find_correspondences(visible, last_count, surface, observed, parameters, workspace)  # 4c
-        unexplained = accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
-        stiffness = parameters.rest_weight * unexplained
-        solver = SolverParameters(
-            metric, damping, stiffness, parameters.gauss_newton_iterations, parameters.keep_limits
-        )
+        accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
         minimise(skeleton, pose, solver, workspace.equations)  # 4d
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)

@@ -1,10 +1,10 @@
-"""How well a pose explains a frame (step 5).
+"""How likely a pose is in a frame: how well it explains it, and how people hold themselves (step 5).
 
 The paper says only "calculated from the residual error". Here the log likelihood of a pose is
 
-    -1/2 (mean over observed points of rho(d_i) + w_f mean over visible model points of rho(f_v)) / T
+    -1/2 (mean over observed points of rho(d_i) + w_f mean over visible model points of rho(f_v) + prior) / T
 
-with d_i the distance of an observed point from its closest visible model point and f_v the distance by
+with the prior that the descent has, too (see `solver.priors`), d_i the distance of an observed point from its closest visible model point and f_v the distance by
 which a model point lies where the camera saw nothing, both in units of the lateral noise, and rho the
 squared distance, or what a robust kernel makes of it. The mean, not the sum, because neighbouring points
 err together: a sum over ten thousand of them would let no second hypothesis live.
@@ -29,6 +29,7 @@ from worker.kernel.soft.responsibilities import (
     sample_radius,
 )
 from worker.kernel.soft.samples import SampleGrid, sample
+from worker.kernel.solver.priors import prior_cost
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import repose_visible, update_visibility
 from worker.kernel.weighting import find_silhouette_points
@@ -66,13 +67,14 @@ def evaluate(
         free_space = parameters.free_space_weight * mean_free_space_cost(
             visible, skeleton, surface, observed, parameters, workspace
         )
+    prior = prior_cost(skeleton, pose, parameters.rest_weight, parameters.keep_limits)
     if not parameters.soft:
-        cost = mean_cost(observed, parameters, workspace.search) + free_space
+        cost = mean_cost(observed, parameters, workspace.search) + free_space + prior
         return -0.5 * cost * parameters.likelihood_scale, residual
     grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
     log_density = mean_log_density(grid, observed, parameters, workspace.soft)
-    free_space = 0.5 * free_space / parameters.noise_lateral**2
-    return parameters.independent_points * (log_density - free_space), residual
+    cost = 0.5 * (free_space + prior) / parameters.noise_lateral**2
+    return parameters.independent_points * (log_density - cost), residual
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})

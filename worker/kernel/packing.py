@@ -13,6 +13,8 @@ from worker.kernel.search.correspondence import boxes_of
 
 FAR_NOISIER = 2.0  # along than across, from which on the closest point misleads
 
+HEAVIEST = 1e6  # that a prior may be
+
 
 class PackedObservation(NamedTuple):
     """An observation for the kernel, depth stretched so that noise is alike in all directions."""
@@ -40,7 +42,7 @@ class KernelParameters(NamedTuple):
     visibility_interval: int
     damping: float
     damping_share: float
-    rest_weight: float
+    rest_weight: float  # m^2, of a squared joint angle, for each point
     keep_limits: bool
     stretch: float  # lateral over depth noise
     outlier_squared: float  # m^2
@@ -71,17 +73,28 @@ def pack_observation(observation: Observation, settings: RefineSettings) -> Pack
     )
 
 
+def rest_weight(settings: RefineSettings, soft: bool) -> float:
+    """Of a squared joint angle, for each point, so that the prior has its deviation in the likelihood (m^2)."""
+    if not settings.pose_deviation > 0.0:
+        return 0.0
+    squared = settings.likelihood_scale**2
+    if soft:
+        squared = settings.noise_lateral**2 / max(settings.independent_points, 1.0)
+    return min(squared / settings.pose_deviation**2, HEAVIEST)
+
+
 def pack_parameters(settings: RefineSettings) -> KernelParameters:
     """Pack settings in the kernel's own units."""
+    soft = settings.soft_correspondences and settings.noise_depth > FAR_NOISIER * settings.noise_lateral
     return KernelParameters(
         settings.icp_iterations,
-        settings.soft_correspondences and settings.noise_depth > FAR_NOISIER * settings.noise_lateral,
+        soft,
         settings.gauss_newton_iterations,
         settings.over_relaxation,
         settings.visibility_interval,
         settings.damping,
         settings.damping_share,
-        settings.rest_weight,
+        rest_weight(settings, soft),
         settings.keep_limits,
         settings.noise_lateral / settings.noise_depth,
         settings.outlier_distance**2,

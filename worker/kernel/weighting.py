@@ -26,20 +26,14 @@ def accumulate_correspondences(
     observed: PackedObservation,
     parameters: KernelParameters,
     workspace: Workspace,
-) -> int:
-    """Sum all weighted correspondences into workspace.equations; returns how many points are unexplained.
-
-    Unexplained is where the robust kernel more than halves a point's weight.
-    """
-    unexplained = add_observed_points(
-        len(visible), observed, parameters, workspace.search, workspace.weighted_targets
-    )
+) -> None:
+    """Sum all weighted correspondences into workspace.equations."""
+    add_observed_points(len(visible), observed, parameters, workspace.search, workspace.weighted_targets)
     if parameters.free_space_weight > 0.0:
         add_free_space(visible, skeleton, surface, observed, parameters, workspace)
     add_correspondences(
         surface, visible, workspace.visibility.posed, workspace.weighted_targets, workspace.equations
     )
-    return unexplained
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -49,11 +43,11 @@ def add_observed_points(
     parameters: KernelParameters,
     search: SearchBuffers,
     weighted_targets: Array,
-) -> int:
-    """Fill weighted_targets from the observed points; returns how many of these are unexplained."""
+) -> None:
+    """Fill weighted_targets from the observed points."""
     shrink = 1.0 / parameters.stretch
     points, closest, weights = observed.points, search.closest, search.weights
-    unexplained = fill_robust_weights(search.squared, observed.count, parameters.outlier_squared, weights)
+    fill_robust_weights(search.squared, observed.count, parameters.outlier_squared, weights)
     weighted_targets[:visible] = 0.0
     for i in range(observed.count):
         weight, m = weights[i], closest[i]
@@ -61,19 +55,15 @@ def add_observed_points(
         weighted_targets[m, 1] += weight * points[1, i]
         weighted_targets[m, 2] += weight * points[2, i] * shrink
         weighted_targets[m, 3] += weight
-    return unexplained
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def fill_robust_weights(
     squared: NDArray[np.float32], count: int, scale_squared: float, weights: Array
-) -> int:
-    """Fill robust weights (count,) by squared distances; returns how many are below a half."""
-    unexplained = 0
+) -> None:
+    """Fill robust weights (count,) by squared distances."""
     for i in range(count):
         weights[i] = robust_weight(np.float64(squared[i]), scale_squared)
-        unexplained += weights[i] < 0.5
-    return unexplained
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -13,7 +13,6 @@ from common.kinematics.manifold import apply_step, ball_vector
 from common.kinematics.rotations import handedness
 from worker.kernel.solver.normal_equations import NormalEquations, normal_equations, subtree_moments
 from worker.kernel.solver.priors import (
-    LIMIT_SHARE,
     add_limit_prior,
     add_rest_prior,
     clamp_to_limits,
@@ -34,6 +33,7 @@ class SolverParameters(NamedTuple):
     metric: Array  # (3,) weights of the camera's axes
     damping: float  # lambda of Eq. 4
     stiffness: float  # of the rest prior: weight of a squared joint angle
+    limit_stiffness: float  # and of a squared radian beyond a ball's limits
     iterations: int
     keep_limits: bool
 
@@ -59,8 +59,7 @@ def minimise(skeleton: Skeleton, pose: Array, solver: SolverParameters, equation
         if solver.stiffness > 0.0:
             add_rest_prior(skeleton, pose, solver.stiffness, gram, gradient)
         if solver.keep_limits:
-            mass = LIMIT_SHARE * equations.moments[:, 3, 3].sum()
-            add_limit_prior(skeleton, pose, mass, gram, gradient)
+            add_limit_prior(skeleton, pose, solver.limit_stiffness, gram, gradient)
             hold_active_limits(skeleton, pose, gram, gradient)
         step[:] = -gradient
         solve_ltl(skeleton.parents, gram, step)  # Eq. 4

@@ -15,38 +15,69 @@ LIMIT_SHARE = 0.002  # weight of a squared radian outside a ball's limits, for e
 
 
 @numba.njit(cache=True, nogil=True)
-def add_rest_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
-    """Add the squared angles of all joints but the root to the equations (rest prior).
+def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float, keep_limits: bool) -> float:
+    """What pose (D,) costs for each point (m^2), whatever is observed: far from rest, or out of limits.
 
-    The angle of a ball is that of its rotation vector.
+    It is what `add_rest_prior` and `add_limit_prior` add half of, with the derivatives, to the equations.
     """
-    deviation = pose.copy()
+    cost = 0.0
+    if rest_weight > 0.0:
+        away = away_from_rest(skeleton, pose)
+        for j in range(len(pose)):
+            cost += rest_weight * away[j] * away[j]
+    if keep_limits:
+        excess = np.empty(3)
+        for start in skeleton.balls:
+            if fill_excess(skeleton, pose, start, excess):
+                cost += LIMIT_SHARE * (excess[0] ** 2 + excess[1] ** 2 + excess[2] ** 2)
+    return cost
+
+
+@numba.njit(cache=True, nogil=True)
+def away_from_rest(skeleton: Skeleton, pose: Array) -> Array:
+    """How far each angle of pose (D,) is from rest; of a ball, its rotation vector; of the root, nothing."""
+    away = pose.copy()
     for start in skeleton.balls:
-        axes = skeleton.axes[start : start + 3]
-        handed = handedness(axes)
-        deviation[start : start + 3] = handed * rotation_vector(
-            euler_matrix(handed * pose[start : start + 3])
-        )
+        handed = handedness(skeleton.axes[start : start + 3])
+        away[start : start + 3] = handed * rotation_vector(euler_matrix(handed * pose[start : start + 3]))
+    away[skeleton.root] = 0.0
+    return away
+
+
+@numba.njit(cache=True, nogil=True)
+def add_rest_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
+    """Add half the squared angles of all joints but the root to the equations (rest prior)."""
+    away = away_from_rest(skeleton, pose)
     for j in range(len(pose)):
         if not skeleton.root[j]:
             gram[j, j] += stiffness
-            gradient[j] += stiffness * deviation[j]
+            gradient[j] += stiffness * away[j]
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_excess(skeleton: Skeleton, pose: Array, start: int, excess: Array) -> bool:
+    """Fill excess (3,): how far a ball's angles are beyond their limits; whether any is, and means something.
+
+    Where the middle angle is near 90 degrees the others mean nothing.
+    """
+    outside = False
+    for a in range(3):
+        angle, low, high = pose[start + a], skeleton.limits[start + a, 0], skeleton.limits[start + a, 1]
+        excess[a] = angle - min(max(angle, low), high)
+        outside = outside or excess[a] != 0.0
+    return outside and abs(np.cos(pose[start + 1])) > 0.3
 
 
 @numba.njit(cache=True, nogil=True)
 def add_limit_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
-    """Add the squared excess of each ball's angles over their limits to the equations.
+    """Add half the squared excess of each ball's angles over their limits to the equations.
 
     With R = R_1 R_2 R_3 a small turn d of the ball changes its angles by E^-1 d, E = [a_1, R_1 a_2,
     R_1 R_2 a_3] along the ball's axes. Where E is nearly singular the angles mean nothing and are let be.
     """
+    excess = np.empty(3)
     for start in skeleton.balls:
-        excess, outside = np.zeros(3), False
-        for a in range(3):
-            angle, low, high = pose[start + a], skeleton.limits[start + a, 0], skeleton.limits[start + a, 1]
-            excess[a] = angle - min(max(angle, low), high)
-            outside = outside or excess[a] != 0.0
-        if outside and abs(np.cos(pose[start + 1])) > 0.3:
+        if fill_excess(skeleton, pose, start, excess):
             rates = np.linalg.inv(
                 euler_rates(pose[start : start + 3], handedness(skeleton.axes[start : start + 3]))
             )
