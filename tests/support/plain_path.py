@@ -138,9 +138,9 @@ def is_measurable(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.boo
 
 
 def project_onto_silhouette(
-    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame
+    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame, settings: RefineSettings
 ) -> tuple[Array, Array]:
-    """For model points (Q, 3) where nothing was seen the nearest (Q, 3) on the outline; distance squared."""
+    """For model points (Q, 3) in free space what draws them to the outline (Q, 3); distance squared."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
     pixels = project(seen, camera)
@@ -154,7 +154,9 @@ def project_onto_silhouette(
     apart = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)
     shift = np.column_stack([off * seen[:, 2:] / (camera.fx, camera.fy), np.zeros(len(seen))])
     shift *= apart[:, None]
-    return seen + shift, np.sum(shift**2, axis=1)
+    rays = (outline - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    along = np.sum(shift[:, :2] * rays, axis=1) / (settings.noise_lateral / settings.noise_depth) ** 2
+    return seen + shift - along[:, None] * (0.0, 0.0, 1.0), np.sum(shift**2, axis=1)
 
 
 def weigh_correspondences(
@@ -171,7 +173,7 @@ def weigh_correspondences(
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
     if settings.free_space_weight > 0.0:
         outline, away = project_onto_silhouette(
-            posed[visible], is_measurable(model, pose, posed)[visible], subject
+            posed[visible], is_measurable(model, pose, posed)[visible], subject, settings
         )
         pull = settings.free_space_weight * len(points) / len(visible) * robust_weight(away, settings)
         vertices = np.concatenate([vertices, visible[away > 0.0]])
@@ -323,7 +325,8 @@ def evaluate(
         return -np.inf, np.inf
     index, squared = closest_points(points, posed[visible], settings)
     cost = robust_cost(squared, settings).mean()
-    _, away = project_onto_silhouette(posed[visible], is_measurable(model, pose, posed)[visible], subject)
+    measurable = is_measurable(model, pose, posed)[visible]
+    _, away = project_onto_silhouette(posed[visible], measurable, subject, settings)
     cost += settings.free_space_weight * robust_cost(away, settings).mean()
     cost += prior_cost(model, pose, settings)
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()

@@ -31,11 +31,11 @@ def project_onto_silhouette(
     points: Array,
     squared: Array,
 ) -> None:
-    """Find the nearest points of the silhouette to the visible ones of posed (V, 3), at their own depth.
+    """How far the visible ones of posed (V, 3) lie from the silhouette's nearest ray, at their own depth.
 
-    Fills points (V, 3) with the nearest points on the silhouette's cone and squared (V,) with their squared
-    distances (m^2), in the order of `visible`; 0 where a vertex projects onto the subject or what may
-    hide it, or outside what the camera saw, or where the surface is seen from the side.
+    Fills squared (V,) with the squared distances (m^2), in the order of `visible`, and points (V, 3) with
+    what draws a vertex down their slope in the metric of the noise; 0 where a vertex projects onto the
+    subject or what may hide it, or outside what the camera saw, or where the surface is seen from the side.
     """
     nearest, occupied, fx, fy, cx, cy = (
         observed.nearest,
@@ -47,6 +47,7 @@ def project_onto_silhouette(
     )
     left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
     height, width = occupied.shape
+    stretch_squared = observed.stretch * observed.stretch
     for m in range(len(visible)):
         x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
         squared[m] = 0.0
@@ -63,7 +64,9 @@ def project_onto_silhouette(
             off = abs(du) > 1.0 or abs(dv) > 1.0
             if off and is_measurable(visible[m], surface, link_dofs, transforms, x, y, z):
                 right_by, down_by = du * z / fx, dv * z / fy
-                points[m, 0], points[m, 1], points[m, 2] = x + right_by, y + down_by, z
+                along_ray = right_by * (u + du - cx) / fx + down_by * (v + dv - cy) / fy
+                points[m, 0], points[m, 1] = x + right_by, y + down_by
+                points[m, 2] = z - along_ray / stretch_squared
                 squared[m] = right_by * right_by + down_by * down_by
 
 

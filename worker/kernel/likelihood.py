@@ -4,9 +4,10 @@ The paper says only "calculated from the residual error". Here the log likelihoo
 
     -1/2 (mean over observed points of rho(d_i) + w_f mean over visible model points of rho(f_v) + prior) / T
 
-with the prior that the descent has, too (see `solver.priors`), d_i the distance of an observed point from its closest visible model point and f_v the distance by
-which a model point lies where the camera saw nothing, both in units of the lateral noise, and rho the
-squared distance, or what a robust kernel makes of it. The mean, not the sum, because neighbouring points
+with the prior that the descent has, too (see `solver.priors`), d_i the distance of an observed point from
+its closest visible model point and f_v the distance by which a model point lies where the camera saw
+nothing, both in units of the lateral noise, and rho the squared distance, or what a robust kernel makes of
+it. The descent goes down the gradient of the same sum. The mean, not the sum, because neighbouring points
 err together: a sum over ten thousand of them would let no second hypothesis live.
 """
 

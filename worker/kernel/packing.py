@@ -30,6 +30,7 @@ class PackedObservation(NamedTuple):
     fy: float
     cx: float
     cy: float
+    stretch: float  # lateral over depth noise
 
 
 class KernelParameters(NamedTuple):
@@ -70,11 +71,12 @@ def pack_observation(observation: Observation, settings: RefineSettings) -> Pack
         camera.fy,
         camera.cx,
         camera.cy,
+        settings.noise_lateral / settings.noise_depth,
     )
 
 
 def rest_weight(settings: RefineSettings, soft: bool) -> float:
-    """Of a squared joint angle, for each point, so that the prior has its deviation in the likelihood (m^2)."""
+    """Of a squared joint angle, for each point (m^2): in the likelihood it has the deviation of the prior."""
     if not settings.pose_deviation > 0.0:
         return 0.0
     squared = settings.likelihood_scale**2
