@@ -76,13 +76,13 @@ def pack_observation(observation: Observation, settings: RefineSettings) -> Pack
 
 
 def rest_weight(settings: RefineSettings, soft: bool) -> float:
-    """Of a squared joint angle, for each point (m^2): in the likelihood it has the deviation of the prior."""
-    if not settings.pose_deviation > 0.0:
+    """Of a squared joint angle, for each point (m^2): in the likelihood it has the deviation of the prior.
+
+    Under noise that asks for soft correspondences there is none: the arm alone was measured there.
+    """
+    if soft or not settings.pose_deviation > 0.0:
         return 0.0
-    squared = settings.likelihood_scale**2
-    if soft:
-        squared = settings.noise_lateral**2 / max(settings.independent_points, 1.0)
-    return min(squared / settings.pose_deviation**2, HEAVIEST)
+    return min((settings.likelihood_scale / settings.pose_deviation) ** 2, HEAVIEST)
 
 
 def pack_parameters(settings: RefineSettings) -> KernelParameters:

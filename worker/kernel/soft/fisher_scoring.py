@@ -27,7 +27,6 @@ from worker.kernel.solver.normal_equations import NormalEquations
 from worker.kernel.solver.priors import (
     LIMIT_SHARE,
     add_limit_prior,
-    add_rest_prior,
     clamp_to_limits,
     hold_active_limits,
 )
@@ -56,8 +55,6 @@ def fisher_scoring_step(
     accumulate_scores(grid, skeleton, observed, parameters, buffers, equations)
     for j in range(len(pose)):
         gram[j, j] += COMPLETE_SHARE * buffers.complete[j] + (parameters.noise_lateral / EXPECTED_STEP) ** 2
-    if parameters.rest_weight > 0.0:
-        add_rest_prior(skeleton, pose, parameters.rest_weight * observed.count, gram, gradient)
     if parameters.keep_limits:
         add_limit_prior(skeleton, pose, LIMIT_SHARE * observed.count, gram, gradient)
         hold_active_limits(skeleton, pose, gram, gradient)
