@@ -90,12 +90,14 @@ def test_most_of_the_way_takes_few_iterations(settings: str) -> None:
 
 @pytest.mark.parametrize("name", POSES)
 def test_the_truth_stays_and_is_the_likeliest(name: str) -> None:
-    """The descent leaves the true pose within 3 mm, and finds nothing near it likelier."""
+    """The descent leaves the true pose within 3 mm, and finds nothing near it likelier.
+
+    That is what the frame says by itself; the pose prior draws by another 2 mm at the most.
+    """
     truth, observation = seen(name)
-    refined = refine(
-        person(), observation, np.concatenate([truth[None], perturbed(truth)]), preset("default").refine
-    )
-    assert joint_errors(refined.poses[:1], truth).max() < 0.003
-    assert np.argmax(refined.log_likelihood) == 0
-    assert np.argmin(refined.residual) == 0
-    assert refined.residual[0] < 0.01
+    start, default = np.concatenate([truth[None], perturbed(truth)]), preset("default").refine
+    for deviation, farthest in ((0.0, 0.003), (default.pose_deviation, 0.005)):
+        settings = msgspec.structs.replace(default, pose_deviation=deviation)
+        refined = refine(person(), observation, start, settings)
+        assert joint_errors(refined.poses[:1], truth).max() < farthest
+        assert np.argmax(refined.log_likelihood) == 0
