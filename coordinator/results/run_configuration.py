@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from common.frame import DepthFrame
 from common.settings import Settings
-from coordinator.bodies.tracked import Bodies
+from coordinator.results.digest import LETTERS, PATH, digest, digest_frame
 from coordinator.results.versions import versions
 from coordinator.scene.scope import Scope
 from coordinator.sources.given import NOTHING, Given
+
+if TYPE_CHECKING:  # it brings the compiler, which takes long to load
+    from coordinator.bodies.tracked import Bodies
 
 RunConfiguration = dict[str, Any]
 """Nested names and values, as JSON holds them."""
@@ -47,13 +49,11 @@ OPTIONS = {
 }
 """Dotted name -> what the user calls it. Names that are not listed are settings without an option."""
 
-PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
 GIVEN = "camera_given"  # what the user said of the camera
 
 AUTOMATIC = "auto"  # a start that is found
 
 NAMED = 3  # differences that a message names
-LETTERS = 12  # of a hash
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,17 +103,6 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
     }
     plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
     return plain
-
-
-def digest_frame(frame: DepthFrame) -> str:
-    """A hash of a frame: of its depth and its camera."""
-    camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
-    return digest(camera.encode() + frame.depth.tobytes())
-
-
-def digest(content: bytes) -> str:
-    """A few letters that stand for the content."""
-    return hashlib.sha256(content).hexdigest()[:LETTERS]
 
 
 def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:

@@ -232,7 +232,7 @@ def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Call
     assert "No such command 'trak'. Did you mean 'track'?" in refused("trak")
     assert "Missing argument" in refused("track", "--out", tmp_path / "out")
     assert "Missing option '--out'" in refused("track", tmp_path)
-    assert "Missing option '--truth'" in refused("evaluate", run)
+    assert "no such folder" in refused("evaluate", run)
 
 
 def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Callable[..., str]) -> None:
@@ -255,6 +255,7 @@ def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Calla
         "evaluate", tmp_path, "--truth", own
     )
     junk.write_bytes(b"weeks of work")
+    (tmp_path / "summary.json").write_text("{}")
     assert "junk.npz is damaged or no .npz file; make it again" in refused(
         "evaluate", tmp_path, "--truth", junk
     )

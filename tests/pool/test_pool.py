@@ -347,7 +347,7 @@ def client(endpoint: str) -> Iterator[Client]:
     [
         (b"", "not a request message"),
         (b"\xc1" * 1000, "not a request message"),
-        (encode_request(REQUEST).replace(b"version\x01", b"version\x02"), "protocol version 2, expected 1"),
+        (encode_request(REQUEST).replace(b"version\x02", b"version\x03"), "protocol version 3, expected 2"),
         (encode_request(replace(REQUEST, poses=POSES * np.nan)), "poses holds values that are not finite"),
         (encode_request(REQUEST), "nobody has model [0-9a-f]{12} of run ghost"),
     ],

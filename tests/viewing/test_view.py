@@ -14,7 +14,7 @@ from common.activation import activate
 from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from coordinator.cli import main
-from coordinator.results.run_configuration import PATH
+from coordinator.results.digest import PATH
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.arm import MOVING

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -82,7 +83,8 @@ def rest_weight(settings: RefineSettings, soft: bool) -> float:
     """
     if soft or not settings.pose_deviation > 0.0:
         return 0.0
-    return min((settings.likelihood_scale / settings.pose_deviation) ** 2, HEAVIEST)
+    ratio = min(settings.likelihood_scale / settings.pose_deviation, math.sqrt(HEAVIEST))
+    return ratio**2
 
 
 def pack_parameters(settings: RefineSettings) -> KernelParameters:
