@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from common.errors import GepfError, InputError
-from coordinator.commands.arguments import (
+from coordinator.commands.console.loading import loading
+from coordinator.commands.options.arguments import (
     CameraOptions,
     CertificateOptions,
     ExportOptions,
@@ -35,13 +36,12 @@ from coordinator.commands.arguments import (
     SynthOptions,
     ViewOptions,
 )
-from coordinator.commands.grouped import grouped
-from coordinator.commands.loading import loading
-from coordinator.commands.misuse import describe_misuse
-from coordinator.commands.track_arguments import TrackOptions
+from coordinator.commands.options.grouped import grouped
+from coordinator.commands.options.misuse import describe_misuse
+from coordinator.commands.options.track_arguments import TrackOptions
 
 if TYPE_CHECKING:
-    from coordinator.commands.progress import Show
+    from coordinator.commands.console.progress import Show
     from coordinator.commands.workers import Connect
 
 DONE, FAILED, INPUT_AT_FAULT = 0, 1, 2
@@ -103,7 +103,7 @@ def on_stderr(*, quiet: bool = False) -> Show:
     """Progress for people, unless they want none."""
     from rich.console import Console
 
-    from coordinator.commands.progress import show_on
+    from coordinator.commands.console.progress import show_on
 
     return show_on(Console(stderr=True, quiet=quiet))
 
@@ -136,7 +136,7 @@ def gepf(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
     else:
-        from coordinator.commands.config_file import use_config
+        from coordinator.commands.options.config_file import use_config
 
         use_config(context, config)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from coordinator.commands.arguments import CertificateOptions
-from coordinator.commands.options import at_least
+from coordinator.commands.options.arguments import CertificateOptions
+from coordinator.commands.options.choices import at_least
 from coordinator.security.certificates import make_certificates
 from coordinator.security.roster import choose_names
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import InputError
-from coordinator.commands.job import Job
-from coordinator.commands.options import choose_settings
-from coordinator.commands.progress import Show
+from coordinator.commands.console.progress import Show
+from coordinator.commands.options.choices import choose_settings
+from coordinator.commands.options.job import Job
 from coordinator.commands.track import track_sequence
 from coordinator.commands.workers import Connect, PooledRefiner, end_as_interrupted
 from coordinator.files.names import TRUTH_FILE

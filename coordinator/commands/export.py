@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from coordinator.commands.arguments import ExportOptions
-from coordinator.commands.progress import Show
+from coordinator.commands.console.progress import Show
+from coordinator.commands.options.arguments import ExportOptions
 from coordinator.exports import export_run
 
 

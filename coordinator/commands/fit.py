@@ -17,9 +17,9 @@ from coordinator.bodies.choice import PERSON_SUFFIX, choose_bodies, person
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.person_file import write_person
-from coordinator.commands.arguments import FitOptions
-from coordinator.commands.options import choose_pool, choose_settings
-from coordinator.commands.progress import Show
+from coordinator.commands.console.progress import Show
+from coordinator.commands.options.arguments import FitOptions
+from coordinator.commands.options.choices import choose_pool, choose_settings
 from coordinator.commands.track import choose_start
 from coordinator.commands.workers import Connect, end_as_interrupted
 from coordinator.pool.options import Pool

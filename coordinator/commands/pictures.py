@@ -8,9 +8,9 @@ from typing import Any
 
 from common.body import BodyModel
 from common.errors import InputError
-from coordinator.commands.arguments import PicturesOptions
-from coordinator.commands.interrupts import noted_interrupts
-from coordinator.commands.progress import Show
+from coordinator.commands.console.interrupts import noted_interrupts
+from coordinator.commands.console.progress import Show
+from coordinator.commands.options.arguments import PicturesOptions
 from coordinator.commands.tracked_sequence import find_sequence
 from coordinator.results.model_file import read_tracked_body
 from coordinator.results.summary import read_summary

@@ -14,9 +14,9 @@ from common.protocol.messages import encode_live, encode_live_end
 from common.transport.bus import Bus
 from common.transport.opening import open_coordinator
 from common.transport.publishers import Publisher
-from coordinator.commands.arguments import PublishOptions, SecurityOptions
-from coordinator.commands.options import choose_pool, secure
-from coordinator.commands.progress import Show
+from coordinator.commands.console.progress import Show
+from coordinator.commands.options.arguments import PublishOptions, SecurityOptions
+from coordinator.commands.options.choices import choose_pool, secure
 from coordinator.commands.workers import end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from coordinator.commands.loading import loading
-from coordinator.commands.progress import Show
+from coordinator.commands.console.loading import loading
+from coordinator.commands.console.progress import Show
 from coordinator.results.track import read_track
 
 REPORT_FILE = "report.html"

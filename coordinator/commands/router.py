@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from common.transport.access import ROUTER
 from common.transport.opening import open_router
-from coordinator.commands.arguments import RouterOptions, SecurityOptions
-from coordinator.commands.options import secure
+from coordinator.commands.options.arguments import RouterOptions, SecurityOptions
+from coordinator.commands.options.choices import secure
 
 
 def run_router(options: RouterOptions, security: SecurityOptions, say: Callable[[str], None]) -> None:

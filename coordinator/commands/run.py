@@ -9,8 +9,9 @@ import msgspec
 
 from common.errors import InputError
 from coordinator.bodies.choice import choose_model
-from coordinator.commands.job import Job
-from coordinator.commands.options import (
+from coordinator.commands.batch.recordings import Entry, choose_entries, is_several
+from coordinator.commands.console.progress import Show
+from coordinator.commands.options.choices import (
     at_least,
     choose_deadline,
     choose_dofs,
@@ -21,12 +22,11 @@ from coordinator.commands.options import (
     set_noise,
     set_rotation,
 )
-from coordinator.commands.progress import Show
-from coordinator.commands.recordings import Entry, choose_entries, is_several
+from coordinator.commands.options.job import Job
+from coordinator.commands.options.scope import choose_scope
+from coordinator.commands.options.track_arguments import TrackOptions
 from coordinator.commands.results_stream import check_results
-from coordinator.commands.scope import choose_scope
 from coordinator.commands.track import track_sequence
-from coordinator.commands.track_arguments import TrackOptions
 from coordinator.commands.track_live import track_stream
 from coordinator.commands.workers import Connect, ListeningRefiner, end_as_interrupted
 from coordinator.results.summary import SUMMARY_FILE
@@ -62,7 +62,7 @@ def track_single(options: TrackOptions, job: Job, show: Show, connect: Connect[L
 
 def track_several(options: TrackOptions, job: Job, show: Show) -> int:
     """Track recordings and seeds as `job` says, over one pool; gives the exit code."""
-    from coordinator.commands.batch import track_many
+    from coordinator.commands.batch.runs import track_many
 
     at_once = options.pool.at_once
     entries = choose_entries(options.input.sequences, options.method.seed, options.method.seeds)

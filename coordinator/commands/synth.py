@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from coordinator.commands.arguments import SynthOptions
-from coordinator.commands.progress import Show
+from coordinator.commands.console.progress import Show
+from coordinator.commands.options.arguments import SynthOptions
 from coordinator.synthesis.sequence import synthesise
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.job import Job
+from coordinator.commands.console.progress import FrameMeter, Show
+from coordinator.commands.options.job import Job
 from coordinator.commands.pictures import draw_pictures
-from coordinator.commands.progress import FrameMeter, Show
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.exports.csv import write_csv

@@ -12,8 +12,8 @@ from common.protocol.keys import check_stream
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.job import Job
-from coordinator.commands.progress import FrameMeter, Show
+from coordinator.commands.console.progress import FrameMeter, Show
+from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.track import conclude, describe_pool, write_results
 from coordinator.commands.workers import Connect, ListeningRefiner

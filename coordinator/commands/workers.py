@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol, TypeVar
 
-from coordinator.commands.progress import Show
+from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.pool.zenoh_refiner import ZenohRefiner

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from coordinator.filters.belief import Belief
 from coordinator.scene.scene import SceneChange
+from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.start import Start
-from coordinator.tracking.watch import Watch
 
 
 @dataclass(frozen=True, slots=True, eq=False)

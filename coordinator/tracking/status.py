@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coordinator.tracking.estimate import Status
-from coordinator.tracking.watch import Watch
+from coordinator.tracking.search.watch import Watch
 
 Array = NDArray[np.float64]
 

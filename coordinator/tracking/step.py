@@ -11,7 +11,7 @@ from coordinator.filters.proposal import Proposal
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.isolation import Isolated
 from coordinator.tracking.refiner import Pending
-from coordinator.tracking.seeker import Finding
+from coordinator.tracking.search.seeker import Finding
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.stopwatch import Stopwatch
 

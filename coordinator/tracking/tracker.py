@@ -29,8 +29,10 @@ from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.search import ways_of
+from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.settling import believe
-from coordinator.tracking.seeker import Finding, Seeker
+from coordinator.tracking.search.verdict import FEWEST, weigh
+from coordinator.tracking.search.watch import GIVEN, Watch
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.sighting import see
 from coordinator.tracking.start import Start, given_start, no_start
@@ -38,8 +40,6 @@ from coordinator.tracking.state import TrackerState, load_generator, take_checkp
 from coordinator.tracking.status import judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
-from coordinator.tracking.verdict import FEWEST, weigh
-from coordinator.tracking.watch import GIVEN, Watch
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from common.errors import InputError
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from coordinator.commands.console.progress import Show, show_on
 from coordinator.commands.demo import make_room, run_demo, tabulate
-from coordinator.commands.progress import Show, show_on
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.evaluation import Errors

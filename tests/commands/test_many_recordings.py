@@ -15,11 +15,11 @@ from rich.console import Console
 
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands.batch import gravest, track_many
-from coordinator.commands.job import Job
-from coordinator.commands.options import choose_settings
-from coordinator.commands.progress import show_on
-from coordinator.commands.recordings import choose_entries, is_several
+from coordinator.commands.batch.recordings import choose_entries, is_several
+from coordinator.commands.batch.runs import gravest, track_many
+from coordinator.commands.console.progress import show_on
+from coordinator.commands.options.choices import choose_settings
+from coordinator.commands.options.job import Job
 from coordinator.commands.track import track_sequence
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool

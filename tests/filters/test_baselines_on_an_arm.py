@@ -14,7 +14,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import pose_by_name
-from coordinator.commands.options import choose_settings
+from coordinator.commands.options.choices import choose_settings
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import MOVING, arm
 from coordinator.tracking.tracker import RECORDED, Tracker

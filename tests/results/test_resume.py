@@ -15,7 +15,7 @@ from common.settings import preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies
 from coordinator.cli import main
-from coordinator.commands.options import choose_settings
+from coordinator.commands.options.choices import choose_settings
 from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics

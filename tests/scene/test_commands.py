@@ -15,8 +15,8 @@ from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from coordinator.commands.scope import choose_scope
-from coordinator.commands.track_arguments import SceneOptions
+from coordinator.commands.options.scope import choose_scope
+from coordinator.commands.options.track_arguments import SceneOptions
 from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
 from coordinator.tracking.isolation import Isolation, PosedBody

@@ -16,7 +16,7 @@ from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from coordinator.commands.progress import Show
+from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from tests.support.refined import Ready

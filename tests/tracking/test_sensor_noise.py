@@ -16,7 +16,7 @@ from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
-from coordinator.commands.options import choose_settings, set_noise
+from coordinator.commands.options.choices import choose_settings, set_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import arm
 from coordinator.synthesis.scenes.noise import add_noise

@@ -24,12 +24,12 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.pipeline import follow
+from coordinator.tracking.search.verdict import weigh
+from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import judge
 from coordinator.tracking.subject import CLEARANCE, isolate
 from coordinator.tracking.tracker import Tracker
-from coordinator.tracking.verdict import weigh
-from coordinator.tracking.watch import Watch
 from gepf.direct import DirectRefiner, DirectRequest
 from tests.support.people import (
     CAMERA,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.commands.track_arguments import SceneOptions
+from coordinator.commands.options.track_arguments import SceneOptions
 from coordinator.scene.limits import Limits
 from coordinator.scene.person import WAYS, Person
 from coordinator.scene.scope import Scope

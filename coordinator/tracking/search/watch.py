@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from coordinator.tracking.verdict import Verdict
+from coordinator.tracking.search.verdict import Verdict
 
 LOST = 1.3  # strain from which on a body that was tracked is not: those who are stay below 1.2
 PATIENCE = 2  # frames in a row that may be badly explained before the body is looked for

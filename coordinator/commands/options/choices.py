@@ -10,7 +10,7 @@ from common.errors import InputError
 from common.settings import Settings
 from common.transport.access import COORDINATOR
 from common.transport.session import Security
-from coordinator.commands.arguments import SecurityOptions
+from coordinator.commands.options.arguments import SecurityOptions
 from coordinator.filters.methods import find_method, settings_for
 from coordinator.pool.options import Pool
 from coordinator.security.tls import TlsFiles, choose_security

@@ -13,10 +13,10 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from common.errors import InputError
-from coordinator.commands.batch_process import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, Told, track_one
-from coordinator.commands.batch_table import tabulate
-from coordinator.commands.job import Job
-from coordinator.commands.progress import Advance, Show
+from coordinator.commands.batch.process import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, Told, track_one
+from coordinator.commands.batch.table import tabulate
+from coordinator.commands.console.progress import Advance, Show
+from coordinator.commands.options.job import Job
 from coordinator.pool.shared import SharedPool, shared_pool
 
 LOOK = 0.5  # seconds between looks for workers that have died
@@ -71,7 +71,7 @@ def run_all(
     jobs: Sequence[Job], limit: int, shared: SharedPool, show: Show, advance: Advance
 ) -> Iterator[Ended]:
     """Start runs as others end, in order; gives each as it ends."""
-    CONTEXT.set_forkserver_preload(["coordinator.commands.batch_process"])
+    CONTEXT.set_forkserver_preload(["coordinator.commands.batch.process"])
     running: list[Running] = []
     waiting, total = list(jobs), len(jobs)
     with ending(running):

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
 from common.errors import GepfError, InputError
-from coordinator.commands.job import Job
-from coordinator.commands.progress import Advance, FrameMeter
+from coordinator.commands.console.progress import Advance, FrameMeter
+from coordinator.commands.options.job import Job
 from coordinator.commands.track import track_sequence
 from coordinator.commands.workers import connect_workers, end_as_interrupted
 

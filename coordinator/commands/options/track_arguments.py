@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from coordinator.commands.arguments import (
+from coordinator.commands.options.arguments import (
     FORMATS,
     OUTPUT,
     RECORDED_CAMERA,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from common.errors import InputError
-from coordinator.commands.job import Job
+from coordinator.commands.options.job import Job
 from coordinator.commands.own_truth import own_truth
 from coordinator.results.evaluation import evaluate
 from coordinator.results.summary import read_summary

@@ -9,7 +9,7 @@ from pathlib import Path
 from common.settings import Settings
 from coordinator.bodies.human.mpeg4 import HUMAN
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.scope import AskedScope
+from coordinator.commands.options.scope import AskedScope
 from coordinator.pool.options import Pool
 from coordinator.results.run_configuration import Asked
 from coordinator.scene.scope import Scope

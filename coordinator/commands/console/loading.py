@@ -8,7 +8,7 @@ from threading import Timer
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from coordinator.commands.progress import Show
+    from coordinator.commands.console.progress import Show
 
 SOON = 0.3  # seconds
 

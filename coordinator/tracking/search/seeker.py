@@ -23,9 +23,7 @@ from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.search import QUICK, THOROUGH, WAYS_UP, Found, Search, observed_points
 from coordinator.tracking.search.sizes import Size
 from coordinator.tracking.search.stages import Standing, refine
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
-from coordinator.tracking.start import Start, found_start, poses_of
-from coordinator.tracking.verdict import (
+from coordinator.tracking.search.verdict import (
     Verdict,
     add_doubts,
     doubt_flat,
@@ -34,6 +32,8 @@ from coordinator.tracking.verdict import (
     doubt_span,
     weigh,
 )
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from coordinator.tracking.start import Start, found_start, poses_of
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Several recordings over one pool."""

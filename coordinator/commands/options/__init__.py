@@ -1,0 +1,1 @@
+"""The command line's words: arguments, options, what they mean, and files of them."""
