@@ -9,11 +9,15 @@ from common.frame import SubjectFrame
 from coordinator.filters.sighting import USUAL_INTERVAL, Sighting
 
 POINTS = 300
+DIGITS = 4  # of an interval in seconds
 
 
 def see(subject: SubjectFrame, last_time_s: float | None) -> Sighting:
-    """The sighting of a frame; at the usual interval where its time is not after the last one's."""
-    since = 0.0 if last_time_s is None else subject.frame.time_s - last_time_s
+    """The sighting of a frame; at the usual interval where its time is not after the last one's.
+
+    Intervals are whole tenths of a millisecond: how a file rounds its times is to change nothing.
+    """
+    since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, DIGITS)
     return Sighting(some_points(subject), since if since > 0.0 else USUAL_INTERVAL)
 
 
