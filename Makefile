@@ -51,9 +51,9 @@ format: setup ## rewrite the code in the house's format
 	$(BIN)/ruff format $(PACKAGES)
 
 bench: setup ## costs of a particle beside other ICPs, of the service beside a process pool and Ray; frames a second
-	$(BIN)/python -m benchmarks.kernel
-	$(BIN)/python -m benchmarks.service
-	$(BIN)/python -m benchmarks.video_rate
+	$(BIN)/python -m benchmarks.costs.kernel
+	$(BIN)/python -m benchmarks.costs.service
+	$(BIN)/python -m benchmarks.costs.video_rate
 
 paper: setup ## the paper's experiments and the baselines beside them: tables, numbers, pictures in docs/
 	$(BIN)/python -m benchmarks.paper

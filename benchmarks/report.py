@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from benchmarks.costs.timing import machine
 from benchmarks.forks import Crash
 from benchmarks.scores import Marks, RecordingScore, Score, score, score_joints, score_recording
 from benchmarks.sequences import Recording
-from benchmarks.timing import machine
 from benchmarks.tracking import Tracked
 from common.settings import Settings
 from coordinator.results.versions import versions

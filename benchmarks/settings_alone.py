@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.choices import settings_with
+from benchmarks.costs.timing import machine
 from benchmarks.forks import Crash, run_forked
 from benchmarks.paper.footage import Footage, shoot
 from benchmarks.paper.matrix import HEAVY_ROWS, LETTER, Row
@@ -22,7 +23,6 @@ from benchmarks.paper.scores import USUALLY_SETTLED, score_run
 from benchmarks.people import WIDTH, keep
 from benchmarks.scores import score_recording
 from benchmarks.sequences import Recording, choose, find_recordings
-from benchmarks.timing import machine
 from benchmarks.tracking import prepare, track
 from common.errors import InputError
 from common.settings import PRESETS, Settings

@@ -207,7 +207,7 @@ def evaluate(
     ] = False,
 ) -> None:
     """Compare runs with the truth; prints one JSON object, or with --csv a table."""
-    from coordinator.commands.evaluate import run_evaluate
+    from coordinator.commands.finished.evaluate import run_evaluate
 
     run_evaluate(runs, truth, as_csv=csv)
 
@@ -216,7 +216,7 @@ def evaluate(
 @grouped
 def export(options: ExportOptions, quiet: Quiet = False) -> None:
     """Write a run's angles and poses for other programs."""
-    from coordinator.commands.export import run_export
+    from coordinator.commands.finished.export import run_export
 
     run_export(options, on_stderr(quiet=quiet))
 
@@ -227,7 +227,7 @@ def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
     """Draw a run's pictures anew, into its folder."""
     show = on_stderr(quiet=quiet)
     with loading(show, f"drawing pictures of {options.run}; loading"):
-        from coordinator.commands.pictures import run_pictures
+        from coordinator.commands.finished.pictures import run_pictures
 
     run_pictures(options, show)
 
@@ -273,7 +273,7 @@ def export_model(
 @grouped
 def view(options: ViewOptions, quiet: Quiet = False) -> None:
     """Show a run on a time line: points, model, hypotheses, residuals, angles, status."""
-    from coordinator.commands.view import run_view
+    from coordinator.commands.finished.view import run_view
 
     run_view(options, on_stderr(quiet=quiet))
 
@@ -288,7 +288,7 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Write one HTML page about a run: animation, angles and how sure they are, timings, settings."""
-    from coordinator.commands.report import run_report
+    from coordinator.commands.finished.report import run_report
 
     run_report(run, out, on_stderr(quiet=quiet))
 

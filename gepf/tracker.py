@@ -32,7 +32,7 @@ from coordinator.sources.camera_file import DEFAULT_FPS
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.start_file import read_start
+from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker as FrameTracker
 from gepf.direct import DirectRefiner
 from gepf.named import Estimate, named

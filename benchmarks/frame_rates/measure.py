@@ -10,13 +10,13 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 
+from benchmarks.costs.timing import machine
 from benchmarks.forks import Crash, run_forked
 from benchmarks.frame_rates.rows import HARD_ACTIONS, Row, choose_rows
 from benchmarks.frame_rates.scores import RowScore, score_row, score_table
 from benchmarks.frame_rates.trials import Compared, stand_still, track_thinned
 from benchmarks.people import WIDTH, keep
 from benchmarks.sequences import Recording, find_people
-from benchmarks.timing import machine
 from benchmarks.tracking import prepare
 from common.errors import InputError
 from coordinator.bodies.tracked import Bodies

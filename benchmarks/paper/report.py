@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from benchmarks.costs.timing import machine
 from benchmarks.paper.bound import Bound
 from benchmarks.paper.scores import RowScore
-from benchmarks.timing import machine
 from coordinator.results.versions import versions
 from coordinator.tracking.sensor_noise import SensorNoise
 

@@ -26,9 +26,9 @@ from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import select_frames
-from coordinator.tracking.fitting import MEASURES, WHOLE_FIT, Fit, Fitter, Posed, Sweeps
 from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.starting.fitting import MEASURES, WHOLE_FIT, Fit, Fitter, Posed, Sweeps
 from coordinator.tracking.tracker import Tracker
 
 USED = 20  # frames that are fitted to, spread over those that are explained well

@@ -10,8 +10,8 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.console.progress import FrameMeter, Show
+from coordinator.commands.finished.pictures import draw_pictures
 from coordinator.commands.options.job import Job
-from coordinator.commands.pictures import draw_pictures
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.exports.csv import write_csv
@@ -26,11 +26,11 @@ from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
-from coordinator.sources.colour_folder import ColourFolder
+from coordinator.sources.pictures.colour_folder import ColourFolder
 from coordinator.sources.source import select_frames
 from coordinator.tracking.isolation import Isolation
 from coordinator.tracking.pipeline import follow
-from coordinator.tracking.start_file import read_start
+from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 
 

@@ -25,7 +25,7 @@ from coordinator.results.track import filled, read_track
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.tracking.isolation import Isolation, prepare
-from coordinator.tracking.start_file import read_start
+from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 
 

@@ -25,7 +25,7 @@ from coordinator.pictures.view import View, around
 from coordinator.results.evaluation import compare
 from coordinator.results.track import Track, filled
 from coordinator.results.truth import Truth
-from coordinator.sources.colour_folder import ColourFolder
+from coordinator.sources.pictures.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 from coordinator.synthesis.rendering import DepthRenderer
 

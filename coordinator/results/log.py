@@ -19,7 +19,7 @@ import numpy as np
 from common.errors import InputError
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.start import Start
+from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import Checkpoint
 
 HEAD = struct.Struct("<II")

@@ -19,7 +19,7 @@ from coordinator.results.track import Track
 from coordinator.results.uncertainty import joint_deviation, with_angles
 from coordinator.scene.scene import Scene
 from coordinator.tracking.estimate import UNKNOWN, Estimate
-from coordinator.tracking.start import Start
+from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import TrackerState
 
 

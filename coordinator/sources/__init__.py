@@ -9,12 +9,12 @@ from pathlib import Path
 from common.errors import InputError
 from coordinator.sources.arrays import ArraySource, read_array, read_array_source
 from coordinator.sources.given import NOTHING, Given, with_given
+from coordinator.sources.pictures.recorded_folder import RecordedFolder, holds_pictures
+from coordinator.sources.pictures.tum_rgbd import LIST_FILE, TumFolder
 from coordinator.sources.point_clouds import SUFFIXES, PointClouds
-from coordinator.sources.recorded_folder import RecordedFolder, holds_pictures
 from coordinator.sources.ros_bag import RosBag, is_bag
 from coordinator.sources.source import Source
 from coordinator.sources.stereo import LEFT, RIGHT, StereoFolder
-from coordinator.sources.tum_rgbd import LIST_FILE, TumFolder
 from coordinator.sources.utd_mhad import UtdMhadFile
 
 __all__ = ["ArraySource", "Format", "Source", "find_format", "open_source"]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from coordinator.filters.belief import Belief
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.start import Start
+from coordinator.tracking.starting.start import Start
 
 
 @dataclass(frozen=True, slots=True, eq=False)

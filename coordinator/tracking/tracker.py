@@ -35,7 +35,7 @@ from coordinator.tracking.search.verdict import FEWEST, weigh
 from coordinator.tracking.search.watch import GIVEN, Watch
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.sighting import see
-from coordinator.tracking.start import Start, given_start, no_start
+from coordinator.tracking.starting.start import Start, given_start, no_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
 from coordinator.tracking.status import judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked

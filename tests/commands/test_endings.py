@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from tests.disturbance.resume_kills import Place, count
-from tests.support.processes import is_alive, wait_until
-from tests.support.warm_processes import Workers, coordinate, start
+from tests.support.processes.programs import is_alive, wait_until
+from tests.support.processes.warm_processes import Workers, coordinate, start
 
 FRAMES = 60
 

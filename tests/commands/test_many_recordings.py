@@ -23,8 +23,8 @@ from coordinator.commands.options.job import Job
 from coordinator.commands.track import track_sequence
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
-from tests.support.processes import INSTANT
-from tests.support.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.processes.programs import INSTANT
+from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 
 def test_a_list_and_seeds_give_a_run_each(tmp_path: Path) -> None:

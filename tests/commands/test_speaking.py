@@ -15,9 +15,9 @@ import pytest
 
 from coordinator.cli import main
 from coordinator.results.log import Opening, append_records
-from tests.support.processes import wait_until
-from tests.support.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
-from tests.support.warm_processes import start
+from tests.support.processes.programs import wait_until
+from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.processes.warm_processes import start
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
 

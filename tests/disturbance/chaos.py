@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.support.warm_processes import Workers, coordinate, start
+from tests.support.processes.warm_processes import Workers, coordinate, start
 
 WORKERS = tuple(f"w{k}" for k in range(4))
 LANES = dict(zip(WORKERS, (1, 1, 2, 3), strict=True))

@@ -47,10 +47,10 @@ from common.transport.publishers import FramePublisher
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.extremes import Extremes
-from tests.support.instant_worker import KERNEL
 from tests.support.kinds import KINDS
 from tests.support.mutator import Mutator
-from tests.support.serving import MODEL, POSES, expected, refined_bytes, serving
+from tests.support.processes.instant_worker import KERNEL
+from tests.support.processes.serving import MODEL, POSES, expected, refined_bytes, serving
 from worker.kernel.job import refine
 from worker.kernel.observation import observe
 from worker.service import Batch, Kernel, Service

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from coordinator.results.recorded import read_log
+from tests.support.processes.warm_processes import Workers, coordinate, start
 from tests.support.small_sequence import write_small_sequence
-from tests.support.warm_processes import Workers, coordinate, start
 
 KILLS = 20
 FRAMES = 40

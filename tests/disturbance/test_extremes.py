@@ -20,7 +20,7 @@ from coordinator.filters.gradient_enhanced import begin
 from tests.disturbance.fuzz import fuzz_kernel
 from tests.support.extremes import Extremes
 from tests.support.filtering import advance
-from tests.support.serving import MODEL, POSES
+from tests.support.processes.serving import MODEL, POSES
 from worker.kernel.icp import reject_diverged
 from worker.kernel.job import refine
 from worker.kernel.observation import observe

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from coordinator.pool.workload import WINDOW
-from tests.support.network import Host, Network, NotAllowed, Weather
+from tests.support.processes.network import Host, Network, NotAllowed, Weather
+from tests.support.processes.warm_processes import Workers, coordinate, start
 from tests.support.small_sequence import write_small_sequence
-from tests.support.warm_processes import Workers, coordinate, start
 
 pytestmark = pytest.mark.slow
 

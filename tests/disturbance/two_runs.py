@@ -13,8 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from tests.support.processes.warm_processes import Workers, coordinate, start
 from tests.support.small_sequence import write_small_sequence
-from tests.support.warm_processes import Workers, coordinate, start
 
 FRAMES = 100
 ROUNDS = 3

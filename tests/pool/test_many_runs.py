@@ -23,8 +23,17 @@ from common.settings import RefineSettings
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.instant_worker import KERNEL, observe, refine
-from tests.support.serving import MODEL, POSES, REQUEST, SETTINGS, as_bytes, expected, frame, refined_bytes
+from tests.support.processes.instant_worker import KERNEL, observe, refine
+from tests.support.processes.serving import (
+    MODEL,
+    POSES,
+    REQUEST,
+    SETTINGS,
+    as_bytes,
+    expected,
+    frame,
+    refined_bytes,
+)
 from worker.fair_queue import MOST, FairQueue
 from worker.service import Kernel, Service
 from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory

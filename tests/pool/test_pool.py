@@ -26,8 +26,8 @@ from common.transport.requests import WAITING_REQUESTS, Arrivals, Request
 from coordinator.pool.options import Pool
 from coordinator.pool.scheduler import REFUSALS_LEAST
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.instant_worker import observe, refine
-from tests.support.serving import (
+from tests.support.processes.instant_worker import observe, refine
+from tests.support.processes.serving import (
     MODEL,
     POSES,
     REQUEST,

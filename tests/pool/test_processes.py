@@ -18,8 +18,8 @@ import pytest
 from common.errors import BusError
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.processes import INSTANT, is_alive, started, wait_until
-from tests.support.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
+from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
+from tests.support.processes.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
 
 
 def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
@@ -137,7 +137,7 @@ COORDINATOR = """
 import time
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.processes import INSTANT
+from tests.support.processes.programs import INSTANT
 with ZenohRefiner(Pool(workers=2, worker_command=INSTANT)) as refiner:
     refiner.wait_for(2)
     print(*refiner.local_pids.values(), flush=True)

@@ -23,13 +23,13 @@ from coordinator.results.log import Began, Entry, Record, append_records, read_r
 from coordinator.results.recorded import read_log
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.pipeline import follow
-from coordinator.tracking.start import Start
+from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import STANDING, as_bytes, empty, shown
+from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 from tests.support.rooms import in_a_room
-from tests.support.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 pytestmark = pytest.mark.usefixtures("no_traces")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.support.certificates import Folder, free_port, make_folder
+from tests.support.processes.certificates import Folder, free_port, make_folder
 
 
 @pytest.fixture(scope="session")

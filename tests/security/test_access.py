@@ -19,10 +19,10 @@ from common.transport.tls_probe import why_refused
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.certificates import make_certificates
-from tests.support.certificates import STRANGER, WORKERS, Folder, free_port
-from tests.support.processes import INSTANT, started, wait_until
-from tests.support.secure import listening, secure_worker
-from tests.support.serving import REQUEST, expected, refined_bytes, serving
+from tests.support.processes.certificates import STRANGER, WORKERS, Folder, free_port
+from tests.support.processes.programs import INSTANT, started, wait_until
+from tests.support.processes.secure import listening, secure_worker
+from tests.support.processes.serving import REQUEST, expected, refined_bytes, serving
 from worker.admission import check_admission
 
 SHORT = 0.3  # seconds in which something that must not happen would have happened

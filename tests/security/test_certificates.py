@@ -11,7 +11,7 @@ from common.errors import InputError
 from common.transport.credentials import check_holder, holder_of
 from coordinator.security.certificates import make_certificates
 from coordinator.security.roster import read_roster
-from tests.support.certificates import Folder, make_folder
+from tests.support.processes.certificates import Folder, make_folder
 
 
 def test_certificates_are_made_once(tmp_path: Path) -> None:

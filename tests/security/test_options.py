@@ -13,7 +13,7 @@ from common.transport.session import Security
 from coordinator.cli import main
 from coordinator.security.roster import choose_names
 from coordinator.security.tls import TlsFiles, choose_security
-from tests.support.certificates import Folder
+from tests.support.processes.certificates import Folder
 
 LISTENING = {
     "tcp/127.0.0.1:7447": None,

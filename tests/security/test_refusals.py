@@ -15,8 +15,8 @@ from common.transport.session import Security, session_settings
 from common.transport.tls_probe import why_refused
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.certificates import STRANGER, Folder, free_port
-from tests.support.warm_processes import start, work_instantly
+from tests.support.processes.certificates import STRANGER, Folder, free_port
+from tests.support.processes.warm_processes import start, work_instantly
 
 
 def bare_settings(endpoint: str, credentials: Credentials | None) -> dict[str, Any]:

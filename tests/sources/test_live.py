@@ -30,9 +30,9 @@ from common.transport.opening import open_worker
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
-from tests.support.instant_worker import KERNEL
-from tests.support.processes import INSTANT, wait_until
-from tests.support.serving import MODEL, pool, serving
+from tests.support.processes.instant_worker import KERNEL
+from tests.support.processes.programs import INSTANT, wait_until
+from tests.support.processes.serving import MODEL, pool, serving
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
 

@@ -25,7 +25,7 @@ from coordinator.cli import main, on_stderr
 from coordinator.commands.fit import explained_well, run_fit
 from coordinator.commands.options.arguments import FitOptions
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.fitting import (
+from coordinator.tracking.starting.fitting import (
     FARTHEST,
     MEASURES,
     Fit,

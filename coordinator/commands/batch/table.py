@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from common.errors import InputError
+from coordinator.commands.finished.own_truth import own_truth
 from coordinator.commands.options.job import Job
-from coordinator.commands.own_truth import own_truth
 from coordinator.results.evaluation import evaluate
 from coordinator.results.summary import read_summary
 from coordinator.results.track import read_track

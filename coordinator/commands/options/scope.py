@@ -16,7 +16,7 @@ from coordinator.scene.limits import Limits
 from coordinator.scene.person import WAYS, Person
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
-from coordinator.sources.depth_picture import read_depth
+from coordinator.sources.pictures.depth_picture import read_depth
 
 AVERAGED = 30  # frames of an empty room at the most
 

@@ -33,7 +33,7 @@ from coordinator.tracking.search.verdict import (
     weigh,
 )
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
-from coordinator.tracking.start import Start, found_start, poses_of
+from coordinator.tracking.starting.start import Start, found_start, poses_of
 
 Array = NDArray[np.float64]
 

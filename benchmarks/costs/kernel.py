@@ -1,4 +1,4 @@
-"""What one particle costs, as a multiple of a rigid ICP on the same points: python -m benchmarks.kernel.
+"""What a particle costs, as a multiple of a rigid ICP on the same points: python -m benchmarks.costs.kernel.
 
 One particle is all of steps 4a-4d and 5: pose, visibility, closest points, solve, likelihood. Its 10 000
 observed points and the visible model points are also what the peers get; the plain path is the same
@@ -17,10 +17,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.peers import open3d_icp, small_gicp_icp, small_gicp_icp_prepared
-from benchmarks.stages import STAGES, stage_times
-from benchmarks.standing import CAMERA, Case, standing
-from benchmarks.timing import machine, stay_on_one_core, take_turns
+from benchmarks.costs.peers import open3d_icp, small_gicp_icp, small_gicp_icp_prepared
+from benchmarks.costs.stages import STAGES, stage_times
+from benchmarks.costs.standing import CAMERA, Case, standing
+from benchmarks.costs.timing import machine, stay_on_one_core, take_turns
 from common.camera import Intrinsics
 from common.settings import RefineSettings, preset
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -38,7 +38,7 @@ GROWTH: dict[str, list[dict[str, Any]]] = {
 GROWTH_ROUNDS = 15
 NOISES = {"clean": SensorNoise(), "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}
 YARDSTICK = "small_gicp ICP"
-RESULT = Path(__file__).parent / "results" / "kernel.json"
+RESULT = Path(__file__).parent.parent / "results" / "kernel.json"
 
 
 def main() -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from common.errors import InputError
-from coordinator.commands.own_truth import own_truth_file, refuse_another_sequence
+from coordinator.commands.finished.own_truth import own_truth_file, refuse_another_sequence
 from coordinator.results.evaluation import Evaluation, evaluate
 from coordinator.results.track import read_track
 from coordinator.results.truth import check_truth_of, read_truth

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-INSTANT = (sys.executable, "-m", "tests.support.instant_worker")
+INSTANT = (sys.executable, "-m", "tests.support.processes.instant_worker")
 WORKER = (sys.executable, "-m", "worker.cli")
 
 

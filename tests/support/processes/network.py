@@ -22,7 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tests.support.warm_processes import CONTEXT, start
+from tests.support.processes.warm_processes import CONTEXT, start
 
 HOLD = "echo made && mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo ready && exec cat"
 SUBNET = "10.77.0"
@@ -74,7 +74,7 @@ class Host:
         return int(values[names.index("RetransSegs")])
 
     def start(self, do: Callable[..., None], *arguments: object, log: Path) -> BaseProcess:
-        """Like `tests.support.warm_processes.start`, on this host."""
+        """Like `tests.support.processes.warm_processes.start`, on this host."""
         return start(run_on, self.pid, do, arguments, log=log)
 
     def end(self) -> None:

@@ -11,8 +11,8 @@ from common.transport.opening import open_worker
 from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.certificates import Folder
-from tests.support.instant_worker import KERNEL
+from tests.support.processes.certificates import Folder
+from tests.support.processes.instant_worker import KERNEL
 from worker.service import Service
 
 

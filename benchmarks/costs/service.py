@@ -1,4 +1,4 @@
-"""What the service costs beside the kernel: python -m benchmarks.service.
+"""What the service costs beside the kernel: python -m benchmarks.costs.service.
 
 N particles go to a worker of two lanes that gives them back after a kernel's time, or at once, and the next
 frame of 512 KB follows them: what is above the kernel's time is encode, dispatch, publish and gather. Beside
@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.coordinator_alone import coordinator_stages
-from benchmarks.scatter_peers import Frame, process_pool, ray_tasks
-from benchmarks.standing import standing
-from benchmarks.timing import machine
-from benchmarks.worker_start import worker_start
+from benchmarks.costs.coordinator_alone import coordinator_stages
+from benchmarks.costs.scatter_peers import Frame, process_pool, ray_tasks
+from benchmarks.costs.standing import standing
+from benchmarks.costs.timing import machine
+from benchmarks.costs.worker_start import worker_start
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -47,18 +47,18 @@ SHAPE = (512, 512)  # of a 16-bit depth image: 512 KB
 PARTICLES = (20, 100, 1000)
 KERNEL_MS = (30.0, 0.0)  # a frame
 ROUNDS = 60
-WAITING = (sys.executable, "-m", "benchmarks.waiting_workers")
+WAITING = (sys.executable, "-m", "benchmarks.costs.waiting_workers")
 WAIT = 0.0065  # seconds a particle, about the kernel's time
 SHARE = 10  # particles for each waiting lane
 CROWDS = ((2, 4), (4, 16), (8, 32), (16, 64))  # workers, lanes of each
 STARTS = 5
 POINTS = 5_000
-RESULT = Path(__file__).parent / "results" / "service.json"
+RESULT = Path(__file__).parent.parent / "results" / "service.json"
 
 
 def main() -> int:
     """Measure, print, keep the numbers."""
-    parser = argparse.ArgumentParser("python -m benchmarks.service", description=__doc__)
+    parser = argparse.ArgumentParser("python -m benchmarks.costs.service", description=__doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--out", type=Path, default=RESULT, metavar="FILE")
     chosen = parser.parse_args()

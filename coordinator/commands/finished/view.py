@@ -10,8 +10,8 @@ import rerun as rr
 
 from common.errors import GepfError, InputError
 from coordinator.commands.console.progress import Show
+from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import ViewOptions
-from coordinator.commands.tracked_sequence import find_sequence
 from coordinator.results.model_file import read_tracked_body
 from coordinator.results.track import Track, filled, read_track
 from coordinator.sources import Source

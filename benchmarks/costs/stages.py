@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from benchmarks.standing import Case
+from benchmarks.costs.standing import Case
 from common.kinematics.chain import forward_kinematics
 from common.settings import RefineSettings
 from worker.kernel.likelihood import evaluate

@@ -17,7 +17,11 @@ import typer
 
 CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(
-    ["tests.support.bare_gepf", "tests.support.instant_worker", "tests.support.warm_kernel"]
+    [
+        "tests.support.processes.bare_gepf",
+        "tests.support.processes.instant_worker",
+        "tests.support.warm_kernel",
+    ]
 )
 
 
@@ -36,7 +40,7 @@ def run(do: Callable[..., None], arguments: tuple[object, ...], log: Path) -> No
 
 def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
     """`gepf track`."""
-    from tests.support.bare_gepf import track
+    from tests.support.processes.bare_gepf import track
 
     sys.exit(track(sequence, out, endpoint, *options))
 
@@ -52,7 +56,7 @@ def work(endpoints: tuple[str, ...], name: str, lanes: int = 1) -> None:
 
 def work_instantly(*arguments: str) -> None:
     """`gepf-worker` with these arguments, whose kernel is simple arithmetic."""
-    from tests.support.instant_worker import work as instant_work
+    from tests.support.processes.instant_worker import work as instant_work
 
     sys.argv[1:] = arguments
     typer.run(instant_work)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.standing import standing
+from benchmarks.costs.standing import standing
 from common.settings import preset
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner

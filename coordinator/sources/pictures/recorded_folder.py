@@ -1,7 +1,7 @@
 """A folder of 16-bit PNG, as Open3D's recorders write it (depth/000000.png, camera_intrinsic.json), or any.
 
-Frames may be missing, and pictures may be named by their times (`coordinator.sources.picture_names`): what is
-there keeps its real time.
+Frames may be missing, and pictures may be named by their times (`picture_names`): what is there keeps its
+real time.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.sources.camera_file import DEFAULT_FPS, pinhole, read_camera
-from coordinator.sources.depth_picture import picture_size, read_depth
 from coordinator.sources.given import NOTHING, Given
-from coordinator.sources.picture_names import find_pictures
+from coordinator.sources.pictures.depth_picture import picture_size, read_depth
+from coordinator.sources.pictures.picture_names import find_pictures
 from coordinator.sources.source import Recording, if_there, rate_of
 
 logger = logging.getLogger(__name__)

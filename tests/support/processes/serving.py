@@ -19,7 +19,7 @@ from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.instant_worker import KERNEL, observe, refine
+from tests.support.processes.instant_worker import KERNEL, observe, refine
 from worker.service import Kernel, Service
 from worker.warm_up import tiny_frame, tiny_model
 

@@ -1,4 +1,4 @@
-"""A `gepf-worker` whose kernel is simple arithmetic: `python -m tests.support.instant_worker`."""
+"""A `gepf-worker` whose kernel is simple arithmetic: `python -m tests.support.processes.instant_worker`."""
 
 from __future__ import annotations
 

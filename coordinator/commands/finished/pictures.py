@@ -10,14 +10,14 @@ from common.body import BodyModel
 from common.errors import InputError
 from coordinator.commands.console.interrupts import noted_interrupts
 from coordinator.commands.console.progress import Show
+from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import PicturesOptions
-from coordinator.commands.tracked_sequence import find_sequence
 from coordinator.results.model_file import read_tracked_body
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track, read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import Source
-from coordinator.sources.colour_folder import ColourFolder
+from coordinator.sources.pictures.colour_folder import ColourFolder
 
 COLOUR = "color"  # in the summary
 

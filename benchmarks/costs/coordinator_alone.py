@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.standing import CAMERA, POSE, standing
+from benchmarks.costs.standing import CAMERA, POSE, standing
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
 from common.protocol.messages import encode_frame

@@ -15,7 +15,7 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.sources.camera_file import pinhole, read_camera
-from coordinator.sources.depth_picture import picture_size, read_depth
+from coordinator.sources.pictures.depth_picture import picture_size, read_depth
 from coordinator.sources.source import Recording, if_there, rate_of
 
 LIST_FILE = "depth.txt"

@@ -1,4 +1,4 @@
-"""A worker whose lanes only wait the kernel's time: python -m benchmarks.waiting_workers.
+"""A worker whose lanes only wait the kernel's time: python -m benchmarks.costs.waiting_workers.
 
 A result is the particle itself. To a coordinator it looks as a real worker does.
 """

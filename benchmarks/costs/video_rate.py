@@ -1,4 +1,4 @@
-"""How many frames a second a real person is tracked at: python -m benchmarks.video_rate.
+"""How many frames a second a real person is tracked at: python -m benchmarks.costs.video_rate.
 
 20 particles, 5 000 points, preset `default`, one local worker and two, as `gepf track` does it but for the
 files: frames are read from memory and nothing is recorded. Each sequence again and again, in turns. How much
@@ -18,10 +18,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from benchmarks.costs.timing import machine
+from benchmarks.costs.worker_start import processor_seconds
 from benchmarks.real_people import DATA
 from benchmarks.sequences import choose, find_recordings
-from benchmarks.timing import machine
-from benchmarks.worker_start import processor_seconds
 from common.errors import InputError
 from common.settings import Settings, preset
 from coordinator.bodies.choice import choose_bodies
@@ -35,14 +35,14 @@ SEQUENCES = ("a8_s1", "a14_s2", "a21_s1", "a27_s2")
 WORKERS = (2, 1)
 POINTS = 5_000
 SETTLED = 4  # frames that do not count: a start is sought in the first
-RESULT = Path(__file__).parent / "results" / "video_rate.json"
+RESULT = Path(__file__).parent.parent / "results" / "video_rate.json"
 
 Spent = tuple[float, list[float], float, float]
 
 
 def main() -> int:
     """Measure, print, keep the numbers."""
-    parser = argparse.ArgumentParser("python -m benchmarks.video_rate", description=__doc__)
+    parser = argparse.ArgumentParser("python -m benchmarks.costs.video_rate", description=__doc__)
     parser.add_argument("--data", type=Path, default=DATA, metavar="DIR")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--out", type=Path, default=RESULT, metavar="FILE")

@@ -1,0 +1,1 @@
+"""What a particle, a request and a frame cost, beside peers."""
