@@ -8,42 +8,35 @@ on stdout, numbers in a JSON file.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.real_people import DATA
-from coordinator.pool.local_workers import THREADS
+from benchmarks.command_line import RESULTS, add_data, add_processes, measured, one_thread_each
 
-RESULT = Path(__file__).parent / "results" / "ablation.json"
+RESULT = RESULTS / "ablation.json"
 PEOPLE = ("a14_s2", "a24_s2")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the table, keep the numbers."""
     chosen = parse(arguments)
-    os.environ.update(dict.fromkeys(THREADS, "1"))  # read when numpy is loaded, which is below
+    one_thread_each()
     from benchmarks.settings_alone import Choice, measure
-    from common.errors import InputError
 
-    try:
-        return measure(Choice(**vars(chosen)))
-    except InputError as error:
-        sys.stderr.write(f"ablation: {error}\n")
-        return 2
+    return measured("ablation", measure, Choice(**vars(chosen)))
 
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser("python -m benchmarks.ablation", description=__doc__)
     add = parser.add_argument
-    add("--data", type=Path, default=DATA, metavar="DIR", help="default: ../shared/data beside the checkout")
+    add_data(parser)
     add("--only", nargs="+", metavar="SETTING", help="only these settings")
     add("--people", nargs="*", default=PEOPLE, metavar="NAME", help=f"default: {' '.join(PEOPLE)}")
     add("--frames", type=int, default=110, metavar="N", help="of the arm; default: 110")
     add("--seeds", type=int, default=1, metavar="N", help="of the arm; default: 1")
-    add("--processes", type=int, default=os.cpu_count() or 1, metavar="N", help="default: one per core")
+    add_processes(parser)
     add(
         "--out",
         type=Path,

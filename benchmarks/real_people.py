@@ -9,41 +9,33 @@ a sequence crashed.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from coordinator.pool.local_workers import THREADS
+from benchmarks.command_line import RESULTS, add_changes, add_data, add_processes, measured, one_thread_each
 
-HERE = Path(__file__).parent
-DATA = HERE.parent.parent / "shared" / "data"
-RESULT = HERE / "results" / "real_people.json"
+RESULT = RESULTS / "real_people.json"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, keep the numbers."""
     chosen = parse(arguments)
-    os.environ.update(dict.fromkeys(THREADS, "1"))  # read when numpy is loaded, which is below
+    one_thread_each()
     from benchmarks.people import Choice, measure
-    from common.errors import InputError
 
-    try:
-        return measure(Choice(**vars(chosen)))
-    except InputError as error:
-        sys.stderr.write(f"real_people: {error}\n")
-        return 2
+    return measured("real_people", measure, Choice(**vars(chosen)))
 
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """The command line. What is measured only in part, or with other settings, is kept only where asked."""
     parser = argparse.ArgumentParser("python -m benchmarks.real_people", description=__doc__)
     add = parser.add_argument
-    add("--data", type=Path, default=DATA, metavar="DIR", help="default: ../shared/data beside the checkout")
+    add_data(parser)
     add("--only", nargs="+", metavar="NAME", help="only these: a14_s2, a14 (all of this action), dance")
     add("--particles", type=int, metavar="N", help="particles a frame")
-    add("--processes", type=int, default=os.cpu_count() or 1, metavar="N", help="default: one per core")
-    add("--set", nargs="+", default=[], action="extend", dest="changes", metavar="KEY=VALUE", help="settings")
+    add_processes(parser)
+    add_changes(parser)
     add("--out", type=Path, metavar="FILE", help=f"default: {RESULT.name} in benchmarks/results")
     chosen = parser.parse_args(arguments)
     if chosen.processes < 1:

@@ -32,6 +32,7 @@ from coordinator.sources.camera_file import DEFAULT_FPS
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.starting.start import given_start
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker as FrameTracker
 from gepf.direct import DirectRefiner
@@ -79,6 +80,8 @@ class Tracker:
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
         self._camera, self._depth_scale = camera, depth_scale
         self._settings, self._frames = settings, 0
+        if given is not None:
+            given_start(given, bodies)  # checked before any worker starts
         self._stack = ExitStack()
         self._tracker = FrameTracker(self._open(workers), settings, bodies, given)
 

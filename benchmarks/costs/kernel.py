@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from benchmarks.command_line import RESULTS
 from benchmarks.costs.peers import open3d_icp, small_gicp_icp, small_gicp_icp_prepared
 from benchmarks.costs.stages import STAGES, stage_times
 from benchmarks.costs.standing import CAMERA, Case, standing
@@ -38,7 +38,7 @@ GROWTH: dict[str, list[dict[str, Any]]] = {
 GROWTH_ROUNDS = 15
 NOISES = {"clean": SensorNoise(), "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}
 YARDSTICK = "small_gicp ICP"
-RESULT = Path(__file__).parent.parent / "results" / "kernel.json"
+RESULT = RESULTS / "kernel.json"
 
 
 def main() -> int:

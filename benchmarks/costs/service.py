@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.command_line import RESULTS
 from benchmarks.costs.coordinator_alone import coordinator_stages
 from benchmarks.costs.scatter_peers import Frame, process_pool, ray_tasks
 from benchmarks.costs.standing import standing
@@ -53,7 +54,7 @@ SHARE = 10  # particles for each waiting lane
 CROWDS = ((2, 4), (4, 16), (8, 32), (16, 64))  # workers, lanes of each
 STARTS = 5
 POINTS = 5_000
-RESULT = Path(__file__).parent.parent / "results" / "service.json"
+RESULT = RESULTS / "service.json"
 
 
 def main() -> int:

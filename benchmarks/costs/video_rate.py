@@ -18,9 +18,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from benchmarks.command_line import DATA, RESULTS
 from benchmarks.costs.timing import machine
 from benchmarks.costs.worker_start import processor_seconds
-from benchmarks.real_people import DATA
 from benchmarks.sequences import choose, find_recordings
 from common.errors import InputError
 from common.settings import Settings, preset
@@ -35,7 +35,7 @@ SEQUENCES = ("a8_s1", "a14_s2", "a21_s1", "a27_s2")
 WORKERS = (2, 1)
 POINTS = 5_000
 SETTLED = 4  # frames that do not count: a start is sought in the first
-RESULT = Path(__file__).parent.parent / "results" / "video_rate.json"
+RESULT = RESULTS / "video_rate.json"
 
 Spent = tuple[float, list[float], float, float]
 

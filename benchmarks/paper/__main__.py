@@ -9,30 +9,23 @@ in docs/. Exit code 1 if a run crashed.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from coordinator.pool.local_workers import THREADS
+from benchmarks.command_line import RESULTS, ROOT, add_processes, measured, one_thread_each
 
-ROOT = Path(__file__).parent.parent.parent
 QUICK_SEEDS = 2
-RESULT = ROOT / "benchmarks" / "results" / "paper.json"
+RESULT = RESULTS / "paper.json"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, keep the numbers."""
     chosen = parse(arguments)
-    os.environ.update(dict.fromkeys(THREADS, "1"))  # read when numpy is loaded, which is below
+    one_thread_each()
     from benchmarks.paper.measure import Choice, measure
-    from common.errors import InputError
 
-    try:
-        return measure(Choice(**vars(chosen)))
-    except InputError as error:
-        sys.stderr.write(f"paper: {error}\n")
-        return 2
+    return measured("paper", measure, Choice(**vars(chosen)))
 
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -47,7 +40,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="so many seeds at the most; default: what each row has, 10 or less",
     )
     add("--only", nargs="+", metavar="NAME", help="only these rows or parts: heavy, curves, gradient-paper")
-    add("--processes", type=int, default=os.cpu_count() or 1, metavar="N", help="default: one per core")
+    add_processes(parser)
     add(
         "--runs",
         type=Path,

@@ -8,25 +8,22 @@ two people. All in this process, on one core; lines on stderr, tables on stdout.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from coordinator.pool.local_workers import THREADS
+from benchmarks.command_line import add_data, one_thread_each
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
 PARTS = ("starts", "gaps", "real", "situations")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure the parts that are asked for, and print their tables."""
     parser = argparse.ArgumentParser("python -m benchmarks.start", description=__doc__)
-    parser.add_argument("--data", type=Path, default=DATA, metavar="DIR")
+    add_data(parser)
     parser.add_argument("--only", nargs="+", default=PARTS, choices=PARTS)
     parser.add_argument("--subjects", nargs="+", type=int, default=(1, 2), metavar="N")
     chosen = parser.parse_args(arguments)
-    os.environ.update(dict.fromkeys(THREADS, "1"))  # read when numpy is loaded, which is below
+    one_thread_each()
     from benchmarks.start.parts import run_parts
 
     run_parts(chosen.data, chosen.only, chosen.subjects)
