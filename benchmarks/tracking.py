@@ -20,6 +20,7 @@ from coordinator.commands.track import choose_start
 from coordinator.results.summary import count_status
 from coordinator.sources import open_source
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.isolation import Isolation
 from coordinator.tracking.search.sizes import GIRTHS
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
@@ -31,7 +32,7 @@ class Tracked:
     """What came of a recording."""
 
     comparison: Comparison
-    seconds: NDArray[np.float64]  # (F,) that each frame took
+    seconds: NDArray[np.float64]  # (F,) of processor time that each frame took
     status: dict[str, int]
     hypotheses: float  # mean number
     residual: float  # mean, metres
@@ -48,10 +49,13 @@ def prepare() -> Bodies:
     return bodies
 
 
-def track(recording: Recording, settings: Settings, bodies: Bodies) -> Tracked:
+def track(
+    recording: Recording, settings: Settings, bodies: Bodies, isolation: Isolation | None = None
+) -> Tracked:
     """Track all frames and compare; raises whatever goes wrong."""
     source = open_source(recording.depth)
-    tracker = Tracker(DirectRefiner(), settings, bodies, choose_start(None, source))
+    start = choose_start(None, source)
+    tracker = Tracker(DirectRefiner(), settings, bodies, start, isolation=isolation)
     estimates, seconds = follow(tracker, source)
     return Tracked(
         comparison=compare(recording, tracker.model.joint_names, estimates),
@@ -65,12 +69,12 @@ def track(recording: Recording, settings: Settings, bodies: Bodies) -> Tracked:
 
 
 def follow(tracker: Tracker, source: Iterable[DepthFrame]) -> tuple[list[Estimate], NDArray[np.float64]]:
-    """Estimates of all frames, and the seconds that each took; reading it from the disk does not count."""
+    """Estimates of all frames, and the seconds of processor time that each took, its reading aside."""
     estimates, seconds = [], []
     for frame in source:
-        began = time.perf_counter()
+        began = time.process_time()
         estimates.append(tracker.track(frame))
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.process_time() - began)
     return estimates, np.array(seconds)
 
 

@@ -1,0 +1,1 @@
+"""How well people are cut out of rooms and tracked there, beside the same people cut out already."""
