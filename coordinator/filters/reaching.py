@@ -10,19 +10,20 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
-from common.kinematics import pose_vertices
-from common.kinematics.chain import forward_kinematics
+from common.kinematics import link_transforms
+from common.kinematics.arrays import contiguous
+from common.kinematics.skinning import blend_each
+from coordinator.filters.explaining import count_explained, mark_by_limb
 from coordinator.filters.exploration import find_limbs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
-NEAR = 0.08  # metres from the surface within which a point is explained
 POINTS = 300  # observed points that are looked at
 BODY_VERTICES = 800  # of the model, in its present pose
 LIMB_VERTICES = 40  # of a limb in each way to hold it
@@ -36,18 +37,24 @@ class Limb(NamedTuple):
     """A branch of the tree that ends in tips."""
 
     number: int  # among all groups of degrees of freedom that move on their own
-    dofs: Indices
-    low: Array  # of the angles that are drawn
+    dofs: Indices  # (d,)
+    low: Array  # (d,) of the values that are drawn
     high: Array
+    chain: Indices  # (C,) degrees of freedom from the root to the tips; the limb's own are the last
+    kinds: Indices  # (C,) as in the model, as are parents, axes and joints
+    parents: Indices
+    axes: Array
+    joints: Array
     vertices: Array  # (LIMB_VERTICES, 3) at rest
-    carriers: Indices  # (LIMB_VERTICES,) degrees of freedom
+    carriers: Indices  # (LIMB_VERTICES,) places in the chain
 
 
 class Layout(NamedTuple):
     """What of a body is looked at."""
 
-    some: Indices  # vertices
-    limb_of: Indices  # of each of them
+    some: tuple[Array, Indices, Array]  # vertices at rest (V, 3), their links and shares (V, K)
+    limb_of: Indices  # (V,) of each of them
+    groups: int  # limbs, and what they hang on
     limbs: tuple[Limb, ...]
 
 
@@ -69,19 +76,17 @@ def find_reaches(
     if not layout.limbs or not len(observed):
         return None
     points = observed[:: max(1, len(observed) // POINTS)]
-    vertices = pose_vertices(model, pose[None])[0][layout.some]
-    squared = np.empty((len(points), int(layout.limb_of.max()) + 1))
-    nearest_by_limb(points, vertices, layout.limb_of, squared)
+    near = find_near(model, pose, points, layout)
+    explained_by = near.sum(axis=0)  # (P,) limbs
+    if np.count_nonzero(explained_by == 0) < max(3.0, LEAST_GAIN * len(points)):
+        return None
     found: list[tuple[Limb, Array, Array]] = []
     for limb in layout.limbs:
-        others = np.delete(squared, limb.number, axis=1).min(axis=1)
-        alone = points[others > NEAR**2]
-        explained = int(np.sum(squared[others > NEAR**2, limb.number] <= NEAR**2))
-        if len(alone) - explained < max(3.0, LEAST_GAIN * len(points)):
-            continue
-        held, reached = try_ways(model, pose, limb, alone, rng)
+        alone = explained_by == near[limb.number]  # what no other limb explains
+        held, reached = try_ways(limb, pose, points[alone], rng)
+        explained = np.count_nonzero(alone & near[limb.number])
         found.append((limb, held, np.maximum(0.0, reached - explained)))
-    if not found or not any(gain.any() for _, _, gain in found):
+    if not any(gain.any() for _, _, gain in found):
         return None
     weights = np.concatenate([gain for _, _, gain in found]) ** 2
     drawn = rng.choice(len(weights), size=count, p=weights / weights.sum())
@@ -90,29 +95,36 @@ def find_reaches(
     return Reaches([found[limb_at[k]][0].dofs for k in drawn], [angles[k] for k in drawn])
 
 
-def try_ways(
-    model: BodyModel, pose: Array, limb: Limb, points: Array, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """Ways (K, d) to hold a limb, and how many of the points (P, 3) each comes near."""
+def find_near(model: BodyModel, pose: Array, points: Array, layout: Layout) -> Flags:
+    """Which of the points (P, 3) are near each limb, (K, P)."""
+    vertices, links, shares = layout.some
+    posed = np.empty((1, len(vertices), 3))
+    blend_each(vertices, links, shares, link_transforms(model, pose[None]), posed)
+    near = np.empty((layout.groups, len(points)), dtype=np.bool_)
+    mark_by_limb(contiguous(points.T), posed[0], layout.limb_of, near)
+    return near
+
+
+def try_ways(limb: Limb, pose: Array, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Ways (K, d) to hold a limb of pose (D,), and how many of the points (P, 3) each comes near."""
     held = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
-    reached = count_reached(model, pose, limb, held, points)
+    reached = count_reached(limb, pose, held, points)
     best = np.argsort(-reached, kind="stable")[:BEST]
     varied = np.repeat(held[best], VARIANTS, axis=0)
     varied = np.clip(varied + VARIATION * rng.standard_normal(varied.shape), limb.low, limb.high)
-    again = count_reached(model, pose, limb, varied, points)
+    again = count_reached(limb, pose, varied, points)
     return np.concatenate([held[best], varied]), np.concatenate([reached[best], again])
 
 
-def count_reached(model: BodyModel, pose: Array, limb: Limb, held: Array, points: Array) -> Array:
+def count_reached(limb: Limb, pose: Array, held: Array, points: Array) -> Array:
     """How many of the points (P, 3) the limb comes near, held in each of the ways (K, d)."""
     reached = np.empty(len(held))
-    count_each(
-        model.kinds,
-        model.parents,
-        model.axes,
-        model.points,
-        pose.copy(),
-        limb.dofs,
+    count_explained(
+        limb.kinds,
+        limb.parents,
+        limb.axes,
+        limb.joints,
+        pose[limb.chain],
         held,
         limb.vertices,
         limb.carriers,
@@ -120,56 +132,6 @@ def count_reached(model: BodyModel, pose: Array, limb: Limb, held: Array, points
         reached,
     )
     return reached
-
-
-@numba.njit(cache=True, nogil=True)
-def count_each(  # noqa: PLR0913 a kernel
-    kinds: Indices,
-    parents: Indices,
-    axes: Array,
-    joints: Array,
-    pose: Array,
-    dofs: Indices,
-    held: Array,
-    vertices: Array,
-    carriers: Indices,
-    points: Array,
-    reached: Array,
-) -> None:
-    """Fill reached (K,): of points (P, 3) that are near vertices (V, 3) of a limb, held in ways (K, d)."""
-    transforms, posed = np.empty((len(kinds), 3, 4)), np.empty((len(vertices), 3))
-    for k in range(len(held)):
-        for i in range(len(dofs)):
-            pose[dofs[i]] = held[k, i]
-        forward_kinematics(kinds, parents, axes, joints, pose, transforms)
-        for v in range(len(vertices)):
-            t = transforms[carriers[v]]
-            for a in range(3):
-                posed[v, a] = (
-                    t[a, 0] * vertices[v, 0] + t[a, 1] * vertices[v, 1] + t[a, 2] * vertices[v, 2] + t[a, 3]
-                )
-        reached[k] = 0.0
-        for p in range(len(points)):
-            for v in range(len(vertices)):
-                x, y, z = posed[v, 0] - points[p, 0], posed[v, 1] - points[p, 1], posed[v, 2] - points[p, 2]
-                if x * x + y * y + z * z <= NEAR * NEAR:
-                    reached[k] += 1.0
-                    break
-
-
-@numba.njit(cache=True, nogil=True)
-def nearest_by_limb(points: Array, vertices: Array, limb_of: Indices, squared: Array) -> None:
-    """Fill squared (P, K): squared distance of points (P, 3) from the vertices (V, 3) of each limb."""
-    squared[:] = np.inf
-    for p in range(len(points)):
-        for v in range(len(vertices)):
-            x, y, z = (
-                vertices[v, 0] - points[p, 0],
-                vertices[v, 1] - points[p, 1],
-                vertices[v, 2] - points[p, 2],
-            )
-            away = x * x + y * y + z * z
-            squared[p, limb_of[v]] = min(squared[p, limb_of[v]], away)
 
 
 @lru_cache(maxsize=16)
@@ -186,7 +148,8 @@ def lay_out(model: BodyModel) -> Layout:
         for number, dofs in enumerate(groups)
         if is_limb(model, dofs) and np.isin(carrier, dofs).any()
     ]
-    return Layout(some, group_of[carrier[some]], tuple(limbs))
+    skin = model.vertices[some], model.skin_links[some], model.skin_weights[some]
+    return Layout(skin, group_of[carrier[some]], len(groups), tuple(limbs))
 
 
 def is_limb(model: BodyModel, dofs: Indices) -> bool:
@@ -199,11 +162,25 @@ def lay_out_limb(model: BodyModel, number: int, dofs: Indices, vertices: Indices
     """A limb with some of its vertices, evenly spread over their order."""
     some = vertices[np.linspace(0, len(vertices) - 1, min(LIMB_VERTICES, len(vertices))).astype(np.int64)]
     low, high = np.clip(model.limits[dofs], -np.pi, np.pi).T
+    chain = np.concatenate([ancestors(model, dofs[0]), dofs])
+    place = np.full(len(model.kinds) + 1, -1)  # in the chain; none for none, the last
+    place[chain] = np.arange(len(chain))
     return Limb(
         number,
         dofs,
         low.copy(),
         high.copy(),
+        chain,
+        model.kinds[chain],
+        place[model.parents[chain]],
+        model.axes[chain],
+        model.points[chain],
         model.vertices[some],
-        model.link_dofs[model.skin_links[some, 0]],
+        place[model.link_dofs[model.skin_links[some, 0]]],
     )
+
+
+def ancestors(model: BodyModel, dof: int) -> list[int]:
+    """Degrees of freedom that carry another one, the root's first."""
+    parent = int(model.parents[dof])
+    return [] if parent < 0 else [*ancestors(model, parent), parent]

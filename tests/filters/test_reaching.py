@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from common.kinematics import pose_vertices
-from coordinator.filters.reaching import NEAR, find_reaches, lay_out
+from coordinator.filters.explaining import NEAR
+from coordinator.filters.reaching import find_reaches, lay_out
 from tests.support.bodies import hinges, puppet
 
 MODEL = puppet()
