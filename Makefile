@@ -16,7 +16,7 @@ $(STAMP): pyproject.toml constraints.txt .ci/setup
 	@.ci/setup .venv
 	@touch $@
 
-demo: setup ## track the paper's arm sequence with two local workers; table and pictures in demo/
+demo: setup ## people who move fast, tracked with one particle and with many; table and pictures in demo/
 	$(BIN)/gepf demo --out demo
 
 test: setup ## the tests, on two cores; kernels are compiled before

@@ -143,19 +143,21 @@ def gepf(
 
 @app.command(rich_help_panel=TRACKING)
 def demo(
-    context: typer.Context,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the demo (default: gepf-demo).")
     ] = None,
+    scene: Annotated[
+        str, typer.Option(metavar="person|arm", help="People who move fast, or the paper's arm behind noise.")
+    ] = "person",
     *,
     quiet: Quiet = False,
 ) -> None:
-    """Track an arm behind heavy noise: a table of errors, and pictures."""
+    """Track rendered sequences with one particle and with many: a table of errors, and pictures."""
     show = on_stderr(quiet=quiet)
-    with loading(show, "an arm behind noise, tracked twice; loading"):
-        from coordinator.commands.demo import run_demo
+    with loading(show, "rendering a scene and tracking it in two ways; loading"):
+        from coordinator.commands.demo.run import run_demo
 
-    run_demo(out, show, connect_of(context))
+    run_demo(out, show, scene)
 
 
 @app.command(rich_help_panel=TRACKING)

@@ -34,7 +34,8 @@ class Footage:
     @property
     def start(self) -> dict[str, float]:
         """The pose to start from by degree of freedom, as `init.json` has it."""
-        return dict(zip(self.scene.model.dof_names, self.scene.start.tolist(), strict=True))
+        start = self.scene.poses[0] if self.scene.start is None else self.scene.start
+        return dict(zip(self.scene.model.dof_names, start.tolist(), strict=True))
 
 
 def shoot(scene: str) -> Footage:

@@ -50,11 +50,13 @@ def draw_run(
 ) -> list[Path]:
     """Write overlay.gif and .mp4, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
 
+    Of a run that never found anybody there are no curves, which are the last two.
+
     `model` is the body that was tracked, with the track's degrees of freedom. Without OpenGL it is drawn as
     its vertices, and a warning says so. With `colours`, overlay and sheet are drawn over these.
     `advance` is called with the steps that are done and their number.
     """
-    files = [out / ANIMATION_FILE, out / SHEET_FILE, out / HYPOTHESES_FILE, out / FILM_FILE]
+    files = [out / ANIMATION_FILE, out / SHEET_FILE, out / FILM_FILE]
     chosen, filmed = (spread(len(track.frame), most) for most in (ANIMATION_FRAMES, FILM_FRAMES))
     steps = len(chosen) + len(filmed) + FINAL_STEPS
     view, fault = around(track, source.intrinsics, *PICTURE_SIZE), opengl_fault()
@@ -65,13 +67,15 @@ def draw_run(
     write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
     wide = replace(close, view=whole_view(source.intrinsics), finer=1)
     film = paint(wide, filmed, lambda done: advance(len(chosen) + done, steps))
-    write_film(film, (wide.view.width, wide.view.height), track.time_s[filmed], files[3])
+    write_film(film, (wide.view.width, wide.view.height), track.time_s[filmed], files[2])
     write_sheet(pictures, files[1])
     advance(steps - 1, steps)
-    draw_hypotheses(filled(track), truth, files[2])
-    if truth is not None and track.placed.any() and comparable(track, truth):
-        files.append(out / ERRORS_FILE)
-        draw_errors(track, truth, files[-1])
+    if track.placed.any():
+        files.append(out / HYPOTHESES_FILE)
+        draw_hypotheses(filled(track), truth, files[-1])
+        if truth is not None and comparable(track, truth):
+            files.append(out / ERRORS_FILE)
+            draw_errors(track, truth, files[-1])
     advance(steps, steps)
     return files
 

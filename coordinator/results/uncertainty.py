@@ -80,7 +80,7 @@ def angle_deviation(track: Track, angles: Angles, reported: NDArray[np.float64])
     known = np.isfinite(track.hypothesis_weight)
     poses = np.where(known[..., None], track.hypothesis_pose, track.pose[:, None]).reshape(-1, dofs)
     others = angles.near(angles.measure(poses), np.repeat(reported, most, axis=0))
-    squares = (others.reshape(frames, most, -1) - reported[:, None]) ** 2
+    squares = (others.reshape(frames, most, reported.shape[1]) - reported[:, None]) ** 2
     weight = np.where(known, track.hypothesis_weight, 0.0)
     spread = np.einsum("fm,fma->fa", weight, squares) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
     expected: NDArray[np.float64] = np.sqrt(misfit(track, angles, reported) ** 2 + UNSEEN**2 * spread)

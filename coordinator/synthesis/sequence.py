@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import TRANSLATION
+from common.body import TRANSLATION, BodyModel
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
@@ -22,11 +22,12 @@ from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes.person import person
 from coordinator.synthesis.scenes.roam import FRAMES, roam
 from coordinator.synthesis.scenes.scene import Scene
 from coordinator.tracking.sensor_noise import SensorNoise
 
-ROAM = "roam"
+ROAM, PERSON = "roam", "person"
 MOST_FRAMES = 100_000
 DEPTH_SCALE = 10_000.0  # units per metre: steps of 0.1 mm, up to 6.55 m
 
@@ -60,7 +61,8 @@ def synthesise(  # noqa: PLR0913 one parameter an option
         write_depth(shown, noise, seed, unfinished / "depth", advance, kinect=kinect)
         write_camera(shown, unfinished / CAMERA_FILE)
         write_truth(shown, unfinished / TRUTH_FILE)
-        write_start(shown, unfinished / START_FILE)
+        if shown.start is not None:
+            write_start(shown.model, shown.start, unfinished / START_FILE)
         unfinished.chmod(0o755)
         unfinished.replace(out)
     except BaseException:
@@ -76,8 +78,10 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
         if frames is not None and not 1 <= frames <= MOST_FRAMES:
             raise InputError(f"cannot make {frames} frames; choose from 1 to {MOST_FRAMES}")
         return roam(load_body(model), seed, frames or FRAMES)
-    if name not in SCENES:
-        raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, ROAM))}")
+    if name not in (*SCENES, PERSON):
+        raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, PERSON, ROAM))}")
+    if name == PERSON and model is None:
+        return first_frames(person(seed), frames)
     if model is not None:
         raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
     return first_frames(SCENES[name](), frames)
@@ -181,9 +185,7 @@ def write_truth(scene: Scene, file: Path) -> None:
     )
 
 
-def write_start(scene: Scene, file: Path) -> None:
-    """Write the pose to start from; what is zero is left out."""
-    start = {
-        name: float(value) for name, value in zip(scene.model.dof_names, scene.start, strict=True) if value
-    }
+def write_start(model: BodyModel, pose: NDArray[np.float64], file: Path) -> None:
+    """Write the pose (D,) to start from; what is zero is left out."""
+    start = {name: float(value) for name, value in zip(model.dof_names, pose, strict=True) if value}
     file.write_bytes(msgspec.json.format(msgspec.json.encode(start)) + b"\n")

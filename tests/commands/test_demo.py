@@ -17,12 +17,18 @@ from common.errors import InputError
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from coordinator.cli import main
 from coordinator.commands.console.progress import Show, show_on
-from coordinator.commands.demo import make_room, run_demo, tabulate
+from coordinator.commands.demo import person
+from coordinator.commands.demo.arm import demo_arm, tabulate
+from coordinator.commands.demo.person import FILTER, LONE, Score, demo_person, lone_settings
+from coordinator.commands.demo.run import make_room
+from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.evaluation import Errors
 from coordinator.synthesis.scenes.arm import MOVING
+from tests.support.processes.programs import INSTANT
 from tests.support.refined import Ready
 
 FRAMES = 4
@@ -71,7 +77,7 @@ def errors(angle_deg: float, best_deg: float, frames: int = 100) -> Errors:
 def test_the_demo_leaves_a_sequence_runs_and_pictures_and_makes_room_for_the_next(tmp_path: Path) -> None:
     """Both methods are tracked and drawn, the table has the four angles, and another demo can follow."""
     out, screen = tmp_path / "demo", io.StringIO()
-    run_demo(out, show_on(Console(file=screen, width=150)), connect, frames=FRAMES)
+    demo_arm(out, show_on(Console(file=screen, width=150)), Pool(2), connect, frames=FRAMES)
     assert {p.name for p in out.iterdir()} == {"sequence", "gradient", "gepf"}
     assert len(list((out / "sequence" / "depth").iterdir())) == FRAMES
     for method in ("gradient", "gepf"):
@@ -102,3 +108,41 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="choose another --out"):
         make_room(tmp_path)
     assert {p.name for p in tmp_path.iterdir()} == {"gepf", "thesis.tex"}
+
+
+def test_people_are_tracked_in_both_ways_and_compared(tmp_path: Path) -> None:
+    """Real processes over one pool: a run of each person and way, pictures of the first person's."""
+    out, screen = tmp_path / "demo", io.StringIO()
+    demo_person(out, show_on(Console(file=screen, width=150)), Pool(2, worker_command=INSTANT), (0, 1), 2)
+    runs = {f"{way}-{seed}" for way in (LONE, FILTER) for seed in (0, 1)}
+    assert {p.name for p in out.iterdir()} == {"sequence-0", "sequence-1", *runs}
+    assert all((out / run / "track.npz").exists() for run in runs)
+    assert {run for run in runs if (out / run / "overlay.gif").exists()} == {f"{LONE}-0", f"{FILTER}-0"}
+    table = screen.getvalue().splitlines()
+    start = next(k for k, line in enumerate(table) if line.startswith("joints within 10 cm"))
+    assert [line.split()[0] for line in table[start + 2 : start + 5]] == ["person", "person", "mean"]
+    make_room(out)
+    assert not list(out.iterdir())
+
+
+def test_the_table_of_people_says_who_did_better_whoever_that_is() -> None:
+    """Means of both, and a count in which a tie counts for nobody."""
+    good, fair = Score(100.0, 1.0, 0.0), Score(80.0, 5.0, 50.0)
+    lines = person.tabulate({LONE: [good, fair, good], FILTER: [fair, good, good]})
+    assert lines[-2].split() == ["mean", *2 * ("93.3", "%", "(", "2.3", "cm;", "17", "%)")]
+    assert lines[-1] == "gepf is better for 1 of 3 people, one particle for 1"
+
+
+def test_the_single_particle_gets_all_that_helps_it() -> None:
+    """At least the points and the iterations of method gradient, and the search of the filter."""
+    lone, gradient = lone_settings(), settings_for("gradient")
+    assert lone.filter.particles == 1
+    assert lone.recover
+    assert lone.points >= gradient.points
+    assert lone.refine.icp_iterations >= gradient.refine.icp_iterations
+
+
+def test_an_unknown_scene_is_refused_with_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
+    """Before a folder is made."""
+    assert main(["demo", "--scene", "dog"]) == 2
+    assert "unknown scene 'dog'; choose from person, arm" in capsys.readouterr().err

@@ -25,4 +25,4 @@ def write_small_sequence(folder: Path, frames: int) -> None:
     folder.mkdir(parents=True)
     write_depth(scene, SensorNoise(0.0, 0.0), 0, folder / "depth", None)
     write_camera(scene, folder / "camera_intrinsic.json")
-    write_start(scene, folder / "init.json")
+    write_start(scene.model, poses[0], folder / "init.json")

@@ -21,6 +21,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes.person import FPS, person
 from coordinator.synthesis.scenes.scene import Scene
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -271,3 +272,31 @@ def test_without_opengl_the_message_names_the_packages(monkeypatch: pytest.Monke
     monkeypatch.setenv("EGL_DEVICE_ID", "99")
     with pytest.raises(GepfError, match="apt install libegl1 libgl1"):
         DepthRenderer(CAMERA)
+
+
+def test_a_person_is_another_with_every_seed_and_moves_as_people_can() -> None:
+    """The same seed, the same poses; feet on the floor; limits kept; at rest first, then fast."""
+    scene, again, other = person(3), person(3), person(4)
+    assert np.array_equal(scene.poses, again.poses)
+    assert not np.array_equal(scene.model.vertices.max(axis=0), other.model.vertices.max(axis=0))
+    low, high = scene.model.limits.T
+    assert np.all((scene.poses >= low - 1e-9) & (scene.poses <= high + 1e-9))
+    lowest = [pose_vertices(scene.model, pose[None])[0, :, 1].max() for pose in scene.poses[::10]]
+    assert np.ptp(lowest) < 1e-9
+    joints = joint_positions(scene.model, scene.poses)
+    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=1) * FPS
+    assert speed[:4].max() < 0.01
+    assert speed.max() > 2.5  # metres a second, of a wrist
+    assert scene.start is None
+
+
+def test_a_person_is_rendered_without_a_start(tmp_path: Path) -> None:
+    """Who tracks it has to find it; the truth is there."""
+    synthesise("person", tmp_path / "fast", frames=2, seed=1, kinect=True)
+    source = open_source(tmp_path / "fast")
+    assert source.init is None
+    assert source.fps == FPS
+    truth = read_truth(tmp_path / "fast" / "truth.npz")
+    assert truth.joint_positions.shape == (2, 15, 3)
+    with pytest.raises(InputError, match="has a body of its own"):
+        synthesise("person", tmp_path / "other", model="human")

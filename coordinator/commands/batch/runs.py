@@ -50,16 +50,21 @@ def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
 
     One that fails stops no other. An interrupt ends all; their frames are kept, for `--resume`.
     """
+    ended = run_pool(jobs, at_once, show)
+    for line in tabulate([(e.job, e.code, e.line, e.seconds) for e in ended]):
+        show.say(line)
+    return gravest([each.code for each in ended])
+
+
+def run_pool(jobs: Sequence[Job], at_once: int | None, show: Show) -> list[Ended]:
+    """Track all over one pool, as many at once as keep it busy; how each ended, in that order."""
     pool = jobs[0].pool
     if pool.security is not None:
         raise InputError("several recordings share no certificates yet; track each through a gepf router")
     limit = at_once or runs_at_once(pool.lanes)
     show.say(f"tracking {len(jobs)} recordings, {min(limit, len(jobs))} at once, into {jobs[0].out.parent}")
     with shared_pool(pool) as shared, show.steps("recordings") as advance:
-        ended = list(run_all(jobs, limit, shared, show, advance))
-    for line in tabulate([(e.job, e.code, e.line, e.seconds) for e in ended]):
-        show.say(line)
-    return gravest([each.code for each in ended])
+        return list(run_all(jobs, limit, shared, show, advance))
 
 
 def runs_at_once(lanes: int) -> int:

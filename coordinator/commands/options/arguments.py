@@ -152,7 +152,7 @@ class RouterOptions:
 class SynthOptions:
     """All options of `gepf synth`."""
 
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm, turn, or roam with --model.")]
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm, turn, person, or roam with --model.")]
     out: Annotated[Path, typer.Option(metavar="SEQ", help="New folder for the sequence.")]
     frames: Annotated[int | None, typer.Option(metavar="N", help="Only the first N frames.")] = None
     noise_depth: Annotated[float, typer.Option(metavar="M", help="Standard deviation along depth.")] = 0.0
@@ -163,7 +163,7 @@ class SynthOptions:
     model: Annotated[
         str | None, typer.Option(metavar="human|FILE.urdf", help="Body that roams: all its joints move.")
     ] = None
-    seed: Annotated[int, typer.Option(help="Of the noise, and of roaming.")] = 0
+    seed: Annotated[int, typer.Option(help="Of the noise, and of who moves how.")] = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,18 +16,19 @@ from common.camera import Intrinsics
 class Scene:
     """A body with D degrees of freedom that moves through F frames.
 
-    `start` (D,) is what a tracker knows at the beginning.
+    `start` (D,) is what a tracker knows at the beginning; None where it has to find the body.
     """
 
     model: BodyModel
     camera: Intrinsics
     fps: float
     poses: NDArray[np.float64]  # (F, D) radians and metres
-    start: NDArray[np.float64]  # (D,)
+    start: NDArray[np.float64] | None  # (D,)
 
     def __post_init__(self) -> None:
         self.poses.setflags(write=False)
-        self.start.setflags(write=False)
+        if self.start is not None:
+            self.start.setflags(write=False)
 
 
 def through_keys(keys: dict[float, float], frames: int) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What gepf is for, in a minute or two: an arm behind heavy noise, which gradient tracking loses.
+"""The paper's arm behind heavy noise, which gradient tracking loses.
 
 The sequence is that of section 5 of the paper, noise of 15 cm in depth and 1 cm across, started 50
 degrees off in one shoulder angle.
@@ -6,18 +6,16 @@ degrees off in one shoulder angle.
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import InputError
 from coordinator.commands.console.progress import Show
 from coordinator.commands.options.choices import choose_settings
 from coordinator.commands.options.job import Job
 from coordinator.commands.track import track_sequence
-from coordinator.commands.workers import Connect, PooledRefiner, end_as_interrupted
+from coordinator.commands.workers import Connect, PooledRefiner, connect_workers
 from coordinator.files.names import TRUTH_FILE
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors, compare, lost_from
@@ -30,44 +28,28 @@ from coordinator.tracking.sensor_noise import SensorNoise
 NOISE = SensorNoise(depth=0.15, lateral=0.01)
 FRAMES = 110
 SETTLED = 30  # frames that the table leaves out: tracking starts with a wrong pose
-WORKERS = 2
 COMPARED = {"gradient": None, "gepf": 20}  # particles
-DEFAULT_FOLDER = Path("gepf-demo")
 SEQUENCE = "sequence"
 
 
-def run_demo(out: Path | None, show: Show, connect: Connect[PooledRefiner], frames: int = FRAMES) -> None:
-    """Make the sequence, track it with each method, and show a table of errors.
-
-    `out` gets a folder for the sequence and one for each method's run, with pictures; an earlier demo there
-    is replaced. Raises InputError if it holds anything else.
-    """
-    end_as_interrupted()
-    out = DEFAULT_FOLDER if out is None else out
-    make_room(out)
+def demo_arm(
+    out: Path,
+    show: Show,
+    pool: Pool,
+    connect: Connect[PooledRefiner] = connect_workers,
+    frames: int = FRAMES,
+) -> None:
+    """Make the sequence in `out`, track it with each method into a folder of its own, and show the table."""
     with show.steps("rendering the sequence") as advance:
         synthesise("arm", out / SEQUENCE, frames, NOISE.depth, NOISE.lateral, advance=advance)
     for method, particles in COMPARED.items():
         show.say(f"tracking with {method}")
         settings = choose_settings(method, "default", particles, None, seed=0)
-        job = Job(out / SEQUENCE, out / method, settings, Pool(WORKERS), active=MOVING)
+        job = Job(out / SEQUENCE, out / method, settings, pool, active=MOVING)
         track_sequence(job, show, connect)
     for line in tabulate({method: errors_of(out, method) for method in COMPARED}):
         show.say(line)
     show.say(f"look at {out / 'gepf' / 'overlay.gif'} and the other pictures beside it")
-
-
-def make_room(out: Path) -> None:
-    """Remove an earlier demo from `out`; InputError if there is anything else."""
-    ours = {SEQUENCE, *COMPARED}
-    try:
-        held = {path.name for path in out.iterdir()} if out.exists() else set()
-        if held - ours:
-            raise InputError(f"'{out}' holds other things than a demo; choose another --out")
-        for name in held:
-            shutil.rmtree(out / name)
-    except OSError as error:
-        raise InputError(f"cannot write to '{out}' ({error.strerror}); choose another --out") from error
 
 
 def errors_of(out: Path, method: str) -> Errors:

@@ -1,0 +1,150 @@
+"""A person who moves fast, seen by a Kinect ten times a second.
+
+Each seed is another person, whose lengths are not those of the template, and another motion: arms go from one
+comfortable pose to the next in a quarter to half a second, legs step, kick and bend, the body turns. Tracking
+has to find the person; the first half second stands still.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.human.measures import FRACTIONS_OF_STATURE
+from coordinator.bodies.human.template import human
+from coordinator.synthesis.scenes.scene import Scene
+
+Array = NDArray[np.float64]
+Ranges = dict[str, tuple[float, float]]
+
+FRAMES, FPS = 60, 10.0
+CAMERA = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
+DISTANCE_M, CAMERA_HEIGHT_M = 2.8, 1.0
+STATURE_M, GIRTH, LENGTH_DEVIATION = (1.6, 1.9), (0.9, 1.15), 0.04
+STANDS_S = 0.5
+CLEAR_M = 0.2  # of elbow and wrist from the line from pelvis to head, so that an arm is not in the trunk
+
+ARM: Ranges = {
+    "shoulder_flexion": (-30, 150), "shoulder_abduct": (-10, 90), "shoulder_twisting": (-45, 60),
+    "elbow_flexion": (10, 120),
+}  # fmt: skip
+LIFTED: Ranges = {
+    "hip_flexion": (20, 80), "hip_abduct": (0, 25), "hip_twisting": (-15, 15), "knee_flexion": (10, 90),
+}  # fmt: skip
+STANDING: Ranges = {"hip_flexion": (0, 5), "hip_abduct": (2, 8), "knee_flexion": (3, 10)}
+TRUNK: Ranges = {"vl3_tilt": (-5, 50), "vl3_roll": (-10, 10), "vl3_torsion": (-15, 15)}
+TURN: Ranges = {"root_ry": (-100, 100), "root_rx": (-3, 8)}
+AT_EASE = {"shoulder_flexion": 10.0, "shoulder_abduct": 18.0, "elbow_flexion": 20.0}
+ARM_MOVES_S, ARM_RESTS_S = (0.2, 0.4), (0.0, 0.2)
+LEG_MOVES_S, LEG_RESTS_S = (0.3, 0.5), (0.0, 0.4)
+TRUNK_MOVES_S, TRUNK_RESTS_S = (0.4, 0.8), (0.0, 0.3)
+
+
+def person(seed: int = 0, frames: int = FRAMES) -> Scene:
+    """A scene of somebody; the same seed is the same person who moves in the same way."""
+    rng = np.random.default_rng([seed, 2])
+    model = somebody(rng)
+    times = np.arange(frames) / FPS
+    poses = np.zeros((frames, len(model.dof_names)))
+    for side in "lr":
+        keys = through(times[-1], ARM_MOVES_S, ARM_RESTS_S, rng)
+        move(model, poses, times, keys, [draw_arm(model, side, rng) for _ in keys])
+    keys = through(times[-1], LEG_MOVES_S, LEG_RESTS_S, rng)
+    move(model, poses, times, keys, [draw_legs(k, rng) for k in range(len(keys))])
+    keys = through(times[-1], TRUNK_MOVES_S, TRUNK_RESTS_S, rng)
+    move(model, poses, times, keys, [draw_from({**TRUNK, **TURN}, "", rng) for _ in keys])
+    stand_on_floor(model, poses)
+    return Scene(model, CAMERA, FPS, poses, None)
+
+
+def somebody(rng: np.random.Generator) -> BodyModel:
+    """A person whose lengths are off what stature implies, as people's are."""
+    stature, girth = rng.uniform(*STATURE_M), rng.uniform(*GIRTH)
+    off = 1.0 + LENGTH_DEVIATION * np.clip(rng.standard_normal(len(FRACTIONS_OF_STATURE)), -2.0, 2.0)
+    lengths = {n: f * stature * o for (n, f), o in zip(FRACTIONS_OF_STATURE.items(), off, strict=True)}
+    return human(stature, girth, **lengths)
+
+
+def through(
+    end: float, moves: tuple[float, float], rests: tuple[float, float], rng: np.random.Generator
+) -> list[tuple[float, float]]:
+    """When each motion begins and when it is over, seconds, one after the other."""
+    spans, now = [], STANDS_S
+    while now < end:
+        begins = now + rng.uniform(*rests)
+        now = begins + rng.uniform(*moves)
+        spans.append((begins, now))
+    return spans
+
+
+def draw_arm(model: BodyModel, side: str, rng: np.random.Generator) -> dict[str, float]:
+    """A comfortable pose of one arm beside the trunk, degrees."""
+    while True:
+        drawn = draw_from(ARM, f"{side}_", rng)
+        if is_clear(model, drawn, "left" if side == "l" else "right"):
+            return drawn
+
+
+def draw_legs(number: int, rng: np.random.Generator) -> dict[str, float]:
+    """A pose of both legs, degrees: in turn one that lifts a leg, or bends both, and one that stands."""
+    stands = {**draw_from(STANDING, "l_", rng), **draw_from(STANDING, "r_", rng)}
+    if number % 2:
+        return stands
+    bend, which = rng.uniform(20.0, 70.0), rng.integers(3)
+    if which == 2:
+        bent = {"hip_flexion": bend, "knee_flexion": 1.6 * bend, "ankle_flexion": -0.4 * bend}
+        return {**stands, **{f"{side}_{name}": value for side in "lr" for name, value in bent.items()}}
+    return {**stands, **draw_from(LIFTED, f"{'lr'[which]}_", rng)}
+
+
+def draw_from(ranges: Ranges, prefix: str, rng: np.random.Generator) -> dict[str, float]:
+    """A value in each range."""
+    return {prefix + name: rng.uniform(low, high) for name, (low, high) in ranges.items()}
+
+
+def is_clear(model: BodyModel, values_deg: dict[str, float], side: str) -> bool:
+    """Whether elbow and wrist are beside the trunk and the head."""
+    pose = np.zeros((1, len(model.dof_names)))
+    for name, value in values_deg.items():
+        pose[0, model.dof(name)] = np.radians(value)
+    at = dict(zip(model.joint_names, joint_positions(model, pose)[0], strict=True))
+    low, axis = at["pelvis"], at["head"] - at["pelvis"]
+    for joint in (f"{side}_elbow", f"{side}_wrist"):
+        share = np.clip((at[joint] - low) @ axis / (axis @ axis), 0.0, 1.2)
+        if np.linalg.norm(at[joint] - low - share * axis) < CLEAR_M:
+            return False
+    return True
+
+
+def move(
+    model: BodyModel,
+    poses: Array,
+    times: Array,
+    spans: list[tuple[float, float]],
+    goals: list[dict[str, float]],
+) -> None:
+    """Write a chain of motions into poses (F, D): from goal to goal, degrees, as people reach for things."""
+    for name in sorted({name for goal in goals for name in goal}):
+        value = AT_EASE.get(name.partition("_")[2], 0.0)
+        curve = np.full(len(times), value)
+        for (begins, ends), goal in zip(spans, goals, strict=True):
+            to = goal.get(name, 0.0)
+            curve += (to - value) * minimum_jerk((times - begins) / (ends - begins))
+            value = to
+        poses[:, model.dof(name)] = np.radians(curve)
+
+
+def minimum_jerk(share: Array) -> Array:
+    """The way (n,) that is behind a hand at a share (n,) of its time (Flash & Hogan 1985)."""
+    t = np.clip(share, 0.0, 1.0)
+    return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+
+
+def stand_on_floor(model: BodyModel, poses: Array) -> None:
+    """Place the body before the camera, its lowest point on the floor."""
+    poses[:, model.dof("root_tz")] = DISTANCE_M
+    for pose in poses:
+        pose[model.dof("root_ty")] = CAMERA_HEIGHT_M - pose_vertices(model, pose[None])[0, :, 1].max()
