@@ -25,6 +25,7 @@ from coordinator.commands.options.arguments import (
     CertificateOptions,
     ExportOptions,
     FitOptions,
+    InitOptions,
     Model,
     PicturesOptions,
     PublishOptions,
@@ -183,6 +184,17 @@ def fit(context: typer.Context, options: FitOptions) -> None:
         from coordinator.commands.fit import run_fit
 
     run_fit(options, show, connect_of(context))
+
+
+@app.command(rich_help_panel=PREPARING)
+@grouped
+def init(context: typer.Context, options: InitOptions) -> None:
+    """Write a start file from joint values, drawn over the first frame and refined on it."""
+    show = on_stderr(quiet=options.quiet)
+    with loading(show, f"placing {options.model} in {options.sequence}; loading"):
+        from coordinator.commands.init import run_init
+
+    run_init(options, show, connect_of(context))
 
 
 @app.command(rich_help_panel=HOSTS)

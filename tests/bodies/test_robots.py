@@ -11,9 +11,8 @@ import pytest
 import trimesh
 
 from coordinator.cli import main
-from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.track import read_track
-from gepf.direct import DirectRefiner
+from tests.support.refined import Direct
 
 FRAMES = "4"
 GIMBAL = """
@@ -29,12 +28,6 @@ GIMBAL = """
     <origin xyz="0.3 0 0"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
 </robot>
 """
-
-
-class Direct(DirectRefiner):
-    """Refines in this process, and has no statistics."""
-
-    statistics = PoolStatistics()
 
 
 @pytest.fixture

@@ -34,7 +34,7 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
     ("arguments", "says"),
     [
         (("export", "run", "--out", "x"), "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
-        (("synth", "--out", "x"), "Missing argument 'SCENE': arm, turn, or roam"),
+        (("synth", "--out", "x"), "Missing argument 'SCENE': arm, turn, person, or roam"),
         (("nonsense",), "No such command 'nonsense'; there are demo, track, fit"),
         (("model", "nonsense"), "No such command 'nonsense'; there are show, dofs, export"),
         (("export", "run", "--to", "avi", "--out", "x"), "choose from bap, bvh, c3d, csv"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from common.refinement import Refined
+from coordinator.pool.statistics import PoolStatistics
+from gepf.direct import DirectRefiner
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,3 +18,9 @@ class Ready:
     def result(self) -> Refined:
         """The particles."""
         return self.refined
+
+
+class Direct(DirectRefiner):
+    """Refines in this process, and has no statistics."""
+
+    statistics = PoolStatistics()
