@@ -25,9 +25,8 @@ from coordinator.commands.options.choices import (
 from coordinator.commands.options.job import Job
 from coordinator.commands.options.scope import choose_scope
 from coordinator.commands.options.track_arguments import TrackOptions
+from coordinator.commands.people.choice import choose_people, track_live, track_recording
 from coordinator.commands.results_stream import check_results
-from coordinator.commands.track import track_sequence
-from coordinator.commands.track_live import track_stream
 from coordinator.commands.workers import Connect, ListeningRefiner, end_as_interrupted
 from coordinator.results.summary import SUMMARY_FILE
 from coordinator.sources.given import parse_given
@@ -52,9 +51,9 @@ def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefin
 def track_single(options: TrackOptions, job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bool:
     """Track one recording, or live input; gives whether most of its frames were tracked."""
     if live_key(job.sequence) is None:
-        tracked = track_sequence(job, show, connect)
+        tracked = track_recording(job, show, connect)
     else:
-        tracked = track_stream(job, show, connect)
+        tracked = track_live(job, show, connect)
     if options.output.as_json:
         sys.stdout.write((job.out / SUMMARY_FILE).read_text(encoding="utf-8"))
     return tracked
@@ -107,6 +106,7 @@ def choose_job(options: TrackOptions) -> Job:
         results_json=options.output.results_json,
         given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
         scope=choose_scope(options.scene),
+        people=choose_people(options.scene.people, choose_model(source.model), source.init),
         pictures=options.output.pictures,
         idle_timeout=choose_idle_timeout(source.idle_timeout),
     )

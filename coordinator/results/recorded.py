@@ -36,8 +36,11 @@ class Recorded:
     end: int  # bytes of the log; what follows is torn
 
 
-def read_log(path: Path) -> Recorded | None:
-    """What a log holds; None if that is no frame. InputError if it is of another form."""
+def read_log(path: Path, frames: int | None = None) -> Recorded | None:
+    """What a log holds, of `frames` at the most; None if that is no frame.
+
+    Raises InputError if it is of another form.
+    """
     configuration: RunConfiguration = {}
     start: Start | None = None
     estimates: list[Estimate] = []
@@ -46,6 +49,8 @@ def read_log(path: Path) -> Recorded | None:
     resumes = end = 0
     with path.open("rb") as file:
         for record, place in read_records(file):
+            if len(estimates) == frames:
+                break
             end = place
             match record:
                 case Opening():

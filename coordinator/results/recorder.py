@@ -17,6 +17,7 @@ from coordinator.files.atomic import sync_folder, write_atomically
 from coordinator.files.names import LOG_FILE
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Opening, Record, Resumed, append_records
+from coordinator.results.model_file import MODEL_FILE
 from coordinator.results.recorded import Recorded, assemble, read_log
 from coordinator.results.run_configuration import RunConfiguration, differences
 from coordinator.results.summary import SUMMARY_FILE
@@ -39,12 +40,20 @@ class Recorder:
         folder: Where the run is, or will be.
         configuration: What the run is asked for.
         resume: Go on with what is there; if that is nothing, begin.
+        frames: Go on after so many of the frames that are there at the most.
 
     Raises:
         InputError: The folder is in use, cannot be written, or holds a run that cannot be gone on with.
     """
 
-    def __init__(self, folder: Path, configuration: RunConfiguration, *, resume: bool = False) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        configuration: RunConfiguration,
+        *,
+        resume: bool = False,
+        frames: int | None = None,
+    ) -> None:
         self.folder = folder
         self._configuration = configuration
         self._finished = False
@@ -58,7 +67,7 @@ class Recorder:
             _remove_empty(self._made)
             raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
         try:
-            self.past = claim(folder, configuration, resume=resume)
+            self.past = claim(folder, configuration, resume=resume, frames=frames)
         except BaseException:
             os.close(self._log)
             raise
@@ -113,6 +122,12 @@ class Recorder:
         self._syncing.result()
         return read_log(self.folder / LOG_FILE)
 
+    def discard(self) -> None:
+        """Leave no trace of the run at the end, as if no frame had been recorded."""
+        for name in (*RESULTS, MODEL_FILE):
+            (self.folder / name).unlink(missing_ok=True)
+        self.frames, self._made = 0, [self.folder]
+
     def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> Track:
         """Write `track.npz` and `summary.json` and return the track. An incomplete run keeps its log."""
         timed = recorded.configuration.get("deadline_ms") is not None
@@ -157,9 +172,11 @@ def open_log(path: Path) -> int:
     return descriptor
 
 
-def claim(folder: Path, configuration: RunConfiguration, *, resume: bool) -> Recorded | None:
+def claim(
+    folder: Path, configuration: RunConfiguration, *, resume: bool, frames: int | None = None
+) -> Recorded | None:
     """What there is to go on with; InputError if anything is there that is not to be gone on with."""
-    past = read_log(folder / LOG_FILE)
+    past = read_log(folder / LOG_FILE, frames)
     if past is not None:
         if not resume:
             raise InputError(f"{folder} holds an interrupted run; go on with --resume, {ELSEWHERE}")

@@ -76,6 +76,13 @@ def report_unfinished(folder: Path) -> None:
     logger.warning("%s, here only its first frames; the same gepf track command with --resume goes on", where)
 
 
+def refuse_people(folder: Path) -> None:
+    """InputError where the folder holds a run of several people, each of which is a folder within it."""
+    found = sorted(each.parent.name for each in folder.glob(f"person*/{TRACK_FILE}"))
+    if found:
+        raise InputError(f"{folder} holds several people; give one of them: {folder / found[0]}, ...")
+
+
 def write_track(track: Track, file: BinaryIO) -> None:
     """Write the `.npz` form; equal tracks give equal bytes (nothing compressed, no dates)."""
     values: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
@@ -90,6 +97,7 @@ def read_track(folder: Path) -> Track:
     if (folder / LOG_FILE).exists():
         report_unfinished(folder)
     if not (folder / TRACK_FILE).exists():
+        refuse_people(folder)
         raise InputError(f"{folder} holds no {TRACK_FILE}; give the --out folder of a finished gepf track")
     arrays = read_arrays(folder / TRACK_FILE)
     dof_names, joint_names = arrays.names("dof_names"), arrays.names("joint_names")

@@ -76,13 +76,16 @@ def learn(
     growth: float,
     body: Nearness | None,
     doubtful: NDArray[np.bool_],
+    *,
+    patient: bool = False,
 ) -> Learned:
     """Learn a frame (H, W) in metres that shows this body.
 
-    doubtful: (H, W) pixels that may be somebody's: learned late, even where nothing is known.
+    doubtful: (H, W) pixels that may be somebody's: learned late, even where nothing is known, and very late
+    where there is no body, or to be `patient`.
     """
     near = (body.low, body.squares) if body else (np.zeros(3), np.empty((0, 0, 0), np.uint8))
-    waits = (FIRST, NEARER) if body else (PATIENT, PATIENT)
+    waits = (FIRST, NEARER) if body and not patient else (PATIENT, PATIENT)
     pixels = np.empty(depth.size, dtype=np.uint32)
     arrays = (known.depth, known.rival, known.frames)
     count = learn_pixels(depth, lens, growth, near, doubtful, waits, arrays, pixels)

@@ -55,9 +55,10 @@ def foreground(view: SceneView) -> Mask:
     return found
 
 
-def candidates(view: SceneView) -> list[Candidate]:
-    """Who may be a person, best first."""
-    parts = [piece for part in components(view, foreground(view)) for piece in peel(view, part)]
+def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
+    """Who may be a person, best first; nobody of whom the pixels (H, W) are known."""
+    free = foreground(view) if known is None else foreground(view) & ~known
+    parts = [piece for part in components(view, free) for piece in peel(view, part)]
     found = [judge(view, each) for each in join(view, parts) if of_a_persons_size(each)]
     return sorted((each for each in found if each is not None), key=lambda each: -each.score)
 

@@ -18,6 +18,7 @@ from coordinator.scene.room import FOREGROUND, PLANE, UNMEASURED, Depth, Lens, m
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Kinds = NDArray[np.uint8]
 Squares = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom, half-open
@@ -43,9 +44,16 @@ class Cut:
     near: Nearness
 
 
-def cut_out(view: SceneView, surface: Array) -> Cut:
-    """The subject near the points (V, 3) of a posed body, metres."""
-    near = surround(surface)
+def cut_out(view: SceneView, surface: Array, near: Nearness | None = None, others: Mask | None = None) -> Cut:
+    """The subject near the points (V, 3) of a posed body, metres.
+
+    Args:
+        view: The frame in its scene.
+        surface: The points.
+        near: Distances from them, if they are known.
+        others: Pixels (H, W) that are other people's, or may be: they say nothing of this one.
+    """
+    near = near or surround(surface)
     window = left, top, right, bottom = find_window(view, surface)
     depth = view.depth[top:bottom, left:right]
     kinds = np.empty(depth.shape, dtype=np.uint8)
@@ -54,13 +62,15 @@ def cut_out(view: SceneView, surface: Array) -> Cut:
         lens = (fx, fy, cx - left, cy - top)
         growth, background = view.noise.growth, view.background[top:bottom, left:right]
         mark_room(depth, background, lens, view.planes.coefficients, growth, kinds)
+        if others is not None:
+            kinds[others[top:bottom, left:right]] = DOUBTFUL
         mark_near(depth, background, lens, near.low, near.squares, kinds)
         grow(depth, growth, kinds)
         tell_kinds(depth, reach_back(surface, lens, depth.shape), not view.furnished, kinds)
     return Cut(window, kinds, near)
 
 
-def cut_mask(view: SceneView, mask: NDArray[np.bool_]) -> Cut:
+def cut_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Cut:
     """The same of somebody whose pixels (H, W) are known, of whom there is no posed body yet."""
     around = view.depth[mask]
     rows, columns = np.nonzero(mask)
@@ -68,7 +78,7 @@ def cut_mask(view: SceneView, mask: NDArray[np.bool_]) -> Cut:
     z = around.astype(np.float64)
     points = np.column_stack([(columns - cx) / fx * z, (rows - cy) / fy * z, z])
     behind = points * (1.0 + THICKNESS / z)[:, None]
-    cut = cut_out(view, np.concatenate([points, behind]))
+    cut = cut_out(view, np.concatenate([points, behind]), others=others)
     left, top, right, bottom = cut.window
     other = (cut.kinds == SUBJECT) & ~mask[top:bottom, left:right]
     cut.kinds[mask[top:bottom, left:right]] = SUBJECT

@@ -70,23 +70,24 @@ class Scene:
             furnished=self._furnished,
         )
 
-    def learn(self, view: SceneView, cut: Cut | None) -> SceneChange:
+    def learn(self, view: SceneView, cut: Cut | None, *, patient: bool = False) -> SceneChange:
         """Take in the frame that was seen last, and give what it changed.
 
         Args:
             view: The frame, as it was seen.
             cut: The body that was cut out of it; None where nobody is found yet, or who was is lost: then
                 whoever may be a person is learned late.
+            patient: Learn what was cut out as late as whoever may be a person: not all are found yet.
         """
         learned = NOTHING
         if self._furnished:
             near, doubtful = cut.near if cut else None, somebodys(view, cut)
             fresh = self._background is None
             known = self._background or nothing_known(*view.depth.shape)
-            learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful)
+            learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
             if not fresh and len(learned.pixels) > MOVED * np.count_nonzero(view.depth):
                 known = nothing_known(*view.depth.shape)
-                learn(known, view.depth, view.lens, view.noise.growth, near, doubtful)
+                learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
                 learned = known.only(np.arange(view.depth.size, dtype=np.uint32))
             self._background = known
         return self._change(learned)

@@ -57,6 +57,7 @@ class Tracker:
         start: Values of degrees of freedom in the first frame, metres and radians; None to find the body.
         state: Go on from here, where another tracker of the same settings left off.
         isolation: Cuts the body out of the frames; None for the usual way.
+        choosy: Wait for a frame that shows the body well, for some searches: it is not the only one there.
     """
 
     def __init__(
@@ -67,12 +68,15 @@ class Tracker:
         start: Mapping[str, float] | None = None,
         state: TrackerState | None = None,
         isolation: Isolation | None = None,
+        *,
+        choosy: bool = False,
     ) -> None:
         self._refiner = refiner
         self._settings = settings = apply_method(settings)
         self._method = METHODS[settings.method]
         self._bodies = bodies
         self._given = start is not None
+        self._choosy = choosy
         self._start = no_start(bodies) if start is None else given_start(start, bodies)
         self._seeker = Seeker(bodies, refiner, settings.refine, ways_of(settings.rotate_deg))
         self._rng = np.random.default_rng(settings.seed)
@@ -112,6 +116,28 @@ class Tracker:
         return TrackerState(self._start, checkpoint)
 
     @property
+    def expected(self) -> PosedBody | None:
+        """The body near which the next frame shows it; None where it may be anywhere."""
+        pose = self._whereabouts()
+        return None if pose is None else PosedBody(self.model, pose)
+
+    @property
+    def last_seen(self) -> Array:
+        """Where the body's middle (3,) was last, camera frame, metres."""
+        pose = self._start.pose if self._belief is None else self._belief.reported
+        middle: Array = joint_positions(self.model, pose[None])[0].mean(axis=0)
+        return middle
+
+    @property
+    def watch(self) -> Watch:
+        """How it went lately."""
+        return self._watch
+
+    def hurry(self) -> None:
+        """Look for the body in the next frame, even if that failed just now."""
+        self._watch = replace(self._watch, pause=0)
+
+    @property
     def rules(self) -> RefineSettings:
         """How particles are refined: the settings, for the noise that was found at the start."""
         return assume_noise(self._settings.refine, self._start.noise)
@@ -123,6 +149,11 @@ class Tracker:
     def submit(self, frame: DepthFrame) -> Submitted:
         """Draw particles for the next frame and let the workers refine them; `collect` has to follow."""
         cut, self._ahead = self._cut_out(frame), None
+        return self.submit_cut(cut)
+
+    def submit_cut(self, cut: CutOut) -> Submitted:
+        """The same for a frame out of which the body was cut by somebody else."""
+        frame = cut.frame
         first, clock, subject = self._belief is None, cut.clock, cut.isolated.subject
         self._scene = cut.isolated.change
         if subject is None:
@@ -149,10 +180,13 @@ class Tracker:
         if frame is None:
             return
         self._ahead = self._cut_out(frame)
-        subject = self._ahead.isolated.subject
-        if subject is not None:
-            with self._ahead.clock.stage("publish"):
-                self._refiner.send_ahead(subject)
+        self.send_cut_ahead(self._ahead)
+
+    def send_cut_ahead(self, cut: CutOut) -> None:
+        """Let the workers have what will be submitted next."""
+        if cut.isolated.subject is not None:
+            with cut.clock.stage("publish"):
+                self._refiner.send_ahead(cut.isolated.subject)
 
     def collect(self, submitted: Submitted) -> Tracked:
         """Wait for the refined particles of the frame that was submitted last, and update the belief."""
@@ -212,11 +246,11 @@ class Tracker:
             self._watch = self._watch.waited()
         else:
             finding = self._seeker.find(subject, noise, planes)
-            if finding.verdict.stands:
+            if finding.verdict.strain <= self._watch.limit(choosy=self._choosy):
                 self._start, self._belief = finding.start, self._begin_with(finding)
                 self._watch = Watch(why=finding.verdict.why)
             else:
-                self._watch = self._watch.failed(finding.verdict.why)
+                self._watch = self._watch.failed(finding.verdict.why, len(subject.picked))
 
     @property
     def _recovers(self) -> bool:

@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection, wait
 from common.errors import GepfError, InputError
 from coordinator.commands.console.progress import Advance, FrameMeter
 from coordinator.commands.options.job import Job
-from coordinator.commands.track import track_sequence
+from coordinator.commands.people.choice import track_recording
 from coordinator.commands.workers import connect_workers, end_as_interrupted
 
 DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
@@ -93,7 +93,7 @@ def track_one(job: Job, pipe: Connection) -> None:
 def code_of(job: Job, show: DistantShow) -> int:
     """Do the run; what ends it is the last line that it says."""
     try:
-        tracked = track_sequence(job, show, connect_workers)
+        tracked = track_recording(job, show, connect_workers)
     except KeyboardInterrupt:
         return INTERRUPTED
     except GepfError as error:

@@ -32,7 +32,9 @@ def evaluate_run(run: Path, given: Path | None) -> Evaluation:
     track = read_track(run)
     truth = given or own_truth_file(run)
     if truth is None:
-        raise InputError(f"the sequence of {run} has no truth, or is not where it was; give it with --truth")
+        raise InputError(
+            f"the sequence of {run} has no truth of this body, or is not where it was; give it with --truth"
+        )
     check_truth_of(run, truth)
     refuse_another_sequence(run, truth)
     return evaluate(track, read_truth(truth))

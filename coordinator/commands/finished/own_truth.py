@@ -6,6 +6,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from coordinator.results.digest import PATH, digest_frame
+from coordinator.results.people import PEOPLE
 from coordinator.results.summary import read_summary
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import find_format, open_source
@@ -29,9 +30,13 @@ def is_sequence(folder: Path) -> bool:
 
 
 def own_truth_file(run: Path) -> Path | None:
-    """Where the truth of a run's sequence is; None where sequence or truth are gone."""
-    path = read_summary(run).get(PATH)
-    if path is None or not Path(path).exists():
+    """Where the truth of a run's sequence is; None where sequence or truth are gone.
+
+    And None for one of several people: a sequence's truth does not say whose it is.
+    """
+    summary = read_summary(run)
+    path = summary.get(PATH)
+    if PEOPLE in summary or path is None or not Path(path).exists():
         return None
     return open_source(Path(path)).truth
 

@@ -13,6 +13,7 @@ from coordinator.commands.console.progress import Show
 from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import PicturesOptions
 from coordinator.results.model_file import read_tracked_body
+from coordinator.results.people import PEOPLE
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track, read_track
 from coordinator.results.truth import Truth, read_truth
@@ -30,7 +31,7 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
     if source is None:
         raise InputError(f"the frames of {run} are not where they were; say where with --sequence SEQ")
     colours = open_colours(options.color, summary, source, track)
-    truth = read_truth(source.truth) if source.truth else None
+    truth = read_truth(source.truth) if source.truth and PEOPLE not in summary else None
     files = draw_pictures(source, read_tracked_body(run).model, track, run, show, truth, colours)
     show.say(f"{len(files)} pictures are in {run}: {', '.join(file.name for file in files)}")
 

@@ -34,6 +34,7 @@ class Job:
     results: str | None = None  # a key on which they are published meanwhile
     results_json: bool = False
     scope: AskedScope = field(default_factory=AskedScope)  # what of the scene is tracked
+    people: int = 1  # at the most, at once
     pictures: bool = True
     idle_timeout: float | None = None  # seconds without a frame until live input is over
 

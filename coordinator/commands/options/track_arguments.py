@@ -95,6 +95,14 @@ class SceneOptions:
             rich_help_panel=SCENE,
         ),
     ] = "best"
+    people: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            help="Track up to so many people at once, each into a folder of its own in --out: person1, ...",
+            rich_help_panel=SCENE,
+        ),
+    ] = 1
     background: Annotated[
         str | None,
         typer.Option(

@@ -13,6 +13,7 @@ LONGEST_PAUSE = 5  # frames between searches for a body of which nothing is know
 CHECKS = (2, 5, 9)  # frames after a find in which it is held against a new search
 DOUBTFUL = 0.85  # strain from which on it is held against a search every so many frames
 EVERY = 10
+CHOOSY = 6  # searches in which only what explains the frame well is believed
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,11 @@ class Watch:
     pause: int = 0
     strain: float = 0.0
     why: str = ""
+    tried: int = 0  # points of whoever was searched in vain last
+
+    def limit(self, *, choosy: bool) -> float:
+        """Strain up to which a find is believed; who is choosy lowers it after some searches only."""
+        return DOUBTFUL if choosy and self.failures < CHOOSY else 1.0
 
     @property
     def checks(self) -> bool:
@@ -45,10 +51,10 @@ class Watch:
         """After a frame in which an unknown body was not looked for."""
         return replace(self, pause=self.pause - 1)
 
-    def failed(self, why: str) -> Self:
+    def failed(self, why: str, tried: int = 0) -> Self:
         """After a search for an unknown body that found nobody to be believed."""
         failures = self.failures + 1
-        return replace(self, failures=failures, pause=min(failures, LONGEST_PAUSE) - 1, why=why)
+        return replace(self, failures=failures, pause=min(failures, LONGEST_PAUSE) - 1, why=why, tried=tried)
 
     def followed(self, verdict: Verdict, *, anew: bool) -> Self:
         """After a frame in which the body was tracked, or found `anew`."""

@@ -1,0 +1,1 @@
+"""Several people of one recording: a run in a folder for each, and what they have in common."""

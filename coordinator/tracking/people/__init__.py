@@ -1,0 +1,1 @@
+"""Several people at once: one scene and one pool, a tracker for each."""

@@ -1,0 +1,131 @@
+"""`gepf track --people`: a run for each person, one summary, the same bytes however often it is stopped."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gepf
+from coordinator.cli import main
+from coordinator.files.names import LOG_FILE
+from tests.support.pairs import FRAMES, STATURES, PoolOfOne, pair, write_pair
+
+OPTIONS = ("--people", "2", "--particles", "6", "--points", "1500", "--no-pictures")
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two people in a room, with the truth of the one at the left."""
+    return write_pair(tmp_path_factory.mktemp("sequences") / "pair")
+
+
+@pytest.fixture(scope="module")
+def calm(sequence: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that nothing interrupted."""
+    out = tmp_path_factory.mktemp("runs") / "calm"
+    assert track(sequence, out) == 0
+    return out
+
+
+def track(sequence: Path, out: Path, *options: str, until: int | None = None) -> int:
+    """`gepf track --people 2` in this process, interrupted at a frame."""
+    workers = PoolOfOne(until)
+    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *options], workers.connect)
+
+
+def test_each_person_is_a_run(calm: Path, sequence: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Found with stature and place; evaluated, exported, reported and loaded as any other run."""
+    summary = json.loads((calm / "summary.json").read_text())
+    assert (summary["people"], summary["frames"], summary["complete"]) == (2, FRAMES, True)
+    assert [each["folder"] for each in summary["found"]] == ["person1", "person2"]
+    runs = [gepf.load(calm / each["folder"]) for each in summary["found"]]
+    order = np.argsort([run.joint("pelvis")[0, 0] for run in runs])
+    for place, shown, stature in zip(order, pair(), STATURES, strict=True):
+        names = list(runs[place].joint_names)
+        off = np.linalg.norm(runs[place].track.joint_positions - shown.joints, axis=-1)
+        assert len(names) == off.shape[1]
+        assert off.mean() < 0.04
+        assert summary["found"][place]["stature_m"] == pytest.approx(stature, abs=0.12)
+        assert summary["found"][place]["status"]["tracked"] >= FRAMES - 1
+    left = calm / f"person{order[0] + 1}"
+    capsys.readouterr()
+    assert main(["evaluate", str(left), "--truth", str(sequence / "truth.npz")]) == 0
+    assert json.loads(capsys.readouterr().out)["mean_joint_error_cm"] < 4.0
+    assert main(["export", str(left), "--to", "bvh", "--out", str(left.parent / "left.bvh")]) == 0
+    assert main(["report", str(left), "--out", str(left.parent / "left.html")]) == 0
+
+
+def test_a_truth_is_not_taken_for_anybodys(calm: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whose it is has to be said, and which of the people is meant."""
+    assert main(["evaluate", str(calm / "person1")]) == 2
+    assert "give it with --truth" in capsys.readouterr().err
+    assert main(["export", str(calm), "--to", "bvh", "--out", str(calm / "all.bvh")]) == 2
+    assert f"{calm} holds several people; give one of them: {calm / 'person1'}" in capsys.readouterr().err
+
+
+def test_an_interrupted_run_goes_on_with_the_same_bytes(sequence: Path, calm: Path, tmp_path: Path) -> None:
+    """Stopped twice, with one person's last frame lost, each ends with the bytes of the calm run."""
+    out = tmp_path / "out"
+    assert track(sequence, out, until=3) == 130
+    assert track(sequence, out, until=3) == 2  # without --resume nothing is touched
+    shorten(out / "person2" / LOG_FILE)
+    assert track(sequence, out, "--resume", until=5) == 130
+    assert track(sequence, out, "--resume") == 0
+    for person in ("person1", "person2"):
+        assert (out / person / "track.npz").read_bytes() == (calm / person / "track.npz").read_bytes()
+        assert not (out / person / LOG_FILE).exists()
+    assert track(sequence, out, "--resume", until=0) == 0  # it is complete: nobody is asked
+
+
+def shorten(log: Path) -> None:
+    """Tear the last record."""
+    content = log.read_bytes()
+    log.write_bytes(content[:-10])
+
+
+def test_more_than_there_are_leaves_no_empty_folders(sequence: Path, calm: Path, tmp_path: Path) -> None:
+    """Of up to three, two are found, the same as before."""
+    out = tmp_path / "three"
+    assert track(sequence, out, "--people", "3") == 0
+    assert sorted(each.name for each in out.iterdir()) == ["person1", "person2", "summary.json"]
+    for person in ("person1", "person2"):
+        ours, theirs = (gepf.load(folder / person).joint("pelvis") for folder in (out, calm))
+        np.testing.assert_allclose(ours, theirs, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--people", "0"), "--people 0 is too small"),
+        (("--init", "pose.json"), "--init is the pose of one person"),
+        (("--model", "examples/arm7.urdf"), "--people is for people whose measures are found"),
+    ],
+)
+def test_what_is_meant_for_one_is_refused(
+    sequence: Path, tmp_path: Path, options: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line says why, and nothing is written."""
+    assert track(sequence, tmp_path / "out", *options) == 2
+    assert says in capsys.readouterr().err.replace("\n", " ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_with_a_run_is_refused(sequence: Path, calm: Path, tmp_path: Path) -> None:
+    """Whoever wants another run gives another folder."""
+    out = tmp_path / "copy"
+    shutil.copytree(calm, out)
+    assert track(sequence, out) == 2
+    assert track(sequence, out, "--seed", "4", "--resume") == 2
+
+
+@pytest.mark.parametrize("lanes", [1, 3])
+def test_workers_change_no_byte(sequence: Path, calm: Path, tmp_path: Path, lanes: int) -> None:
+    """A real worker with so many lanes gives the bytes of the kernel in this process."""
+    out = tmp_path / "out"
+    assert main(["track", str(sequence), "--out", str(out), *OPTIONS, "--workers", str(lanes)]) == 0
+    for person in ("person1", "person2"):
+        assert (out / person / "track.npz").read_bytes() == (calm / person / "track.npz").read_bytes()

@@ -1,0 +1,96 @@
+"""Two people side by side in a room, rendered; and a pool in this process for `gepf track`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from common.frame import SubjectFrame
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
+from coordinator.commands.console.progress import Show
+from coordinator.pool.options import Pool
+from coordinator.pool.statistics import PoolStatistics
+from coordinator.synthesis.rendering import DepthRenderer
+from gepf.direct import DirectRefiner
+from tests.support.people import CAMERA, RAISING, STANDING, Shown, frame_of
+from tests.support.rooms import in_a_room
+
+FRAMES = 6
+LEFT: Mapping[str, float] = {**STANDING, "root_tx": -0.5}
+RIGHT: Mapping[str, float] = {**STANDING, "root_tx": 0.5, "root_tz": 2.9, "root_ry": 0.3}
+STATURES = (1.82, 1.7)
+
+
+@cache
+def pair(apart: float = 1.0) -> tuple[Shown, Shown]:
+    """Two people who raise the left arm: the same frames of a room, and the joints of each.
+
+    apart: How far, metres, their middles are from each other.
+    """
+    models = [human(stature) for stature in STATURES]
+    pictures, joints = np.zeros((FRAMES, CAMERA.height, CAMERA.width)), []
+    for model, posture in zip(models, (LEFT, RIGHT), strict=True):
+        placed = {**posture, "root_tx": apart * posture["root_tx"]}
+        poses = np.array([name_pose(model, raised(placed, n)) for n in range(FRAMES)])
+        joints.append(joint_positions(model, poses))
+        with DepthRenderer(CAMERA) as renderer:
+            for n, vertices in enumerate(pose_vertices(model, poses)):
+                pictures[n] = nearer(pictures[n], renderer.depth(vertices, model.triangles))
+    frames = [in_a_room(frame_of(n, picture)) for n, picture in enumerate(pictures)]
+    return Shown(frames, joints[0]), Shown(frames, joints[1])
+
+
+def raised(posture: Mapping[str, float], number: int) -> dict[str, float]:
+    """The posture, with the arm as high as in a frame."""
+    return {**posture, **{name: rate * number for name, rate in RAISING.items()}}
+
+
+def nearer(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Of two depth images the nearer in each pixel, where 0 is nothing."""
+    least = np.minimum(np.where(one > 0, one, np.inf), np.where(other > 0, other, np.inf))
+    return np.where(np.isfinite(least), least, 0.0)
+
+
+def write_pair(folder: Path, frames: int = FRAMES) -> Path:
+    """The two as a sequence; its truth is the first one's."""
+    shown, _ = pair()
+    (folder / "depth").mkdir(parents=True)
+    for frame in shown.frames[:frames]:
+        Image.fromarray(frame.depth).save(folder / "depth" / f"{frame.number:06d}.png")
+    camera = {"width": CAMERA.width, "height": CAMERA.height, "depth_scale": 1000}
+    matrix = [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy, 1]
+    (folder / "camera_intrinsic.json").write_text(json.dumps({**camera, "intrinsic_matrix": matrix}))
+    names = np.array(human(STATURES[0]).joint_names)
+    np.savez(folder / "truth.npz", joint_names=names, joint_positions=shown.joints[:frames])
+    return folder
+
+
+class PoolOfOne(DirectRefiner):
+    """Refines in this process; after so many published frames it is interrupted."""
+
+    statistics = PoolStatistics(workers_seen=("here",))
+
+    def __init__(self, until: int | None = None) -> None:
+        super().__init__()
+        self.until = until
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Be interrupted if it is time."""
+        if self.until is not None and subject.frame.number >= self.until:
+            raise KeyboardInterrupt
+        super().publish(subject)
+
+    @contextmanager
+    def connect(self, pool: Pool, show: Show) -> Iterator[PoolOfOne]:
+        """Stand in for a pool of workers."""
+        del pool, show
+        yield self
