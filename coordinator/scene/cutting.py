@@ -28,6 +28,9 @@ CLOSE = 0.08  # and to what is, if it is no part of the room
 CAME = 0.2  # the same, where it was not there before
 STEP = 0.03  # metres between neighbouring pixels of one surface, the noise aside
 LEAST_PIXELS = 6  # of a patch that hangs together
+LEAST_CAME = (
+    0.25  # share of what was not there before, in a patch that is not close: furniture's edges flicker
+)
 BLOCK = 8  # pixels a side, for each of which it is known how far back the body reaches
 
 
@@ -117,7 +120,8 @@ def bounds(surface: Array, lens: Lens) -> tuple[float, float, float, float]:
 CLOSEST = 0.1  # metres from the camera's plane
 
 
-DOUBTFUL, NEAR, SEED, TAKEN = 4, 8, 9, 10  # while the subject grows: body on the floor, what may be it
+DOUBTFUL = 4  # while the subject grows: body on the floor
+NEAR, NEW, SEED, TAKEN = 8, 9, 10, 11  # and what may be it: near, and was not there before; close; is it
 TOUCHING = 1  # squared cells between the posed surface and the room, where the two cannot be told apart
 
 
@@ -141,29 +145,41 @@ def mark_near(
             if marks[v, u] != FOREGROUND:
                 if square <= TOUCHING:
                     marks[v, u] = DOUBTFUL
-            elif square <= close or (square <= came and background[v, u] > z):
+            elif square <= close:
                 marks[v, u] = SEED
+            elif square <= came and background[v, u] > z:
+                marks[v, u] = NEW
             elif square <= reach:
                 marks[v, u] = NEAR
 
 
 @numba.njit(cache=True, nogil=True)
 def grow(depth: Depth, growth: float, marks: Kinds) -> None:
-    """Turn into TAKEN what is a seed or hangs together with one; what else was near is foreground again."""
+    """Turn into TAKEN what hangs together with a seed, or is mostly new; the rest is foreground again."""
     rows, columns = depth.shape
     flooded = np.zeros((rows, columns), dtype=np.bool_)
     stack = np.empty(rows * columns, dtype=np.int64)
     for v in range(rows):
         for u in range(columns):
-            if marks[v, u] == SEED and not flooded[v, u]:
+            if (marks[v, u] == SEED or marks[v, u] == NEW) and not flooded[v, u]:
                 count = flood(v, u, depth, growth, marks, flooded, stack)
-                if count < LEAST_PIXELS:
-                    for n in range(count):
-                        flooded[stack[n] // columns, stack[n] % columns] = False
+                settle(stack[:count], marks)
     for v in range(rows):
         for u in range(columns):
-            if marks[v, u] == NEAR or marks[v, u] == SEED:
-                marks[v, u] = TAKEN if flooded[v, u] else FOREGROUND
+            if NEAR <= marks[v, u] < TAKEN:
+                marks[v, u] = FOREGROUND
+
+
+@numba.njit(cache=True, nogil=True)
+def settle(patch: NDArray[np.int64], marks: Kinds) -> None:
+    """Turn a patch (N,) of flat indices into TAKEN, or into foreground where it is not the subject's."""
+    columns, close, new = marks.shape[1], 0, 0
+    for place in patch:
+        close += marks[place // columns, place % columns] == SEED
+        new += marks[place // columns, place % columns] == NEW
+    mine = len(patch) >= LEAST_PIXELS and (close > 0 or new >= LEAST_CAME * len(patch))
+    for place in patch:
+        marks[place // columns, place % columns] = TAKEN if mine else FOREGROUND
 
 
 @numba.njit(cache=True, nogil=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
+from coordinator.scene.floor import is_surface, level_plane
 from coordinator.scene.noise import DepthNoise, margin_at
 
 Array = NDArray[np.float64]
@@ -79,12 +80,22 @@ def find_planes(rays: Array, noise: DepthNoise, up: Array = UP) -> Planes:
     """Floor and walls among points (N, 3) of `sample`; `up` (3,) is where the sky is about."""
     found = [each for each in largest_planes(rays, noise) if is_border(each, rays, noise)]
     floors = [each for each in found if level(each, up) > TILT and is_large(each, rays, noise, FLOOR_SEEN)]
+    floors = floors or small_floors(rays, noise, up)
     floor = max(floors, key=lambda each: support(each, rays, noise), default=None)
     vertical = up if floor is None else -floor / np.linalg.norm(floor)
     upright = [each for each in found if abs(level(each, vertical)) < UPRIGHT]
     walls = [each for each in upright if is_large(each, rays, noise, WALL_SEEN)]
     chosen = walls if floor is None else [floor, *walls]
     return Planes(np.array(chosen).reshape(-1, 3), has_floor=floor is not None)
+
+
+def small_floors(rays: Array, noise: DepthNoise, up: Array) -> list[Array]:
+    """The floor of which only patches are seen, if there is one that is a surface in earnest."""
+    plane = level_plane(rays, noise, up, TILT)
+    if not plane.any():
+        return []
+    plane = refit(plane, rays, noise)
+    return [plane] if level(plane, up) > TILT and is_surface(plane, rays, noise) else []
 
 
 def largest_planes(rays: Array, noise: DepthNoise) -> list[Array]:

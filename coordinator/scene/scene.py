@@ -29,7 +29,7 @@ NOTHING = nothing_known(0, 0).only(np.empty(0, np.uint32))
 class SceneChange:
     """What a frame changed in what is known of a scene: of the background its pixels, of the rest all."""
 
-    seen: int = 0  # frames
+    seen: int = 0  # frames that show something
     growth: float = 0.0  # of the depth's noise; 0 before anything was measured
     planes: Array = field(default_factory=lambda: NONE.coefficients)  # (P, 3)
     has_floor: bool = False
@@ -119,7 +119,7 @@ class Scene:
                 self._planes = find_planes(rays, self._noise)
                 filled = float(np.mean(depth > 0.0)) > FILLED
                 self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
-        self._seen += 1
+            self._seen += 1
 
     def _change(self, learned: Learned) -> SceneChange:
         return SceneChange(

@@ -13,7 +13,7 @@ from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, DepthFrame
 from coordinator.scene.cutting import CLOSE, REACH, Cut, cut_mask, cut_out
 from coordinator.scene.nearness import CAP, CELL, surround
 from coordinator.scene.scene import Scene
-from tests.support.rooms import CABINET, TABLE, Box, Room
+from tests.support.rooms import CABINET, HEIGHT, TABLE, Box, Room
 
 PERSON = (-0.4, 2.6)
 
@@ -55,6 +55,24 @@ def test_a_table_hides_and_a_wall_does_not() -> None:
     floor = bare.see(None).frame.metres()
     kinds = cut_from(bare, bare.see(PERSON).frame)
     assert not np.any(kinds[(floor < 3.5) & ~truth] == HIDDEN)
+
+
+def test_furniture_whose_edge_flickers_is_not_the_subjects() -> None:
+    """A few pixels that are new do not take a cabinet in; an arm of which most is new is taken."""
+    beside: Box = ((PERSON[0] + 0.34, -0.3, 2.55), (PERSON[0] + 0.45, HEIGHT, 2.65))
+    room = Room((beside,), noise=0.001)
+    frame, truth = room.see(PERSON)
+    view = Scene().see(frame)
+    empty = room.see(None).frame.metres()
+    thing = (empty > 2.5) & (empty < 2.7) & ~truth
+    taken = []
+    for share in (0.05, 1.0):
+        new = thing & (np.random.default_rng(0).random(thing.shape) < share)
+        background = np.where(new, np.float32(3.5), np.float32(0.0))
+        kinds = whole(cut_out(replace(view, background=background), room.surface(PERSON)), truth.shape)
+        taken.append(float(np.mean(kinds[thing] == SUBJECT)))
+    assert taken[0] == 0.0
+    assert taken[1] > 0.2
 
 
 def test_what_is_not_measured_is_unknown_in_a_room_and_empty_where_nothing_else_is_seen() -> None:

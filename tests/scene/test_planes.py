@@ -7,7 +7,7 @@ import pytest
 
 from coordinator.scene.noise import fit_noise
 from coordinator.scene.planes import Planes, find_planes, follow_planes, sample
-from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Room
+from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Box, Room
 
 PERSON = (-0.4, 2.6)
 
@@ -56,3 +56,27 @@ def test_noise_is_measured(growth: float) -> None:
     """The growth of the noise is found within a quarter, whatever is seen."""
     depth = Room((TABLE,), noise=growth).see(PERSON).frame.metres()
     assert fit_noise(depth).growth == pytest.approx(growth, rel=0.25)
+
+
+def test_a_floor_between_furniture_is_found() -> None:
+    """Boxes hide all of the floor but a patch: height within 10 cm, up within two degrees."""
+    boxes: tuple[Box, ...] = (
+        ((-2.5, -0.2, 1.5), (-0.9, HEIGHT, 2.6)),
+        ((0.3, 0.1, 1.4), (2.5, HEIGHT, 2.3)),
+        ((-0.2, 0.2, 3.0), (0.5, HEIGHT, 3.3)),
+        ((-1.2, -0.4, 2.9), (-0.5, HEIGHT, 3.3)),
+    )
+    found = planes_of(Room(boxes, noise=0.002))
+    assert found.camera_height == pytest.approx(HEIGHT, abs=0.1)
+    assert found.up @ np.array([0.0, -1.0, 0.0]) > np.cos(np.radians(2.0))
+
+
+def test_no_floor_is_made_up() -> None:
+    """Where boxes hide all of it, no slanting plane through edges of things is taken for one."""
+    room = Room((((-2.5, 0.3, 1.3), (2.5, HEIGHT, 1.6)), CABINET), noise=0.002)
+    depth = room.see(PERSON).frame.metres()
+    rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy
+    shown = (np.abs(rows * depth - HEIGHT) > 0.05) | (rows < 0)  # without the floor itself
+    above = np.where(shown, depth, np.float32(0.0))
+    found = find_planes(sample(above, CAMERA), fit_noise(depth))
+    assert not found.has_floor
