@@ -24,7 +24,7 @@ from coordinator.bodies.human.anatomy import (
     whole_body,
 )
 from coordinator.bodies.human.mpeg4 import JOINT_ANGLES
-from coordinator.bodies.levers import SHOWN, carry_over
+from coordinator.bodies.levers import SHOWN, carry_over, weigh
 from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
 
 Array = NDArray[np.float64]
@@ -88,12 +88,19 @@ class Angles:
             if {f"{side}_shoulder_rotation", f"{side}_elbow_flexion"} <= set(names)
         }
 
-    def follow(self, poses: Array) -> Array:
+    @property
+    def thighs(self) -> list[int]:
+        """Rotations of the thighs: a foot shows them where the knee is straight, so there is no lever."""
+        return [a for a, name in enumerate(self.names) if name.endswith("_hip_rotation")]
+
+    def follow(self, poses: Array, agreement: Array | None = None) -> Array:
         """Angles (F, A) of the poses (F, D) of successive frames, each nearest to the frame before.
 
-        An upper arm's rotation is carried over where its elbow is straight (`coordinator.bodies.levers`).
+        An upper arm's rotation is carried over where its elbow is straight (`coordinator.bodies.levers`), and
+        that of a limb where the hypotheses disagree about it: `agreement` (F, A) is 1 where they do not.
         """
         angles = self.measure(poses)
+        trust = np.ones_like(angles) if agreement is None else agreement
         last = angles[0].copy() if len(angles) else np.empty(0)
         for frame in angles:
             frame[:] = self.near(frame[None], last)[0]
@@ -101,7 +108,9 @@ class Angles:
             seen = np.delete(np.arange(len(frame)), hidden)
             last[seen] = frame[seen]
         for twist, bend in self.levers.items():
-            angles[:, twist] = carry_over(angles[:, twist], angles[:, bend])
+            angles[:, twist] = carry_over(angles[:, twist], weigh(angles[:, bend]) * trust[:, twist])
+        for twist in self.thighs:
+            angles[:, twist] = carry_over(angles[:, twist], trust[:, twist])
         return angles
 
     def _ball(self, ball: BallJoint, poses: Array) -> Array:

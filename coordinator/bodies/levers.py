@@ -4,7 +4,7 @@ While the elbow is straight, the forearm lies on the line that the arm turns abo
 the picture as well. What the tracker reports then is chance. Such a twist is carried over from the frames
 around, the more so the straighter the elbow: the angles x (F,) that minimise
 
-    sum_f w_f (x_f - twist_f)^2 + stiffness sum_f (x_f - x_{f-1})^2,   w_f = sin(bend_f)^2
+    sum_f w_f (x_f - twist_f)^2 + stiffness sum_f (x_f - x_{f-1})^2,   w_f = sin(bend_f)^2 agreement_f
 
 since the wrist determines the rotation with a standard deviation in proportion to 1 / sin(bend).
 """
@@ -33,9 +33,13 @@ def weigh(bend: Array) -> Array:
     return weight
 
 
-def carry_over(twist: Array, bend: Array) -> Array:
-    """Twists (F,) with those that nothing shows taken from the frames around; radians."""
-    weight = np.maximum(weigh(bend), LEAST)
+def carry_over(twist: Array, shown: Array) -> Array:
+    """Twists (F,) with those that nothing shows taken from the frames around; radians.
+
+    `shown` (F,) is how well each is known, from 0 to 1: by the bend that shows it, and less where the
+    hypotheses disagree about it.
+    """
+    weight = np.maximum(shown, LEAST)
     if len(twist) < 2:
         return twist
     bands = np.zeros((2, len(twist)))

@@ -13,7 +13,10 @@ FASTEST = np.radians(1200.0)
 """Radians a second: everyday motion stays below. Who throws a ball is faster, so a leap may be true."""
 
 UNKNOWN = np.radians(45.0)
-"""Deviation from which on nobody claims to know an angle, so that a leap of it says nothing."""
+"""Deviation from which on nobody claims to know an angle, so that only a wide leap of it is named."""
+
+WIDE = np.radians(60.0)
+"""From one frame to the next: such a leap is named however unsure the angle is said to be."""
 
 TRUSTED, DOUBTED = 0.9, 0.5
 """Share of frames that are tracked, from which on a run is trusted, or in parts."""
@@ -30,12 +33,13 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True)
 class Leap:
-    """An angle that changes faster than people move: its frame and time, and how much, degrees."""
+    """An angle that changes faster than people move: its frame and time, how much, how sure, degrees."""
 
     angle: str
     frame: int
     time_s: float
     change_deg: float
+    deviation_deg: float  # the larger of both frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +63,24 @@ def find_doubts(track: Track) -> list[Doubt]:
 
 
 def find_leaps(track: Track) -> list[Leap]:
-    """Every step of an angle that is faster than `FASTEST`, between frames in which it is known."""
+    """Every step of an angle that is faster than `FASTEST`, where the angle is known, or is `WIDE`."""
     if track.angle is None or track.angle_deviation is None or len(track.frame) < 2:
         return []
-    known = np.isin(track.status, ("tracked", "ambiguous"))[:, None] & (track.angle_deviation < UNKNOWN)
+    there = np.isin(track.status, ("tracked", "ambiguous"))[:, None]
+    unsure = np.maximum(track.angle_deviation[1:], track.angle_deviation[:-1])
     change = np.diff(track.angle, axis=0)
-    speed = np.abs(change) / np.maximum(np.diff(track.time_s), 1e-9)[:, None]
+    fast = np.abs(change) > FASTEST * np.maximum(np.diff(track.time_s), 1e-9)[:, None]
+    named = fast & ((unsure < UNKNOWN) | (np.abs(change) > WIDE)) & there[1:] & there[:-1]
     names = track.angle_names or ()
     return [
-        Leap(names[a], int(track.frame[f + 1]), float(track.time_s[f + 1]), float(np.degrees(change[f, a])))
-        for f, a in np.argwhere((speed > FASTEST) & known[1:] & known[:-1]).tolist()
+        Leap(
+            names[a],
+            int(track.frame[f + 1]),
+            float(track.time_s[f + 1]),
+            float(np.degrees(change[f, a])),
+            float(np.degrees(unsure[f, a])),
+        )
+        for f, a in np.argwhere(named).tolist()
     ]
 
 

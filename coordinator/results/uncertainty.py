@@ -65,8 +65,10 @@ UNKNOWN = np.radians(60.0)
 
 def with_angles(track: Track, angles: Angles) -> Track:
     """The track with its body's angles (F, A), and how far each may be off."""
-    reported = angles.follow(filled(track).pose)
-    deviations = angle_deviation(filled(track), angles, reported)
+    known = filled(track)
+    spread = hypotheses_spread(known, angles, angles.measure(known.pose))
+    reported = angles.follow(known.pose, agreement(spread))
+    deviations = angle_deviation(known, angles, reported)
     reported[~track.placed] = np.nan
     return replace(track, angle_names=angles.names, angle=reported, angle_deviation=deviations)
 
@@ -76,16 +78,29 @@ def angle_deviation(track: Track, angles: Angles, reported: NDArray[np.float64])
 
     Of a robot, whose measures are known, that of the hypotheses alone. NaN where the frame is unknown.
     """
+    spread = hypotheses_spread(track, angles, reported)
+    expected = np.hypot(misfit(track, angles, reported), UNSEEN * spread)
+    expected[track.unknown] = np.nan
+    return expected
+
+
+def hypotheses_spread(track: Track, angles: Angles, about: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far the hypotheses' angles are from these (F, A), in the root mean square, radians."""
     frames, most, dofs = track.hypothesis_pose.shape
     known = np.isfinite(track.hypothesis_weight)
     poses = np.where(known[..., None], track.hypothesis_pose, track.pose[:, None]).reshape(-1, dofs)
-    others = angles.near(angles.measure(poses), np.repeat(reported, most, axis=0))
-    squares = (others.reshape(frames, most, reported.shape[1]) - reported[:, None]) ** 2
+    others = angles.near(angles.measure(poses), np.repeat(about, most, axis=0))
+    squares = (others.reshape(frames, most, about.shape[1]) - about[:, None]) ** 2
     weight = np.where(known, track.hypothesis_weight, 0.0)
-    spread = np.einsum("fm,fma->fa", weight, squares) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
-    expected: NDArray[np.float64] = np.sqrt(misfit(track, angles, reported) ** 2 + UNSEEN**2 * spread)
-    expected[track.unknown] = np.nan
-    return expected
+    mean = np.einsum("fm,fma->fa", weight, squares) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
+    spread: NDArray[np.float64] = np.sqrt(mean)
+    return spread
+
+
+def agreement(spread: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much angles count whose hypotheses spread so far (F, A): 1 where they agree."""
+    share: NDArray[np.float64] = ANGLE_MISFIT**2 / (ANGLE_MISFIT**2 + (UNSEEN * spread) ** 2)
+    return share
 
 
 def misfit(track: Track, angles: Angles, reported: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -250,3 +250,19 @@ def test_a_rotation_that_the_elbow_shows_stays(angles: Angles) -> None:
     poses[:, angles.dof_names.index("r_shoulder_twisting")] = np.radians(swung)
     found = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
     assert np.allclose(found, swung, atol=1.0)
+
+
+def test_a_rotation_about_which_hypotheses_disagree_is_carried_over(angles: Angles) -> None:
+    """A hop that nobody agrees on goes, the same hop with all agreed stays, and no other angle changes."""
+    poses = np.zeros((30, len(angles.dof_names)))
+    elbow, twist = (angles.dof_names.index(f"r_{name}") for name in ("elbow_flexion", "shoulder_twisting"))
+    poses[:, elbow] = np.radians(30.0)
+    poses[15:18, twist] = np.radians(70.0)
+    agreement = np.ones((30, len(angles.names)))
+    agreement[15:18] = 0.01
+    rotation = angles.names.index("right_shoulder_rotation")
+    sure, unsure = (np.degrees(angles.follow(poses, trust)) for trust in (None, agreement))
+    assert np.ptp(sure[:, rotation]) > 50.0
+    assert np.ptp(unsure[:, rotation]) < 15.0
+    others = np.delete(np.arange(len(angles.names)), rotation)
+    assert np.array_equal(sure[:, others], unsure[:, others])
