@@ -168,7 +168,8 @@ def load_kernel(lanes: int = 1) -> Kernel[Any]:
     from worker.side_by_side import SideBySide
     from worker.warm_up import warm_up
 
-    kernel = Kernel(observe, SideBySide(Lanes(lanes)).refine, lanes)
+    side_by_side = SideBySide(Lanes(lanes))
+    kernel = Kernel(observe, side_by_side.refine, lanes, side_by_side.prepare)
     warm_up(kernel)
     return kernel
 

@@ -45,13 +45,18 @@ O = TypeVar("O")  # noqa: E741 - what `observe` makes of a frame
 Refine = Callable[[BodyModel, O, NDArray[np.float64], RefineSettings], Refined]
 
 
+def nothing(observation: object, settings: RefineSettings) -> None:
+    """Prepare nothing."""
+
+
 @dataclass(frozen=True, slots=True)
 class Kernel(Generic[O]):
-    """The two functions that a worker computes with."""
+    """The functions that a worker computes with."""
 
     observe: Callable[[SubjectFrame], O]
     refine: Refine[O]
     lanes: int = 1  # particles that it refines at once
+    prepare: Callable[[O, RefineSettings], None] = nothing  # what is observed, for a request to come
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +119,10 @@ class Service(Generic[O]):
             return False
         memory, number, payload = unread
         with suppress(Exception):  # its requests will report what is wrong with it
-            memory.observations.put(number, self._kernel.observe(decode_frame(payload)))
+            observation = self._kernel.observe(decode_frame(payload))
+            memory.observations.put(number, observation)
+            if memory.settings is not None:
+                self._kernel.prepare(observation, memory.settings)
         return True
 
     def _admit(self, request: Request) -> None:
@@ -162,6 +170,7 @@ class Service(Generic[O]):
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
             )
         observation = memory.observations.find(request.frame, lambda: self._observe(request))
+        memory.settings = request.settings
         refined = self._kernel.refine(model, observation, request.poses, request.settings)
         self.activity.refined(request.run, len(request.poses))
         return encode_refined(refined)

@@ -10,6 +10,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from worker.kernel.job import Job, abandon, finish, make_job, work_on
 from worker.kernel.observation import Observation
+from worker.kernel.packing import pack_observation
 from worker.kernel.workspace import Workspace, make_workspace, narrow
 from worker.lanes import Lanes
 
@@ -22,6 +23,10 @@ class SideBySide:
     def __init__(self, lanes: Lanes) -> None:
         self._lanes = lanes
         self._kept: list[KeptWorkspace] = [KeptWorkspace() for _ in range(lanes.count)]
+
+    def prepare(self, observation: Observation, settings: RefineSettings) -> None:
+        """Do ahead what every request about an observation with such settings needs."""
+        pack_observation(observation, settings)
 
     def refine(
         self,
@@ -45,16 +50,19 @@ class KeptWorkspace:
 
     def __init__(self) -> None:
         self._sizes: Sizes | None = None
-        self._points = 0
+        self._points = self._narrowed_to = 0
         self._workspace: Workspace | None = None
+        self._narrowed: Workspace | None = None
 
     def fitting(self, job: Job) -> Workspace:
         """A workspace for a job's particles."""
         points, sizes = job.observed.points.shape[1], sizes_of(job)
         if self._workspace is None or sizes != self._sizes or points > self._points:
             self._workspace = make_workspace(job.skeleton, job.surface, job.observed)
-            self._sizes, self._points = sizes, points
-        return narrow(self._workspace, points)
+            self._sizes, self._points, self._narrowed = sizes, points, None
+        if self._narrowed is None or points != self._narrowed_to:
+            self._narrowed, self._narrowed_to = narrow(self._workspace, points), points
+        return self._narrowed
 
 
 def sizes_of(job: Job) -> Sizes:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
 from common.body import BodyModel
+from common.settings import RefineSettings
 
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
@@ -65,6 +66,7 @@ class RunMemory(Generic[O]):
         self.observations: Recent[int, O] = Recent(FRAMES_OF_RUN)
         self.models: Recent[str, BodyModel] = Recent(MODELS_OF_RUN)
         self.unread: int | None = None  # the newest frame, if it was not observed yet
+        self.settings: RefineSettings | None = None  # of the latest request
 
 
 class Memory(Generic[O]):

@@ -14,6 +14,7 @@ from common.errors import ProtocolError
 DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]
 Extent = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 Dims = tuple[int | str, ...]  # extents: a number, or a letter that has one value throughout a message
+EMPTY = memoryview(b"")
 TYPES = {name: (np.dtype(name), np.dtype(name).newbyteorder("=")) for name in get_args(DType)}
 
 
@@ -27,8 +28,9 @@ class Array(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=
 
 def pack(array: NDArray[Any]) -> Array:
     """An array for the wire."""
-    little = array.astype(array.dtype.newbyteorder("<"), order="C", copy=False)
-    return Array(little.dtype.str, little.shape, little.reshape(-1).view(np.uint8).data)  # type: ignore[arg-type]
+    wire = array.dtype.newbyteorder("<")
+    little = np.ascontiguousarray(array, wire)
+    return Array(wire.str, array.shape, little.data.cast("B") if little.size else EMPTY)  # type: ignore[arg-type]
 
 
 def unpack(what: str, array: Array, dtype: str, dims: Dims, sizes: dict[str, int]) -> NDArray[Any]:
@@ -45,7 +47,7 @@ def unpack(what: str, array: Array, dtype: str, dims: Dims, sizes: dict[str, int
         raise ProtocolError(
             f"{what} of shape {array.shape} has {array.data.nbytes} bytes, expected {expected}"
         )
-    return np.frombuffer(array.data, dtype=wire).reshape(array.shape).astype(native, copy=True)
+    return np.ndarray(array.shape, wire, array.data).astype(native)
 
 
 def check_shape(what: str, shape: tuple[int, ...], dims: Dims, sizes: dict[str, int]) -> None:

@@ -5,6 +5,7 @@ Every decoder raises ProtocolError, and its message says what is wrong. Nothing 
 
 from __future__ import annotations
 
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -51,6 +52,7 @@ REPLY_ARRAYS: dict[str, tuple[str, Dims]] = {
     "log_likelihood": ("<f8", ("N",)),
     "residual": ("<f8", ("N",)),
 }
+REFINED = dict.fromkeys(field.name for field in fields(Refined))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,7 +165,7 @@ def decode_model(payload: bytes) -> BodyModel:
     values = {**message.texts, **message.names, **message.arrays}
     if len(values) < len(message.texts) + len(message.names) + len(message.arrays):
         raise ProtocolError("the model has a field twice")
-    check_fields("model", set(values), {field.name for field in fields(BodyModel)})
+    check_fields("model", values.keys(), {field.name for field in fields(BodyModel)})
     sizes = {
         letter: len(message.names.get(name, ()))
         for letter, name in (("D", "dof_names"), ("L", "link_names"), ("J", "joint_names"))
@@ -204,7 +206,7 @@ def decode_request(payload: bytes) -> RefineRequest:
 
 def encode_refined(refined: Refined) -> bytes:
     """Refined particles for the coordinator."""
-    arrays = {field.name: pack(getattr(refined, field.name)) for field in fields(refined)}
+    arrays = {name: pack(getattr(refined, name)) for name in REFINED}
     return encode(ReplyMessage(arrays=arrays))
 
 
@@ -214,7 +216,7 @@ def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
     Poses are finite; the other arrays may hold infinities where nothing was observed.
     """
     message = decode(payload, ReplyMessage)
-    check_fields("reply", set(message.arrays), {field.name for field in fields(Refined)})
+    check_fields("reply", message.arrays.keys(), REFINED.keys())
     count, dofs = asked
     values: dict[str, NDArray[np.float64]] = {}
     for name, array in message.arrays.items():
@@ -236,7 +238,7 @@ def decode_refusal(payload: bytes) -> RefusalMessage:
     return RefusalMessage(reason=plain, retryable=refusal.retryable)
 
 
-def check_fields(what: str, given: set[str], expected: set[str]) -> None:
+def check_fields(what: str, given: AbstractSet[str], expected: AbstractSet[str]) -> None:
     """ProtocolError that names missing and unknown fields."""
     if given != expected:
         missing, unknown = sorted(expected - given), sorted(given - expected)

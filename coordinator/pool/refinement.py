@@ -42,6 +42,8 @@ class Refinement:
 
     def gather(self) -> Refined:
         """What has been answered, in the order of the particles, and NaN for the rest."""
+        if len(self._parts) == 1 and self.complete:
+            return self._parts[0]
         parts: list[Refined] = []
         stop = 0
         for start, part in [*sorted(self._parts.items()), (self.particles, None)]:

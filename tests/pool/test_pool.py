@@ -20,6 +20,7 @@ from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import decode_refusal, encode_request
 from common.refinement import Refined
+from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.opening import open_coordinator, open_router, open_worker
 from common.transport.requests import WAITING_REQUESTS, Arrivals, Request
@@ -79,19 +80,21 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
 
 
 def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
-    """An idle worker lays it out before it is asked; until it is published all is about the one before."""
-    coming, observed = frame(2), SimpleQueue[int]()
+    """An idle worker lays it out for the settings of its run before it is asked; used when published."""
+    coming, observed, prepared = frame(2), SimpleQueue[int](), SimpleQueue[RefineSettings]()
 
     def observe_and_tell(subject: SubjectFrame) -> Any:
         observed.put(subject.frame.number)
         return observe(subject)
 
-    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(observe_and_tell, refine)):
+    kernel = Kernel(observe_and_tell, refine, prepare=lambda _, settings: prepared.put(settings))
+    with pool(endpoint) as refiner, serving(endpoint, "w", kernel):
         refiner.publish(frame(1))
         pending = refiner.submit(MODEL, POSES, SETTINGS)
         refiner.send_ahead(coming)
         one = pending.result()
         assert [observed.get(timeout=5.0) for _ in range(2)] == [1, 2]
+        assert prepared.get(timeout=5.0) == SETTINGS
         again = refiner.submit(MODEL, POSES, SETTINGS).result()
         refiner.publish(coming)
         two = refiner.submit(MODEL, POSES, SETTINGS).result()

@@ -55,6 +55,17 @@ def test_a_lane_keeps_nothing_from_one_request_to_the_next() -> None:
             assert as_bytes(together) == as_bytes(refine(model, observation, poses, DEFAULT))
 
 
+def test_what_is_prepared_ahead_changes_nothing() -> None:
+    """For the settings of the request to come, or for others: the same bytes as without."""
+    with Lanes(2) as threads:
+        side_by_side = SideBySide(threads)
+        for prepared in (DEFAULT, msgspec.structs.replace(DEFAULT, noise_depth=10.0 * DEFAULT.noise_depth)):
+            observation = observe(subject())
+            side_by_side.prepare(observation, prepared)
+            together = side_by_side.refine(puppet(), observation, starts(5), DEFAULT)
+            assert as_bytes(together) == as_bytes(refine(puppet(), observe(subject()), starts(5), DEFAULT))
+
+
 def test_what_one_lane_refuses_all_refuse() -> None:
     """A request that asks for too much work is refused before a lane begins."""
     endless = np.zeros((100_000, len(puppet().dof_names)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from worker.kernel.search.correspondence import boxes_of
 
 FAR_NOISIER = 2.0  # along than across, from which on the closest point misleads
 
+KEPT = 2  # packed observations
 HEAVIEST = 1e6  # that a prior may be
 
 
@@ -56,9 +58,15 @@ class KernelParameters(NamedTuple):
 
 
 def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
-    """Pack an observation in the metric of the noise."""
+    """Pack an observation in the metric of the noise; those that were asked for last are kept."""
+    return stretch(observation, settings.noise_lateral / settings.noise_depth)
+
+
+@lru_cache(maxsize=KEPT)
+def stretch(observation: Observation, ratio: float) -> PackedObservation:
+    """Pack an observation, its depths multiplied by a ratio."""
     points = np.ascontiguousarray(observation.points.T)
-    points[2] *= np.float32(settings.noise_lateral / settings.noise_depth)
+    points[2] *= np.float32(ratio)
     camera = observation.camera
     return PackedObservation(
         points,
@@ -72,7 +80,7 @@ def pack_observation(observation: Observation, settings: RefineSettings) -> Pack
         camera.fy,
         camera.cx,
         camera.cy,
-        settings.noise_lateral / settings.noise_depth,
+        ratio,
     )
 
 
