@@ -30,6 +30,7 @@ from coordinator.commands.results_stream import check_results
 from coordinator.commands.workers import Connect, ListeningRefiner, end_as_interrupted
 from coordinator.results.summary import SUMMARY_FILE
 from coordinator.sources.given import parse_given
+from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.sources.live import live_key
 
 NOT_TRACKED = 3  # exit code: done, but most frames were not tracked
@@ -107,6 +108,19 @@ def choose_job(options: TrackOptions) -> Job:
         given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
         scope=choose_scope(options.scene),
         people=choose_people(options.scene.people, choose_model(source.model), source.init),
+        joint_states=choose_joint_states(options),
         pictures=options.output.pictures,
         idle_timeout=choose_idle_timeout(source.idle_timeout),
     )
+
+
+def choose_joint_states(options: TrackOptions) -> JointStates | None:
+    """What --joint-states says; InputError where it cannot belong to what is tracked."""
+    path, source = options.input.joint_states, options.input
+    if path is None:
+        return None
+    if is_several(source.sequences, None) or live_key(source.sequences[0]) is not None:
+        raise InputError("--joint-states belongs to one recording; track it alone")
+    if options.scene.people > 1:
+        raise InputError("--joint-states belongs to one body; leave --people out")
+    return read_joint_states(path)

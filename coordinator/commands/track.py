@@ -29,6 +29,7 @@ from coordinator.sources import Source, open_source
 from coordinator.sources.pictures.colour_folder import ColourFolder
 from coordinator.sources.source import select_frames
 from coordinator.tracking.isolation import Isolation
+from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker
@@ -59,6 +60,8 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> boo
     numbers = select_frames(source.numbers, job.frames)
     bodies = choose_bodies(job.active, job.settings.preset, job.model)
     start = choose_start(job.init, source, bodies.dof_names)
+    if job.joint_states is not None:
+        job.joint_states.require_any(bodies.dof_names)
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
     first = source.frame(numbers[0])
@@ -115,7 +118,8 @@ def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[Poole
     with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
         past = recorder.past.state if recorder.past else None
         isolation = Isolation(run.job.settings.points, run.scope)
-        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past, isolation)
+        known = KnownMotion(run.job.joint_states) if run.job.joint_states else None
+        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past, isolation, known)
         frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
         for estimate, state in follow(tracker, frames):
             meter.advance(estimate)

@@ -44,8 +44,8 @@ def propose(
     """Select and predict: the particles of a frame, whose likelihood is asked for."""
     ancestors = systematic(past.weights, settings.particles, rng)
     noise = diffusion(model, settings) * rng.standard_normal((settings.particles, past.poses.shape[1]))
-    motion = settings.velocity_share * sighting.motion_time * past.velocities[ancestors]
-    particles = propagate(model, past.poses[ancestors], motion, noise)
+    motion = sighting.expect(past.velocities, settings.velocity_share)
+    particles = propagate(model, past.poses[ancestors], motion[ancestors], noise)
     return Proposal(past, ancestors, particles, sighting.interval)
 
 

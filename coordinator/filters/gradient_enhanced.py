@@ -118,8 +118,8 @@ def scatter(
     """
     noisy = np.full(len(ancestors), settings.particles > 1)
     noise = draw_noise(past.covariances, ancestors, rng, noisy)
-    motion = settings.velocity_share * sighting.motion_time * past.velocities[ancestors]
-    return propagate(model, past.poses[ancestors], motion, noise)
+    motion = sighting.expect(past.velocities, settings.velocity_share)
+    return propagate(model, past.poses[ancestors], motion[ancestors], noise)
 
 
 def explore(
@@ -132,7 +132,8 @@ def explore(
 ) -> Array:
     """Step 3 of preset `default`: particles (N, D) of several kinds, see `exploration`."""
     kinds = choose_kinds(len(ancestors), rng)
-    motion = settings.velocity_share * sighting.motion_time * past.velocities
+    motion = sighting.expect(past.velocities, settings.velocity_share)
+    at_rest = sighting.expect(past.velocities, 0.0)
     likeliest = propagate(model, past.poses[:1], motion[:1], np.zeros_like(motion[:1]))[0]
     reaching = np.flatnonzero(kinds == REACHING)
     reaches = find_reaches(model, likeliest, sighting.points, len(reaching), rng)
@@ -140,7 +141,7 @@ def explore(
         kinds[reaching] = SPREAD
     noise = draw_noise(past.covariances, ancestors, rng, kinds == SPREAD)
     noise = perturb(model, kinds, noise, settings, rng)
-    moving = np.where((kinds == RESTING)[:, None], 0.0, motion[ancestors])
+    moving = np.where((kinds == RESTING)[:, None], at_rest[ancestors], motion[ancestors])
     particles = propagate(model, past.poses[ancestors], moving, noise)
     if reaches is not None:
         for n, dofs, angles in zip(reaching, reaches.dofs, reaches.angles, strict=True):

@@ -15,12 +15,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """A few of the frame's observed points (P, 3), camera frame, metres; the time since the frame before."""
+    """A few of the frame's observed points (P, 3), camera frame, metres; the time since the frame before.
+
+    `step` (D,) is what is known of the relative motion since then, from encoders: NaN where nothing is.
+    """
 
     points: Array = field(default_factory=lambda: np.empty((0, 3)))
     interval: float = USUAL_INTERVAL  # seconds
+    step: Array | None = None
 
     @property
     def motion_time(self) -> float:
         """Seconds by which what moves is moved on."""
         return min(self.interval, LONGEST_MOTION)
+
+    def expect(self, velocities: Array, share: float) -> Array:
+        """The motion (M, D) of who had these velocities (M, D): a share goes on, and known steps count."""
+        motion: Array = share * self.motion_time * velocities
+        return motion if self.step is None else np.where(np.isnan(self.step), motion, self.step)

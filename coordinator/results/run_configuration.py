@@ -38,6 +38,7 @@ OPTIONS = {
     "model.content": "the content of --model",
     "dof": "--dof",
     "init": "--init",
+    "joint_states": "--joint-states",
     "frame_range": "--frames",
     "deadline_ms": "--deadline",
     "scene.person": "--person",
@@ -67,6 +68,7 @@ class Asked:
     start: Mapping[str, float] | None  # None for one that is found
     deadline: float | None  # seconds
     scope: Scope = field(default_factory=Scope)  # what of the scene is tracked
+    joint_states: str | None = None  # a hash of what encoders say
 
 
 def run_configuration(
@@ -96,6 +98,7 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
         "model": {"name": Path(asked.model).name, "content": None if content is None else content[:LETTERS]},
         "dof": None if asked.active is None else ",".join(asked.active),
         "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
+        "joint_states": asked.joint_states,
         "settings": msgspec.to_builtins(asked.settings),
         "scene": asked.scope.describe(),
         "deadline_ms": None if asked.deadline is None else 1000 * asked.deadline,

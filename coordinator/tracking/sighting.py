@@ -12,13 +12,16 @@ POINTS = 300
 DIGITS = 4  # of an interval in seconds
 
 
-def see(subject: SubjectFrame, last_time_s: float | None) -> Sighting:
+def see(
+    subject: SubjectFrame, last_time_s: float | None, step: NDArray[np.float64] | None = None
+) -> Sighting:
     """The sighting of a frame; at the usual interval where its time is not after the last one's.
 
-    Intervals are whole tenths of a millisecond: how a file rounds its times is to change nothing.
+    `step` (D,) is what encoders say of the motion since then. Intervals are whole tenths of a millisecond:
+    how a file rounds its times is to change nothing.
     """
     since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, DIGITS)
-    return Sighting(some_points(subject), since if since > 0.0 else USUAL_INTERVAL)
+    return Sighting(some_points(subject), since if since > 0.0 else USUAL_INTERVAL, step)
 
 
 def some_points(subject: SubjectFrame) -> NDArray[np.float64]:

@@ -26,6 +26,7 @@ from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.isolation import Isolation, PosedBody
+from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.search import ways_of
@@ -57,6 +58,7 @@ class Tracker:
         start: Values of degrees of freedom in the first frame, metres and radians; None to find the body.
         state: Go on from here, where another tracker of the same settings left off.
         isolation: Cuts the body out of the frames; None for the usual way.
+        known: How joints move, as encoders tell it.
         choosy: Wait for a frame that shows the body well, for some searches: it is not the only one there.
     """
 
@@ -68,6 +70,7 @@ class Tracker:
         start: Mapping[str, float] | None = None,
         state: TrackerState | None = None,
         isolation: Isolation | None = None,
+        known: KnownMotion | None = None,
         *,
         choosy: bool = False,
     ) -> None:
@@ -84,6 +87,7 @@ class Tracker:
         self._watch = Watch() if start is None else GIVEN
         self._around = None if start is None else self._start.pose  # (D,) near which the next frame shows it
         self._time_s: float | None = None  # of the last frame that showed something
+        self._known = known
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
         self._isolation = isolation or Isolation(settings.points)
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
@@ -168,7 +172,7 @@ class Tracker:
             return Submitted(frame, None, True, None, first, clock)
         self._around = self._whereabouts()
         with clock.stage("draw"):
-            sighting = see(subject, self._time_s)
+            sighting = see(subject, self._time_s, self._known_step(frame))
             proposal = self._method.propose(
                 self.model, self._belief, sighting, self._settings.filter, self._rng
             )
@@ -325,6 +329,12 @@ class Tracker:
         if self._belief is None or (self._watch.seeks and self._recovers):
             return None
         return self._belief.reported
+
+    def _known_step(self, frame: DepthFrame) -> Array | None:
+        """What encoders say of the motion (D,) since the frame before."""
+        if self._known is None or self._belief is None:
+            return None
+        return self._known.step(self.model, self._belief.reported, self._time_s, frame.time_s)
 
     def _begin_at(self, pose: Array) -> Belief:
         return self._method.begin(self.model, pose, self._settings.filter)

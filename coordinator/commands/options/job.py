@@ -14,6 +14,7 @@ from coordinator.pool.options import Pool
 from coordinator.results.run_configuration import Asked
 from coordinator.scene.scope import Scope
 from coordinator.sources.given import NOTHING, Given
+from coordinator.sources.joint_states import JointStates
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +37,11 @@ class Job:
     scope: AskedScope = field(default_factory=AskedScope)  # what of the scene is tracked
     people: int = 1  # at the most, at once
     pictures: bool = True
+    joint_states: JointStates | None = None  # what encoders say
     idle_timeout: float | None = None  # seconds without a frame until live input is over
 
     def asked(self, bodies: Bodies, start: Mapping[str, float] | None, scope: Scope) -> Asked:
         """What decides the results besides the input."""
-        return Asked(self.settings, bodies, self.model, self.active, start, self.pool.deadline, scope)
+        states = None if self.joint_states is None else self.joint_states.hash
+        deadline = self.pool.deadline
+        return Asked(self.settings, bodies, self.model, self.active, start, deadline, scope, states)

@@ -57,6 +57,14 @@ class InputOptions:
             rich_help_panel=INPUT,
         ),
     ] = None
+    joint_states: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="What encoders say of the joints, a CSV with time_s or a ROS bag: where particles go.",
+            rich_help_panel=INPUT,
+        ),
+    ] = None
     frames: Annotated[
         str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.", rich_help_panel=INPUT)
     ] = None

@@ -1,0 +1,117 @@
+"""Joint values over time as a robot's controller records them: a CSV, or sensor_msgs/JointState of a ROS bag.
+
+A CSV has a column `time_s`, seconds on the recording's clock, and one for each joint: radians, metres, or
+degrees where its name ends in `_deg`. A bag's times count from its first depth image, or, where it has none,
+from its first joint state.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError
+from coordinator.sources.ros_bag import NANOSECONDS, Bag, depth_topic, is_bag
+
+Array = NDArray[np.float64]
+
+TIME, DEGREES = "time_s", "_deg"
+SOME = 12  # names in a message
+STATES = "sensor_msgs/msg/JointState"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointStates:
+    """Values (T, K) of joints at ascending times (T,), radians and metres."""
+
+    names: tuple[str, ...]
+    times_s: Array
+    values: Array
+
+    @property
+    def hash(self) -> str:
+        """By what the same states are known again."""
+        content = "\n".join(self.names).encode() + self.times_s.tobytes() + self.values.tobytes()
+        return hashlib.sha256(content).hexdigest()[:12]
+
+    def require_any(self, known: Collection[str]) -> None:
+        """InputError unless at least one joint is a degree of freedom of the body."""
+        if not set(self.names) & set(known):
+            some = ", ".join(list(known)[:SOME])
+            raise InputError(
+                f"the joint states are of {', '.join(self.names[:SOME])}, none of which the body has; "
+                f"name them as it does, such as {some}"
+            )
+
+    def at(self, time_s: float) -> Array:
+        """Values (K,) at a time, between the two around it; NaN before the first and after the last."""
+        if not self.times_s[0] <= time_s <= self.times_s[-1]:
+            return np.full(len(self.names), np.nan)
+        return np.array([np.interp(time_s, self.times_s, column) for column in self.values.T])
+
+
+def read_joint_states(path: Path) -> JointStates:
+    """Read a file; InputError where it cannot be read or makes no sense."""
+    names, times, values = read_bag(path) if is_bag(path) else read_csv(path)
+    if len(times) < 2 or not names:
+        raise InputError(f"{path} holds {len(times)} states of {len(names)} joints; give two states or more")
+    if not (np.isfinite(times).all() and np.isfinite(values).all()):
+        raise InputError(f"{path} holds values that are no finite numbers; leave these lines out")
+    order = np.argsort(times, kind="stable")
+    if not (np.diff(times[order]) > 0).all():
+        raise InputError(f"{path} holds two states of one time; leave one of them out")
+    return JointStates(names, times[order], values[order])
+
+
+def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
+    """Names, times and values of a CSV."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            heads, *rows = [row for row in csv.reader(file) if row]
+        table = np.array([[float(cell) for cell in row] for row in rows]).reshape(len(rows), len(heads))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot read {path}: {error}; give a ROS bag, or a CSV with {TIME} and a column for each joint"
+        ) from error
+    heads = [head.strip() for head in heads]
+    if TIME not in heads:
+        raise InputError(
+            f"{path} has no column {TIME}, but {', '.join(heads[:5])}; name the column of times so"
+        )
+    joints = [k for k, head in enumerate(heads) if head != TIME]
+    units = np.array([np.radians(1.0) if heads[k].endswith(DEGREES) else 1.0 for k in joints])
+    names = tuple(heads[k].removesuffix(DEGREES) for k in joints)
+    return names, table[:, heads.index(TIME)], table[:, joints] * units
+
+
+def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
+    """Names, times and values of the first topic of joint states."""
+    bag = Bag(path)
+    topics = bag.topics(STATES)
+    if not topics:
+        raise InputError(f"{path} holds no joint states ({STATES}); record the topic joint_states, too")
+    stamps = bag.times(topics[0])
+    messages = [bag.message(topics[0], time) for time in stamps]
+    names = tuple(messages[0].name)
+    if any(tuple(message.name) != names for message in messages):
+        raise InputError(
+            f"{path}: messages of {topics[0]} name different joints; write them to a CSV instead"
+        )
+    began = bag.times(depth_topic(bag))[0] if has_depth(bag) else stamps[0]
+    times = np.array([(time - began) * NANOSECONDS for time in stamps])
+    return names, times, np.array([np.asarray(message.position, dtype=np.float64) for message in messages])
+
+
+def has_depth(bag: Bag) -> bool:
+    """Whether a bag holds depth images, too."""
+    try:
+        depth_topic(bag)
+    except InputError:
+        return False
+    return True

@@ -1,0 +1,165 @@
+"""Joint states as the motion prior's mean: a robot too fast for its camera is followed all the same."""
+
+from __future__ import annotations
+
+import csv
+import json
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from common.errors import InputError
+from common.kinematics import retract
+from coordinator.bodies.human.template import human
+from coordinator.bodies.urdf.reading import read_urdf
+from coordinator.cli import main
+from coordinator.filters.sighting import Sighting
+from coordinator.results.truth import read_truth
+from coordinator.sources.joint_states import JointStates, read_joint_states
+from coordinator.synthesis.scenes.roam import roam
+from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth
+from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.sensor_noise import SensorNoise
+from tests.support.refined import Direct
+
+ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"
+EVERY, FRAMES = 12, 8
+OFFSET_DEG = 5.0  # of every encoder
+
+
+@pytest.fixture(scope="module")
+def fast(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The robot as it roams, but with every twelfth frame alone: joints move by up to 39 degrees a frame."""
+    folder = tmp_path_factory.mktemp("fast")
+    whole = roam(read_urdf(ARM), 1, EVERY * FRAMES)
+    poses = whole.poses[::EVERY].copy()
+    scene = Scene(whole.model, whole.camera, whole.fps / EVERY, poses, poses[0].copy())
+    write_depth(scene, SensorNoise(), 0, folder / "depth", None, kinect=True)
+    write_camera(scene, folder / "camera_intrinsic.json")
+    write_truth(scene, folder / "truth.npz")
+    write_start(scene.model, poses[0], folder / "init.json")
+    return folder
+
+
+def write_states(sequence: Path, file: Path) -> Path:
+    """Encoders' values in degrees, all off by the same, at other times than the frames'."""
+    truth = read_truth(sequence / "truth.npz")
+    names = [name for name in truth.dof_names if not name.startswith("root_")]
+    whole = roam(read_urdf(ARM), 1, EVERY * FRAMES)
+    columns = [whole.model.dof(name) for name in names]
+    with file.open("w", newline="") as opened:
+        writer = csv.writer(opened)
+        writer.writerow(["time_s", *(f"{name}_deg" for name in names)])
+        for number in range(0, len(whole.poses), 5):
+            degrees = np.degrees(whole.poses[number, columns]) + OFFSET_DEG
+            writer.writerow([number / whole.fps, *degrees.tolist()])
+    return file
+
+
+def test_a_fast_robot_is_followed_where_its_encoders_lead(
+    fast: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With joint states the same particles are several times nearer, though encoders are 5 degrees off."""
+    states = write_states(fast, tmp_path / "joints.csv")
+    errors = {}
+    for name, more in (("without", ()), ("with", ("--joint-states", str(states)))):
+        options = ["--model", str(ARM), "--dof", "joints", "--particles", "4", "--points", "1500", *more]
+        out = ["--out", str(tmp_path / name), "--no-pictures", "-q"]
+        assert main(["track", str(fast), *options, *out], lambda *_: nullcontext(Direct())) in (0, 3)
+        assert main(["evaluate", str(tmp_path / name), "--truth", str(fast / "truth.npz")]) == 0
+        errors[name] = json.loads(capsys.readouterr().out)["mean_joint_error_cm"]
+    assert errors["with"] < 0.5
+    assert errors["with"] < 0.5 * errors["without"]
+
+
+def test_a_known_step_takes_the_place_of_the_velocity() -> None:
+    """Where it is not a number, a share of the velocity goes on; who rests moves as the encoders say."""
+    sighting = Sighting(interval=0.1, step=np.array([0.3, np.nan]))
+    velocities = np.array([[1.0, 2.0], [0.0, -2.0]])
+    assert np.allclose(sighting.expect(velocities, 0.5), [[0.3, 0.1], [0.3, -0.1]])
+    assert np.allclose(sighting.expect(velocities, 0.0), [[0.3, 0.0], [0.3, 0.0]])
+    assert np.allclose(Sighting(interval=0.1).expect(velocities, 0.5), [[0.05, 0.1], [0.0, -0.1]])
+
+
+def states(names: tuple[str, ...], values: list[list[float]]) -> JointStates:
+    """States at 0, 1, 2 ... seconds."""
+    return JointStates(names, np.arange(len(values), dtype=np.float64), np.array(values))
+
+
+def test_steps_are_changes_of_what_is_known_alone() -> None:
+    """Interpolated in time; unknown joints, times outside and balls of which a part is known have none."""
+    model = human()
+    pose = np.zeros(len(model.dof_names))
+    known = KnownMotion(
+        states(("l_elbow_flexion", "l_shoulder_flexion", "gripper"), [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    )
+    step = known.step(model, pose, 0.25, 0.75)
+    assert step is not None
+    assert step[model.dof("l_elbow_flexion")] == pytest.approx(0.5)
+    assert np.isfinite(step).sum() == 1
+    assert known.step(model, pose, 0.5, 1.5) is None
+    assert known.step(model, pose, None, 0.5) is None
+
+
+def test_a_ball_turns_as_its_three_joints_say() -> None:
+    """The step leads from the one turn to the other, though the angles do not simply add."""
+    model = human()
+    names = ("l_shoulder_flexion", "l_shoulder_abduct", "l_shoulder_twisting")
+    columns = [model.dof(name) for name in names]
+    one, other = [0.2, 0.9, -0.3], [1.1, 0.4, 0.5]
+    pose = np.zeros(len(model.dof_names))
+    pose[columns] = one
+    step = KnownMotion(states(names, [one, other])).step(model, pose, 0.0, 1.0)
+    assert step is not None
+    moved: NDArray[np.float64] = retract(model, pose[None], np.nan_to_num(step)[None])[0]
+    assert np.allclose(moved[columns], other)
+
+
+def test_a_bag_of_joint_states_is_read(tmp_path: Path) -> None:
+    """Times from the first state, where there is no depth; the joints' own order of names."""
+    types = get_typestore(Stores.ROS1_NOETIC)
+    state, header = types.types["sensor_msgs/msg/JointState"], types.types["std_msgs/msg/Header"]
+    stamp = types.types["builtin_interfaces/msg/Time"](0, 0)
+    with Writer(tmp_path / "joints.bag") as bag:
+        topic = bag.add_connection("/joint_states", state.__msgtype__, typestore=types)
+        for k in range(3):
+            empty = np.empty(0)
+            message = state(header(k, stamp, ""), ["b", "a"], np.array([0.1 * k, 2.0]), empty, empty)
+            bag.write(topic, 5_000_000_000 + 10_000_000 * k, types.serialize_ros1(message, state.__msgtype__))
+    read = read_joint_states(tmp_path / "joints.bag")
+    assert read.names == ("b", "a")
+    assert np.allclose(read.times_s, [0.0, 0.01, 0.02])
+    assert np.allclose(read.at(0.015), [0.15, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a,b\n1,2\n3,4\n", "has no column time_s, but a, b"),
+        ("time_s,a\n0,1\n", "holds 1 states of 1 joints"),
+        ("time_s,a\n0,1\n0,2\n", "two states of one time"),
+        ("time_s,a\n0,one\n", "cannot read"),
+        ("time_s,a\n0,nan\n1,2\n", "no finite numbers"),
+    ],
+)
+def test_a_file_without_sense_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    """One line that says how to mend it."""
+    (tmp_path / "joints.csv").write_text(text)
+    with pytest.raises(InputError, match=says):
+        read_joint_states(tmp_path / "joints.csv")
+
+
+def test_states_of_another_robot_are_refused(
+    fast: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2, with joints that the body has."""
+    (tmp_path / "joints.csv").write_text("time_s,axis1\n0,1\n1,2\n")
+    options = ["--model", str(ARM), "--joint-states", str(tmp_path / "joints.csv"), "-q"]
+    assert main(["track", str(fast), *options, "--out", str(tmp_path / "run")]) == 2
+    assert "joint states are of axis1, none of which the body has" in capsys.readouterr().err
