@@ -47,7 +47,13 @@ class Cut:
     near: Nearness
 
 
-def cut_out(view: SceneView, surface: Array, near: Nearness | None = None, others: Mask | None = None) -> Cut:
+def cut_out(
+    view: SceneView,
+    surface: Array,
+    near: Nearness | None = None,
+    others: Mask | None = None,
+    reach: float = REACH,
+) -> Cut:
     """The subject near the points (V, 3) of a posed body, metres.
 
     Args:
@@ -55,6 +61,7 @@ def cut_out(view: SceneView, surface: Array, near: Nearness | None = None, other
         surface: The points.
         near: Distances from them, if they are known.
         others: Pixels (H, W) that are other people's, or may be: they say nothing of this one.
+        reach: Metres from the surface to what may be the subject's.
     """
     near = near or surround(surface)
     window = left, top, right, bottom = find_window(view, surface)
@@ -67,7 +74,7 @@ def cut_out(view: SceneView, surface: Array, near: Nearness | None = None, other
         mark_room(depth, background, lens, view.planes.coefficients, growth, kinds)
         if others is not None:
             kinds[others[top:bottom, left:right]] = DOUBTFUL
-        mark_near(depth, background, lens, near.low, near.squares, kinds)
+        mark_near(depth, background, lens, near.low, near.squares, reach, kinds)
         grow(depth, growth, kinds)
         tell_kinds(depth, reach_back(surface, lens, depth.shape), not view.furnished, kinds)
     return Cut(window, kinds, near)
@@ -127,14 +134,20 @@ TOUCHING = 1  # squared cells between the posed surface and the room, where the 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def mark_near(
-    depth: Depth, background: Depth, lens: Lens, low: Array, squares: Squares, marks: Kinds
+    depth: Depth,
+    background: Depth,
+    lens: Lens,
+    low: Array,
+    squares: Squares,
+    reach_m: float,
+    marks: Kinds,
 ) -> None:
     """Mark what of the foreground is near the body, and what of the room touches it; marks of `mark_room`.
 
     Where the background is known, what came before it is the subject's from somewhat farther, too.
     """
     fx, fy, cx, cy = lens
-    reach, close, came = (REACH / CELL) ** 2, (CLOSE / CELL) ** 2, (CAME / CELL) ** 2
+    reach, close, came = (reach_m / CELL) ** 2, (CLOSE / CELL) ** 2, (CAME / CELL) ** 2
     nearest, farthest = low[2], low[2] + CELL * squares.shape[2]
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):

@@ -95,7 +95,8 @@ class Crowd:
         """What the next frame shows of whom; who is lost may be whoever is nearest to where that was."""
         clocks = [Stopwatch() for _ in self.trackers]
         with clocks[0].stage("isolate"):
-            divided = self._division.divide(frame, [tracker.expected for tracker in self.trackers])
+            reach = [tracker.watch.reach for tracker in self.trackers]
+            divided = self._division.divide(frame, [each.expected for each in self.trackers], reach)
         sight = Sight(frame, divided, clocks, list(divided.subjects), list(divided.offers))
         for place, tracker in enumerate(self.trackers):
             if tracker.start.found and tracker.expected is None and sight.offers:

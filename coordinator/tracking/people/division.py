@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
 from coordinator.scene.candidates import candidates
-from coordinator.scene.cutting import Cut, cut_mask, cut_out
+from coordinator.scene.cutting import REACH, Cut, cut_mask, cut_out
 from coordinator.scene.nearness import surround
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
@@ -60,24 +60,33 @@ class Division:
         """Know what was known after a frame that made this change, if all before it were recalled, too."""
         self._scene.recall(change)
 
-    def divide(self, frame: DepthFrame, bodies: Sequence[PosedBody | None]) -> Divided:
-        """What the next frame shows near each body, and, if one of them is nowhere, of other people."""
+    def divide(
+        self, frame: DepthFrame, bodies: Sequence[PosedBody | None], reach: Sequence[float] | None = None
+    ) -> Divided:
+        """What the next frame shows near each body, and, if one of them is nowhere, of other people.
+
+        reach: From each body, metres, to what may be its own; None for the usual.
+        """
         frame = self._scope.limits.keep(frame)
         view = self._scene.see(frame)
+        placed = [n for n, body in enumerate(bodies) if body is not None]
         surfaces = [body.surface for body in bodies if body is not None]
         near = [surround(surface) for surface in surfaces]
-        shared = zip(surfaces, near, share(view, near), strict=True)
-        cuts = [cut_out(view, *each) for each in shared]
-        strangers: list[Cut] = []
-        missing = len(cuts) < len(bodies)
+        others, strangers = share(view, near), list[Cut]()
+        missing = len(placed) < len(bodies)
         if missing:
             known = within(view, near, EXPLAINED)
             found = self._scope.person.choose(view, candidates(view, known))
             strangers = [cut_mask(view, each.mask, known) for each in found]
-        change = self._scene.learn(view, everybody(view, surfaces, [*cuts, *strangers]), patient=missing)
-        placed = iter(cuts)
+            others = [joined([mask, *(each.mask for each in found)]) for mask in others]
+        cuts = {
+            n: cut_out(view, surface, near[place], others[place], reach[n] if reach else REACH)
+            for place, (n, surface) in enumerate(zip(placed, surfaces, strict=True))
+        }
+        everyone = everybody(view, surfaces, [*cuts.values(), *strangers])
+        change = self._scene.learn(view, everyone, patient=missing)
         return Divided(
-            [None if body is None else subject_of(frame, next(placed), self._points) for body in bodies],
+            [subject_of(frame, cuts[n], self._points) if n in cuts else None for n in range(len(bodies))],
             [offer for cut in strangers if (offer := self._offer(frame, cut)) is not None],
             view,
             change,
@@ -86,6 +95,12 @@ class Division:
     def _offer(self, frame: DepthFrame, cut: Cut) -> Offer | None:
         subject = subject_of(frame, cut, self._points)
         return None if subject is None else Offer(subject, middle_of(subject))
+
+
+def joined(masks: Sequence[Mask | None]) -> Mask | None:
+    """Pixels that are in any of several masks (H, W); None if there is no mask."""
+    given = [mask for mask in masks if mask is not None]
+    return np.logical_or.reduce(given) if given else None
 
 
 def everybody(view: SceneView, surfaces: Sequence[Array], cuts: Sequence[Cut]) -> Cut | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
+from coordinator.scene.cutting import REACH
 from coordinator.tracking.search.verdict import Verdict
 
 LOST = 1.3  # strain from which on a body that was tracked is not: those who are stay below 1.2
@@ -13,6 +14,7 @@ LONGEST_PAUSE = 5  # frames between searches for a body of which nothing is know
 CHECKS = (2, 5, 9)  # frames after a find in which it is held against a new search
 DOUBTFUL = 0.85  # strain from which on it is held against a search every so many frames
 EVERY = 10
+TIGHT, SETTLED = 0.12, 8  # metres from a body that was just found, and for how many frames
 CHOOSY = 6  # searches in which only what explains the frame well is believed
 
 
@@ -32,6 +34,11 @@ class Watch:
     strain: float = 0.0
     why: str = ""
     tried: int = 0  # points of whoever was searched in vain last
+
+    @property
+    def reach(self) -> float:
+        """Metres from the body to what may be its own: little after a find, until what is still is known."""
+        return TIGHT if self.tracked < SETTLED else REACH
 
     def limit(self, *, choosy: bool) -> float:
         """Strain up to which a find is believed; who is choosy lowers it after some searches only."""
