@@ -47,3 +47,8 @@ class SubjectFrame:
     picked: NDArray[np.uint32]  # (P,)
     view: tuple[int, int, int, int]
     kinds: NDArray[np.uint8] | None = None  # (H, W)
+
+    @property
+    def pixels(self) -> int:
+        """How many are the subject's."""
+        return int(np.count_nonzero(self.frame.depth))

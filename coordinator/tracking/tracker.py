@@ -32,8 +32,9 @@ from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.search import ways_of
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.settling import believe
+from coordinator.tracking.search.sizes import Size
 from coordinator.tracking.search.verdict import FEWEST, weigh
-from coordinator.tracking.search.watch import GIVEN, Watch
+from coordinator.tracking.search.watch import CHOOSY, DOUBTFUL, GIVEN, Watch
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.sighting import see
 from coordinator.tracking.starting.start import Start, given_start, no_start
@@ -250,11 +251,18 @@ class Tracker:
             self._watch = self._watch.waited()
         else:
             finding = self._seeker.find(subject, noise, planes)
-            if finding.verdict.strain <= self._watch.limit(choosy=self._choosy):
+            if self._believes(finding):
                 self._start, self._belief = finding.start, self._begin_with(finding)
                 self._watch = Watch(why=finding.verdict.why)
             else:
-                self._watch = self._watch.failed(finding.verdict.why, len(subject.picked))
+                self._watch = self._watch.failed(finding.verdict.why, subject.pixels)
+
+    def _believes(self, finding: Finding) -> bool:
+        """Whether to begin with what was found; who is choosy waits for a while for a better frame."""
+        if not self._choosy or self._watch.failures >= CHOOSY:
+            return finding.verdict.stands
+        size = Size(finding.start.stature, finding.start.girth)
+        return finding.verdict.strain <= DOUBTFUL and not size.extreme
 
     @property
     def _recovers(self) -> bool:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.tracked import Bodies
@@ -18,6 +20,7 @@ from coordinator.results.recorded import Recorded
 from coordinator.results.run_configuration import run_configuration
 from coordinator.results.summary import count_doubts, describe_status
 from coordinator.results.track import read_track
+from coordinator.scene.furniture import furniture
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
 from coordinator.sources.pictures.colour_folder import ColourFolder
@@ -25,6 +28,8 @@ from coordinator.sources.source import select_frames
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import follow_all
+
+LOOKED_AT = 24  # frames before the first is tracked, for furniture
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +54,7 @@ def track_people(job: Job, show: Show, connect: Connect[PooledRefiner]) -> bool:
     numbers = select_frames(source.numbers, job.frames)
     bodies = choose_bodies(job.active, job.settings.preset, job.model)
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
-    scope = job.scope.read(source)
+    scope = furnished(job.scope.read(source), source, numbers)
     asked = job.asked(bodies, None, scope)
     configuration = run_configuration(job.sequence, source.frame(numbers[0]), numbers, asked, job.given)
     if job.resume and is_complete(job.out, configuration, job.people):
@@ -66,6 +71,15 @@ def track_people(job: Job, show: Show, connect: Connect[PooledRefiner]) -> bool:
             found = finish(run, meter, show)
     draw(run, found, colours, show)
     return conclude(found, job, show)
+
+
+def furnished(scope: Scope, source: Source, numbers: Sequence[int]) -> Scope:
+    """The scope with the furniture that some frames show, unless a room without anybody is given."""
+    if scope.background is not None:
+        return scope
+    chosen = np.unique(np.linspace(0, len(numbers) - 1, LOOKED_AT).astype(int)).tolist()
+    frames = (scope.limits.keep(source.frame(numbers[n])) for n in chosen)
+    return replace(scope, background=furniture(frames))
 
 
 def announce(run: PeopleRun) -> str:

@@ -28,7 +28,7 @@ from coordinator.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
 
-CHANGED = 0.2  # share of the points by which who was searched in vain must have changed to be searched again
+CHANGED = 0.2  # share of the pixels by which who was searched in vain must have changed to be searched again
 SPACED = 10  # frames after which it is anyway
 
 
@@ -133,8 +133,9 @@ class Crowd:
             return None
         watch = self.trackers[place].watch
         offer = sight.offers[watch.failures % len(sight.offers)]
-        changed = abs(len(offer.subject.picked) - watch.tried) > CHANGED * watch.tried
-        return offer if changed or sight.frame.number % SPACED == 0 else None
+        changed = abs(offer.subject.pixels - watch.tried) > CHANGED * watch.tried
+        untried = watch.failures < len(sight.offers)
+        return offer if untried or changed or sight.frame.number % SPACED == 0 else None
 
 
 def nearest(offers: Sequence[Offer], place: Array) -> Offer:

@@ -33,16 +33,12 @@ class Watch:
     pause: int = 0
     strain: float = 0.0
     why: str = ""
-    tried: int = 0  # points of whoever was searched in vain last
+    tried: int = 0  # pixels of whoever was searched in vain last
 
     @property
     def reach(self) -> float:
         """Metres from the body to what may be its own: little after a find, until what is still is known."""
         return TIGHT if self.tracked < SETTLED else REACH
-
-    def limit(self, *, choosy: bool) -> float:
-        """Strain up to which a find is believed; who is choosy lowers it after some searches only."""
-        return DOUBTFUL if choosy and self.failures < CHOOSY else 1.0
 
     @property
     def checks(self) -> bool:
