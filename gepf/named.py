@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import InputError
 from coordinator.bodies.angles import Angles, angles_of
-from coordinator.results.recorded import deviation_of
+from coordinator.results.recorded import certainty_of
 from coordinator.tracking import estimate
 
 Array = NDArray[np.float64]
@@ -45,7 +45,17 @@ class Estimate(estimate.Estimate):
 
     def joint_deviation(self, name: str) -> float:
         """How far a joint may be off, one standard deviation, metres; NaN where it is lost."""
-        return float(deviation_of(self.model, self)[index_of(name, self.joint_names, "joint")])
+        return float(certainty_of(self.model, self).deviation[index_of(name, self.joint_names, "joint")])
+
+    def joint_off_probability(self, name: str) -> float:
+        """How probably a joint is more than 15 cm off; NaN where it is lost."""
+        return float(
+            certainty_of(self.model, self).off_probability[index_of(name, self.joint_names, "joint")]
+        )
+
+    def joint_seen(self, name: str) -> float:
+        """The share, 0 to 1, of the surface around a joint that the frame shows; NaN where it is lost."""
+        return float(certainty_of(self.model, self).seen[index_of(name, self.joint_names, "joint")])
 
     def angle(self, name: str, *, degrees: bool = False) -> float:
         """An angle, radians unless `degrees`: the value nearest to zero, as one frame knows no others."""

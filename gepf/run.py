@@ -117,6 +117,16 @@ class Run:
         at, off = index_of(name, self.joint_names, "joint"), self.track.joint_deviation
         return np.full(len(self), np.nan) if off is None else off[:, at].copy()
 
+    def joint_off_probability(self, name: str) -> Array:
+        """How probably a joint is more than 15 cm off (F,); NaN where it is lost."""
+        at, off = index_of(name, self.joint_names, "joint"), self.track.joint_off_probability
+        return np.full(len(self), np.nan) if off is None else off[:, at].copy()
+
+    def joint_seen(self, name: str) -> Array:
+        """The share (F,) of the surface around a joint that the frame shows, 0 to 1; NaN where lost."""
+        at, seen = index_of(name, self.joint_names, "joint"), self.track.joint_seen
+        return np.full(len(self), np.nan) if seen is None else seen[:, at].copy()
+
     def smooth(self, cutoff_hz: float = 6.0) -> Run:
         """The same run low-passed without delay; what is in its folder stays as it is."""
         return Run(read_run(self.folder, cutoff_hz))

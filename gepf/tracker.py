@@ -24,7 +24,7 @@ from coordinator.filters.methods import apply_method
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.model_file import TrackedBody
-from coordinator.results.recorded import assemble, deviation_of, floor_up
+from coordinator.results.recorded import assemble, certainty_of
 from coordinator.results.saving import save_run
 from coordinator.security.tls import TlsFiles, choose_security
 from coordinator.sources.arrays import camera_of, whole_depth
@@ -134,15 +134,13 @@ class Tracker:
         if not given:
             raise InputError("there is nothing to save; give the estimates that `track` returned")
         start = self._tracker.start
-        track = assemble(
-            start.model, given, held=start.held, up=floor_up(self._tracker.state.checkpoint.scene)
-        )
+        track = assemble(start.model, given, held=start.held)
         save_run(Path(folder), track, TrackedBody(start.model, start.held), self._settings)
         return Path(folder)
 
     def joint_deviation(self, estimate: Estimate) -> NDArray[np.float64]:
         """Expected distance (J,) of an estimate's joints from the true ones, metres; NaN where it is lost."""
-        return deviation_of(self.model, estimate)
+        return certainty_of(self.model, estimate).deviation
 
     def _named(self, estimate: PlainEstimate) -> Estimate:
         start = self._tracker.start

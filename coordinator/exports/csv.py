@@ -61,11 +61,13 @@ def in_degrees(radians: Columns) -> Columns:
 
 
 def joint_columns(track: Track) -> Columns:
-    """Every joint's x, y, z (F,) and how far it may be off, metres, camera frame."""
+    """Every joint's x, y, z (F,) and how far it may be off, metres, camera frame; how probably, and seen."""
     columns: Columns = {}
     for j, name in enumerate(track.joint_names):
         columns |= {f"{name}_{axis}": track.joint_positions[:, j, a] for a, axis in enumerate("xyz")}
-    if track.joint_deviation is not None:
-        names = (f"{name}_deviation" for name in track.joint_names)
-        columns |= dict(zip(names, track.joint_deviation.T, strict=True))
+    for what in ("deviation", "off_probability", "seen"):
+        values = getattr(track, f"joint_{what}")
+        if values is not None:
+            names = (f"{name}_{what}" for name in track.joint_names)
+            columns |= dict(zip(names, values.T, strict=True))
     return columns

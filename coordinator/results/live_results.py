@@ -65,7 +65,10 @@ class LiveResults:
                     "angles": by_name(angles.names, self._last),
                     "angle_deviation": by_name(angles.names, first(track.angle_deviation)),
                     "joints": dict(zip(model.joint_names, estimate.joint_positions.tolist(), strict=True)),
+                    "why": estimate.why,
                     "joint_deviation": by_name(model.joint_names, first(track.joint_deviation)),
+                    "joint_off_probability": by_name(model.joint_names, first(track.joint_off_probability)),
+                    "joint_seen": by_name(model.joint_names, first(track.joint_seen)),
                 }
             )
         )

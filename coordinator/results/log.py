@@ -23,7 +23,7 @@ from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import Checkpoint
 
 HEAD = struct.Struct("<II")
-FORM = 5
+FORM = 6
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

@@ -37,11 +37,12 @@ class Track:
     hypothesis_weight: NDArray[np.float64]  # (F, M)
     status: NDArray[np.str_]  # (F,) tracked, ambiguous, lost, searching or absent
     joint_deviation: NDArray[np.float64] | None = None  # (F, J) one standard deviation; NaN where unknown
+    joint_off_probability: NDArray[np.float64] | None = None  # (F, J) of more than 15 cm; NaN where unknown
+    joint_seen: NDArray[np.float64] | None = None  # (F, J) share of its surface; NaN where unknown
     angle_names: tuple[str, ...] | None = None  # (A,)
     angle: NDArray[np.float64] | None = None  # (F, A) radians, continuous from frame to frame
     angle_deviation: NDArray[np.float64] | None = None  # (F, A) one standard deviation; NaN where unknown
     particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
-    up: NDArray[np.float64] | None = None  # (3,) unit vector away from the ground; None where it is not known
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
@@ -115,9 +116,11 @@ def read_track(folder: Path) -> Track:
         hypothesis_pose=arrays.floats("hypothesis_pose", (*weight.shape, len(dof_names))),
         hypothesis_weight=weight,
         status=arrays.texts("status", (len(frame),)),
-        joint_deviation=arrays.floats("joint_deviation", (len(frame), len(joint_names)))
-        if "joint_deviation" in arrays
-        else None,
+        **{
+            name: arrays.floats(name, (len(frame), len(joint_names)))
+            for name in ("joint_deviation", "joint_off_probability", "joint_seen")
+            if name in arrays
+        },
         angle_names=angle_names,
         angle=arrays.floats("angle", (len(frame), len(angle_names))) if angle_names is not None else None,
         angle_deviation=arrays.floats("angle_deviation", (len(frame), len(angle_names)))
@@ -126,7 +129,6 @@ def read_track(folder: Path) -> Track:
         particles_answered=arrays.integers("particles_answered", frame.shape)
         if "particles_answered" in arrays
         else None,
-        up=arrays.floats("up", (3,)) if "up" in arrays else None,
     )
     said = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))
     if not np.all(said | track.unknown):

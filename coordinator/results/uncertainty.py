@@ -29,29 +29,9 @@ def deviation(track: Track) -> NDArray[np.float64]:
     return spread
 
 
-MISFIT = 0.04
-"""Metres that joints lie off even where all hypotheses agree, in the root mean square: the template's bones
-are not the person's. Measured on skinned people with exact truth whom the template does not know."""
-
 UNSEEN = 2.0
 """True errors are about so many times as large as the hypotheses' spread, since few particles are drawn: on
 the same people 69 % of the joints lie within the deviation that follows, 96 % within twice of it."""
-
-
-def joint_deviation(
-    joints: NDArray[np.float64], reported: NDArray[np.float64], weights: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Expected distance (J,) of each reported joint from the true one, one standard deviation, metres.
-
-    Args:
-        joints: Joints (M, J, 3) of the frame's hypotheses, metres.
-        reported: Joints (J, 3) of the reported pose.
-        weights: Of the hypotheses (M,), any scale.
-    """
-    squares = np.sum((joints - reported) ** 2, axis=-1)
-    spread = np.einsum("m,mj->j", weights / weights.sum(), squares)
-    expected: NDArray[np.float64] = np.sqrt(MISFIT**2 + UNSEEN**2 * spread)
-    return expected
 
 
 ANGLE_MISFIT = np.radians(8.0)

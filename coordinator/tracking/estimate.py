@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from coordinator.tracking.certainty.certainty import Certainty
+
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 
 UNKNOWN = ("lost", "searching", "absent")
@@ -22,7 +24,8 @@ class Estimate:
     mean distance between observed points and the model, metres; NaN where nothing was observed. Until the
     body is found there are no hypotheses (M = 0), and pose and joints are NaN.
     `particles_answered` are those whose descent was finished when the frame was due. `why` is what speaks
-    against the pose, in words; empty where nothing does.
+    against the pose, in words; empty where nothing does. `certainty` is how sure each joint is; None in an
+    estimate that no tracker made.
     """
 
     frame: int
@@ -36,3 +39,4 @@ class Estimate:
     stage_seconds: dict[str, float] = field(default_factory=dict)
     particles_answered: int = 0
     why: str = ""
+    certainty: Certainty | None = None

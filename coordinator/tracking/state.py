@@ -24,6 +24,7 @@ class Checkpoint:
     generator: str  # the random generator's state as JSON, whose integers have any size
     scene: SceneChange  # what the frame changed in what is known of the scene; of a resumed run, all of it
     watch: Watch = field(default_factory=Watch)
+    verdict: NDArray[np.float64] | None = None  # (J, 2) about each joint, see certainty/assessment.py
 
 
 @dataclass(frozen=True, slots=True, eq=False)

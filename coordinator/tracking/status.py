@@ -5,26 +5,40 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from coordinator.tracking.certainty.certainty import OFF, PROBABLE, SUSPECTED, Certainty
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.search.watch import Watch
 
 Array = NDArray[np.float64]
 
 APART = 0.15  # metres, between a joint of one hypothesis and of another
+MOST = 0.5  # share of the joints
 RIVAL = 0.5  # weight of a hypothesis, relative to the likeliest, from which on it is a rival
 
 
-def judge(watch: Watch, weights: Array, joints: Array) -> Status:
+def judge(watch: Watch, weights: Array, joints: Array, certainty: Certainty) -> Status:
     """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), likeliest first.
 
-    `searching`: the body may be anywhere. `lost`: the reported pose does not explain what is seen.
-    `ambiguous`: a hypothesis about as likely has some joint elsewhere.
+    `searching`: the body may be anywhere. `lost`: the reported pose does not explain what is seen, or most
+    joints are probably off. `ambiguous`: some joint may be, or a hypothesis about as likely has it elsewhere.
     """
     if watch.seeks:
         return "searching"
-    if watch.unexplained:
+    if watch.unexplained or np.mean(certainty.off_probability > PROBABLE) > MOST:
         return "lost"
+    if np.any(certainty.off_probability > SUSPECTED):
+        return "ambiguous"
     apart = np.linalg.norm(joints - joints[:1], axis=-1).max(axis=1)
     if np.any((apart > APART) & (weights > RIVAL * weights[0])):
         return "ambiguous"
     return "tracked"
+
+
+def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
+    """Which of the joints (J,) may be off, in words, the likeliest first; empty where none is."""
+    chance = certainty.off_probability
+    doubted = [j for j in np.argsort(-chance, kind="stable") if chance[j] > SUSPECTED]
+    if not doubted:
+        return ""
+    listed = ", ".join(names[j].replace("_", " ") for j in doubted)
+    return f"may be more than {100 * OFF:.0f} cm off: {listed}"

@@ -8,6 +8,7 @@ from typing import Any
 from common.frame import DepthFrame
 from coordinator.filters.belief import Belief
 from coordinator.filters.proposal import Proposal
+from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.isolation import Isolated
 from coordinator.tracking.refiner import Pending
@@ -39,6 +40,7 @@ class Submitted:
 
     frame: DepthFrame
     request: Request | None  # None where there is no body yet, or nothing that it could be refined on
+    sighted: Sighted | None  # what its particles are refined on; None where there are none
     shows: bool  # something, be it the body or not
     rival: Finding | None  # the body elsewhere, if it was looked for
     first: bool
@@ -54,4 +56,5 @@ class Tracked:
     belief: Belief | None  # the same as in the state
     status: Status | None  # None: judge by the belief
     answered: int  # particles
+    sighted: Sighted | None  # None where nothing of the body was seen
     clock: Stopwatch

@@ -24,7 +24,10 @@ from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.estimate import Estimate, Status
+from coordinator.tracking.certainty.assessment import conclude, judge_evidence, recall
+from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
+from coordinator.tracking.certainty.evidence import Sighted, weigh_evidence
+from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.pace import pace_iterations
@@ -39,7 +42,7 @@ from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure
 from coordinator.tracking.sighting import see
 from coordinator.tracking.starting.start import Start, given_start, no_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
-from coordinator.tracking.status import judge
+from coordinator.tracking.status import explain_doubt, judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
 
@@ -91,12 +94,14 @@ class Tracker:
         self._known = known
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
         self._isolation = isolation or Isolation(settings.points)
+        self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
         if state is not None:
             self._scene = state.checkpoint.scene
             self._isolation.recall(self._scene)
             self._around, self._watch = state.checkpoint.around, state.checkpoint.watch
             self._time_s = state.checkpoint.time_s
+            self._verdict = state.checkpoint.verdict
             self._rng = load_generator(state.checkpoint.generator)
             self._start = state.start
             if state.checkpoint.belief:
@@ -118,6 +123,7 @@ class Tracker:
         checkpoint = take_checkpoint(
             self._belief, self._around, self._time_s, self._rng, self._scene, self._watch
         )
+        checkpoint = replace(checkpoint, verdict=self._verdict)
         return TrackerState(self._start, checkpoint)
 
     @property
@@ -164,13 +170,13 @@ class Tracker:
         if subject is None:
             elsewhere = self._around is not None and bool(frame.depth.any())
             self._around = self._whereabouts()
-            return Submitted(frame, None, elsewhere, None, first, clock)
+            return Submitted(frame, None, None, elsewhere, None, first, clock)
         with clock.stage("publish"):
             self._refiner.publish(subject)
         with clock.stage("search"):
             rival = self._look(subject, cut.isolated.view.planes)
         if self._belief is None:
-            return Submitted(frame, None, True, None, first, clock)
+            return Submitted(frame, None, None, True, None, first, clock)
         self._around = self._whereabouts()
         with clock.stage("draw"):
             sighting = see(subject, self._time_s, self._known_step(frame))
@@ -178,7 +184,10 @@ class Tracker:
                 self.model, self._belief, sighting, self._settings.filter, self._rng
             )
         with clock.stage("refine"):
-            return Submitted(frame, self._request(proposal), True, rival, first, clock)
+            rules = self.rules
+            stretch = rules.noise_lateral / rules.noise_depth
+            sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch)
+            return Submitted(frame, self._request(proposal), sighted, True, rival, first, clock)
 
     def send_ahead(self, frame: DepthFrame | None) -> None:
         """Cut out the frame that comes next, and let the workers have it before its turn."""
@@ -204,10 +213,12 @@ class Tracker:
             if submitted.first:
                 found = found.at_rest()  # the way from a guess is no motion
             self._belief = self._decide(found, submitted.rival)
-        return Tracked(submitted.frame, self.state, self._belief, status, answered, submitted.clock)
+        return Tracked(
+            submitted.frame, self.state, self._belief, status, answered, submitted.sighted, submitted.clock
+        )
 
     def report(self, tracked: Tracked) -> Estimate:
-        """What was found in a frame that was collected; at any time after that."""
+        """What was found in a frame that was collected; at any time after that, in the frames' order."""
         with tracked.clock.stage("report"):
             watch, model = tracked.state.checkpoint.watch, tracked.state.start.model
             belief = tracked.belief
@@ -215,7 +226,8 @@ class Tracker:
             weights = np.empty(0) if belief is None else belief.weights[:RECORDED]
             shown = reported[None][:0] if belief is None else belief.poses[:RECORDED]
             joints = joint_positions(model, np.concatenate([reported[None], shown]))
-            status = tracked.status or judge(watch, weights, joints[1:])
+            certainty = self._assess(tracked, reported, shown, weights)
+            status = tracked.status or judge(watch, weights, joints[1:], certainty)
         return Estimate(
             frame=tracked.frame.number,
             time_s=tracked.frame.time_s,
@@ -226,9 +238,25 @@ class Tracker:
             hypothesis_weight=weights / weights.sum() if len(weights) else weights,
             residual=np.nan if belief is None else float(belief.residual[0]),
             particles_answered=tracked.answered,
-            why=watch.why,
+            why=watch.why or explain_doubt(model.joint_names, certainty),
             stage_seconds=tracked.clock.seconds,
+            certainty=unknown_certainty(len(model.joint_names)) if status in UNKNOWN else certainty,
         )
+
+    def _assess(self, tracked: Tracked, pose: Array, hypotheses: Array, weights: Array) -> Certainty:
+        """How sure each joint of a reported pose is, by what the frame shows."""
+        model = tracked.state.start.model
+        if tracked.sighted is None:
+            self._verdict = None
+            return unknown_certainty(len(model.joint_names))
+        evidence = weigh_evidence(model, pose, hypotheses, weights, tracked.sighted)
+        self._verdict = recall(judge_evidence(evidence), self._verdict, tracked.sighted.interval)
+        return conclude(evidence, self._verdict)
+
+    def state_after(self, tracked: Tracked) -> TrackerState:
+        """All that is known after a frame, once it is reported."""
+        checkpoint = replace(tracked.state.checkpoint, verdict=self._verdict)
+        return replace(tracked.state, checkpoint=checkpoint)
 
     def _look(self, subject: SubjectFrame, planes: Planes) -> Finding | None:
         """Find the body, if there is none yet, or where else it may be, if that is in doubt."""

@@ -138,7 +138,7 @@ def test_the_summary_has_settings_and_outcome(tracked: Tracked) -> None:
     _, summary = tracked(
         "--particles", "7", "--points", "300", "--seed", "9", "--preset", "default", "--workers", "3"
     )
-    assert summary["sequence"] == "board"
+    assert summary["sequence"] == "person"
     assert summary["complete"] is True
     assert (summary["method"], summary["preset"], summary["seed"]) == ("gepf", "default", 9)
     assert (summary["frames"], summary["particles"]) == (5, 7)

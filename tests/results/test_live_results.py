@@ -14,6 +14,7 @@ import pytest
 from common.kinematics import joint_positions
 from common.transport.opening import open_coordinator
 from coordinator.results.live_results import LiveResults
+from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
 
@@ -38,7 +39,10 @@ def estimate(frame: int, turn: float, status: Status = "tracked") -> Estimate:
     pose = np.zeros(len(person().dof_names))
     pose[person().dof("root_ry")] = turn
     joints = joint_positions(person(), pose[None])[0]
-    return Estimate(frame, frame / 30.0, status, pose, joints, pose[None], np.ones(1), 0.01)
+    count = len(joints)
+    certainty = Certainty(np.full(count, 0.75), np.full(count, 0.25), np.full(count, 0.05))
+    known = None if status == "lost" else certainty
+    return Estimate(frame, frame / 30.0, status, pose, joints, pose[None], np.ones(1), 0.01, certainty=known)
 
 
 def test_a_message_says_all_of_itself() -> None:
@@ -59,7 +63,10 @@ def test_a_message_says_all_of_itself() -> None:
     assert first["angles"]["pelvis_turn"] == pytest.approx(-0.5)
     wrist = person().joint_names.index("right_wrist")
     assert first["joints"]["right_wrist"] == estimate(3, 0.5).joint_positions[wrist].tolist()
-    assert first["joint_deviation"]["right_wrist"] > 0.0
+    assert first["joint_deviation"]["right_wrist"] == 0.05
+    assert first["joint_off_probability"]["right_wrist"] == 0.25
+    assert first["joint_seen"]["right_wrist"] == 0.75
+    assert lost["joint_seen"]["right_wrist"] is None
     assert lost["angle_deviation"]["pelvis_turn"] is None
     assert lost["status"] == "lost"
     assert end == {"kind": "estimates-end", "version": 1}

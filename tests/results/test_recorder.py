@@ -120,6 +120,8 @@ def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) ->
         "hypothesis_weight": ("<f8", (3, 3)),
         "status": ("<U9", (3,)),
         "joint_deviation": ("<f8", (3, 2)),
+        "joint_off_probability": ("<f8", (3, 2)),
+        "joint_seen": ("<f8", (3, 2)),
         "angle_names": ("<U17", (3,)),
         "angle": ("<f8", (3, 3)),
         "angle_deviation": ("<f8", (3, 3)),

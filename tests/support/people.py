@@ -17,6 +17,7 @@ from common.settings import Settings, preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
@@ -89,5 +90,7 @@ def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -
 
 def as_bytes(estimate: Estimate) -> list[bytes]:
     """All that is said about a frame, time taken aside."""
-    names = [field.name for field in fields(Estimate) if field.name != "stage_seconds"]
-    return [np.asarray(getattr(estimate, name)).tobytes() for name in names]
+    names = [field.name for field in fields(Estimate) if field.name not in ("stage_seconds", "certainty")]
+    certainty = estimate.certainty
+    sure = [] if certainty is None else [getattr(certainty, field.name) for field in fields(Certainty)]
+    return [np.asarray(value).tobytes() for value in (*(getattr(estimate, name) for name in names), *sure)]

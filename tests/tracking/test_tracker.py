@@ -22,6 +22,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings, Settings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.search.verdict import weigh
@@ -319,7 +320,8 @@ def test_one_word_says_how_sure_it_is(
     """Searching: it may be anywhere. Lost: its pose explains nothing. Ambiguous: a rival is elsewhere."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
-    assert judge(watch, np.array(weights), joints) == word
+    sure = Certainty(np.ones(2), np.zeros(2), np.zeros(2))
+    assert judge(watch, np.array(weights), joints, sure) == word
 
 
 def test_the_subject_is_cut_out_where_it_is() -> None:

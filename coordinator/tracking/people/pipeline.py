@@ -44,4 +44,6 @@ def follow_all(crowd: Crowd, frames: Iterable[DepthFrame]) -> Iterator[Results]:
 
 def results(crowd: Crowd, tracked: list[Tracked]) -> Results:
     """What was found, and what was known after it."""
-    return [(estimate, each.state) for estimate, each in zip(crowd.report(tracked), tracked, strict=True)]
+    estimates = crowd.report(tracked)
+    states = [tracker.state_after(each) for tracker, each in zip(crowd.trackers, tracked, strict=True)]
+    return list(zip(estimates, states, strict=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from common.body import BodyModel
+from common.camera import Intrinsics, project
 from common.frame import SubjectFrame
+from common.kinematics import pose_vertices
 from common.refinement import Refined
 from common.settings import RefineSettings
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
 from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
@@ -27,6 +32,7 @@ CAMERA = {
     "intrinsic_matrix": [50.0, 0, 0, 0, 50.0, 0, 32.0, 24.0, 1],
     "depth_scale": 1000,
 }
+START = {"root_tz": 2.0, "r_elbow_flexion": 0.5}
 
 
 class StillWorkers:
@@ -77,13 +83,26 @@ def workers() -> StillWorkers:
 
 @pytest.fixture
 def sequence(tmp_path: Path) -> Path:
-    """Five frames of a board at two metres, with a start; nothing is seen in frame 3."""
-    folder = tmp_path / "board"
+    """Five frames of a person at two metres, with a start; nothing is seen in frame 3."""
+    folder = tmp_path / "person"
     (folder / "depth").mkdir(parents=True)
     for number in range(5):
-        depth = np.zeros((48, 64), dtype=np.uint16)
-        depth[:, 12:52] = 0 if number == 3 else 2000
+        depth = np.zeros((48, 64), dtype=np.uint16) if number == 3 else standing()
         Image.fromarray(depth).save(folder / "depth" / f"{number:06d}.png")
     (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA))
-    (folder / "init.json").write_text(json.dumps({"root_tz": 2.0, "r_elbow_flexion": 0.5}))
+    (folder / "init.json").write_text(json.dumps(START))
     return folder
+
+
+@cache
+def standing() -> NDArray[np.uint16]:
+    """The person as it starts, in millimetres."""
+    model = human()
+    vertices = pose_vertices(model, name_pose(model, START)[None])[0]
+    camera = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
+    columns, rows = np.rint(project(vertices, camera)).astype(int).T
+    seen = (columns >= 0) & (columns < 64) & (rows >= 0) & (rows < 48)
+    depth = np.full((48, 64), 65_535, dtype=np.uint16)
+    np.minimum.at(depth, (rows[seen], columns[seen]), (1000.0 * vertices[seen, 2]).astype(np.uint16))
+    depth[depth == 65_535] = 0
+    return depth

@@ -1,0 +1,45 @@
+"""Whether what the tracker says of how sure it is holds: python -m benchmarks.certainty.
+
+The hard actions of UTD-MHAD at 30, 15 and 10 frames a second, where depth does not contradict the reference:
+how many joints lie within one and two deviations, and how many of those more than 15 cm off are flagged at
+which share of false alarms. With --fit what it goes by is fitted anew first, on subjects 1 and 2 and on
+rendered people with exact truth, and written to coordinator/tracking/certainty/fitted.py. Lines on stderr,
+a table on stdout, numbers in a JSON file where asked. Exit code 1 if a recording crashed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.command_line import add_changes, add_data, add_processes, measured, one_thread_each
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print the tables, keep the numbers where asked."""
+    chosen = parse(arguments)
+    one_thread_each()
+    from benchmarks.certainty.measure import Choice, measure
+
+    return measured("certainty", measure, Choice(**vars(chosen)))
+
+
+def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser("python -m benchmarks.certainty", description=__doc__)
+    add = parser.add_argument
+    add_data(parser)
+    add("--fit", action="store_true", help="fit anew on subjects 1 and 2 and rendered people")
+    add("--subjects", nargs="+", type=int, default=[3, 4], help="default: 3 4, of whom nothing was fitted")
+    add("--every", nargs="+", type=int, default=[1, 2, 3], metavar="N", help="of 30 frames a second")
+    add_changes(parser)
+    add("--seeds", type=int, default=3, metavar="N", help="default: 3")
+    add_processes(parser)
+    add("--out", type=Path, metavar="FILE", help="keep the numbers here")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""The fit of what the tracker's certainty goes by: a logistic and a log-linear function of the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.certainty.gather import Gathered
+from coordinator.tracking.certainty.assessment import recall
+from coordinator.tracking.certainty.certainty import OFF
+from coordinator.tracking.certainty.evidence import CLUES
+
+Array = NDArray[np.float64]
+
+RIDGE = 1000.0  # joints that say nothing, for each weight of a clue of unit deviation
+EXTREMES = (0.5, 99.5)  # per cent of each clue beyond which it counts as its limit
+HIDDEN_WEIGHT = 10.0  # of joints of which less than half is shown, in the fit of the deviation
+ONE_DEVIATION = 68.3  # per cent of joints that are to lie within it
+MOST_OFF = 5.0  # deviations that a joint is off at the most, in a step of the fit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Functions:
+    """The least and the most of each clue (K,), and an intercept and weights (K,) for each function."""
+
+    low: Array
+    high: Array
+    probability: tuple[float, Array]
+    deviation: tuple[float, Array]
+
+    def judge(self, one: Gathered) -> Array:
+        """Log odds and log deviation (F, J, 2) of a recording's joints, as the tracker has them."""
+        within = averaged(one, self.low, self.high)
+        both = (self.probability, self.deviation)
+        return np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
+
+
+def distances(gathered: Sequence[Gathered]) -> list[Array]:
+    """How far off each joint (F, J) is, metres, without a person's constant offsets from a vendor's."""
+    offsets = {}
+    for person in {one.person for one in gathered} - {""}:
+        mine = [np.where(g.holds[..., None], g.apart, np.nan) for g in gathered if g.person == person]
+        offsets[person] = np.nanmedian(np.concatenate(mine), axis=0)
+    return [np.linalg.norm(g.apart - offsets.get(g.person, 0.0), axis=-1) for g in gathered]
+
+
+def averaged(one: Gathered, low: Array, high: Array) -> Array:
+    """The evidence (F, J, K) within limits, averaged over the frames before."""
+    frames: list[Array] = []
+    for now, interval in zip(np.clip(one.evidence, low, high), one.interval, strict=True):
+        frames.append(recall(now, frames[-1] if frames else None, interval))
+    return np.array(frames)
+
+
+def fit(gathered: Sequence[Gathered]) -> Functions:
+    """Fit both functions to joints whose reference holds."""
+    holds = [one.holds for one in gathered]
+    raw = np.concatenate([one.evidence[held] for one, held in zip(gathered, holds, strict=True)])
+    low, high = np.percentile(raw, EXTREMES, axis=0)
+    evidence = np.concatenate([averaged(g, low, high)[held] for g, held in zip(gathered, holds, strict=True)])
+    off = np.concatenate([d[held] for d, held in zip(distances(gathered), holds, strict=True)])
+    mean, scale = evidence.mean(axis=0), evidence.std(axis=0) + 1e-9
+    standard = (evidence - mean) / scale
+    logistic = fit_logistic(standard, off > OFF)
+    linear = fit_deviation(standard, off, np.where(raw[:, CLUES.index("shown")] < 0.5, HIDDEN_WEIGHT, 1.0))
+    return Functions(low, high, unstandardised(logistic, mean, scale), unstandardised(linear, mean, scale))
+
+
+def fit_logistic(evidence: Array, off: NDArray[np.bool_]) -> Array:
+    """Intercept and weights (K + 1,) of the log odds, by Newton's method."""
+    columns, ridge = with_intercept(evidence)
+    found = np.zeros(columns.shape[1])
+    for _ in range(50):
+        chance = 1.0 / (1.0 + np.exp(-np.clip(columns @ found, -30.0, 30.0)))
+        slope = columns.T @ (off - chance) - ridge @ found
+        curvature = (columns * (chance * (1.0 - chance))[:, None]).T @ columns + ridge
+        found += np.linalg.solve(curvature, slope)
+    return found
+
+
+def fit_deviation(evidence: Array, off: Array, weight: Array) -> Array:
+    """Intercept and weights (K + 1,) of the log deviation.
+
+    The likeliest for distances that are spread exponentially, which far ones do not carry away; then scaled
+    so that as many lie within one deviation as should.
+    """
+    columns, ridge = with_intercept(evidence)
+    found = np.zeros(columns.shape[1])
+    found[0] = np.log(off.mean())
+    for _ in range(50):
+        share = np.minimum(off * np.exp(-columns @ found), MOST_OFF)
+        slope = columns.T @ (weight * (share - 1.0)) - ridge @ found
+        curvature = (columns * (weight * np.maximum(share, 0.1))[:, None]).T @ columns + ridge
+        found += np.linalg.solve(curvature, slope)
+    found[0] += np.log(np.percentile(off * np.exp(-columns @ found), ONE_DEVIATION))
+    return found
+
+
+def with_intercept(evidence: Array) -> tuple[Array, Array]:
+    """Evidence (n, K) behind a column of ones, and the ridge (K + 1, K + 1) that spares that one."""
+    ridge = RIDGE * np.eye(evidence.shape[1] + 1)
+    ridge[0, 0] = 0.0
+    return np.column_stack([np.ones(len(evidence)), evidence]), ridge
+
+
+def unstandardised(found: Array, mean: Array, scale: Array) -> tuple[float, Array]:
+    """Intercept and weights (K,) for evidence as it is."""
+    weights = found[1:] / scale
+    return float(found[0] - weights @ mean), weights

@@ -1,0 +1,153 @@
+"""What speaks for and against each joint of a reported pose, in numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROTATION, BodyModel
+from common.frame import SubjectFrame
+from common.kinematics import joint_positions
+from coordinator.bodies.angles import is_person
+from coordinator.filters.exploration import find_limbs
+from coordinator.tracking.certainty.regions import Regions, regions_of
+from coordinator.tracking.certainty.surface import COVERED, NEARER, SHOWN, VIOLATED, Seen, see_surface
+from coordinator.tracking.certainty.unexplained import unexplained_points
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+CLUES = (
+    "shown", "covered", "nearer", "violated",
+    "limb_shown", "limb_covered", "limb_nearer", "limb_violated",
+    "off", "limb_off", "unexplained", "spread", "weak_spread", "limb_spread", "moved", "bent", "lever",
+)  # fmt: skip
+"""Columns of the evidence. Shares of the surface around the joint that faces the camera: shown by the frame,
+covered by the body, with something nearer before it, standing where something farther or nothing was
+measured; their means over the joint's limb. Then, as logarithms: how far the surface is off what is measured,
+at worst in the limb, too; the observed surface near by that nothing explains; the spread of the hypotheses by
+their weight, with weak ones counting more, at most in the limb; the motion since the last frame. At last how
+bent the limb is (rad^2, a person's), and how far along it the joint is (metres)."""
+
+AROUND = 0.3  # metres within which what is unexplained may be the joint's
+WEAKER = 5.0  # log weights are divided by so much for the spread in which weak hypotheses count
+USUALLY_BENT = 1.0  # a person's limb: what stands for that of other bodies
+LEAST = {"off": 0.005, "unexplained": 0.002, "spread": 0.005, "moved": 0.005}
+"""What is added before the logarithm, in metres and square metres."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighted:
+    """What a frame was reported from, beside the hypotheses."""
+
+    subject: SubjectFrame
+    past: Array  # (D,) the pose that was reported before
+    interval: float  # seconds since then
+    stretch: float  # lateral over depth noise
+
+
+class Limbs(NamedTuple):
+    """Of each joint the limb (J,), its length up to there in metres (J,), and what turns it (J, D)."""
+
+    of_joint: Indices
+    lever: Array
+    turns: NDArray[np.bool_]
+
+
+def weigh_evidence(
+    model: BodyModel, pose: Array, hypotheses: Array, weights: Array, sighted: Sighted
+) -> Array:
+    """The evidence (J, len(CLUES)) about a reported pose (D,) and its hypotheses (M, D) with weights (M,)."""
+    limbs = limbs_of(model)
+    seen = see_surface(model, pose, sighted.subject, sighted.stretch)
+    shares = np.empty((len(limbs.of_joint), 5))
+    average_regions(seen, regions_of(model), shares)
+    shares, off = shares[:, :4], np.log(shares[:, 4] + LEAST["off"])
+    placed = joint_positions(model, np.concatenate([pose[None], sighted.past[None], hypotheses]))
+    joints, past, others = placed[0], placed[1], placed[2:]
+    spread = np.log(spread_of(others - joints, weights) + LEAST["spread"])
+    weak = np.log(spread_of(others - joints, weights ** (1.0 / WEAKER)) + LEAST["spread"])
+    turned = np.where(limbs.turns, pose**2, 0.0).sum(axis=1)
+    columns = [
+        *shares.T,
+        *per_limb(shares, limbs.of_joint, np.mean).T,
+        off,
+        per_limb(off[:, None], limbs.of_joint, np.max)[:, 0],
+        np.log(area_left(joints, seen, sighted) + LEAST["unexplained"]),
+        spread,
+        weak,
+        per_limb(spread[:, None], limbs.of_joint, np.max)[:, 0],
+        np.log(np.linalg.norm(joints - past, axis=1) + LEAST["moved"]),
+        turned if is_person(model.dof_names) else np.full(len(joints), USUALLY_BENT),
+        limbs.lever,
+    ]
+    return np.stack(columns, axis=1)
+
+
+@numba.njit(cache=True, nogil=True)
+def average_regions(seen: Seen, regions: Regions, out: Array) -> None:
+    """Fill out (J, 5): shares of each region that are shown, covered, behind, violated; how far it is off."""
+    for j in range(len(out)):
+        total = shown = 0.0
+        out[j] = 0.0
+        for i in range(regions.starts[j], regions.starts[j + 1]):
+            v = regions.vertices[i]
+            weight, state = regions.weights[i] * seen.facing[v], seen.states[v]
+            total += weight
+            if state == SHOWN:
+                shown += weight
+                out[j, 4] += weight * abs(seen.off[v])
+            elif state == COVERED:
+                out[j, 1] += weight
+            elif state == NEARER:
+                out[j, 2] += weight
+            elif state == VIOLATED:
+                out[j, 3] += weight
+        out[j, 0] = shown
+        out[j, :4] /= max(total, 1e-12)
+        out[j, 4] = out[j, 4] / shown if shown > 0.0 else UNSEEN_OFF
+
+
+UNSEEN_OFF = 0.08  # metres, of a region that is not shown
+
+
+def spread_of(apart: Array, weights: Array) -> Array:
+    """Root mean square (J,) of distances (M, J, 3), by weight (M,)."""
+    squares = np.einsum("mja,mja->mj", apart, apart)
+    spread: Array = np.sqrt(weights @ squares / weights.sum())
+    return spread
+
+
+def per_limb(values: Array, of_joint: Indices, summary: object) -> Array:
+    """Values (J, K) of joints, each replaced by its limb's."""
+    out = np.empty_like(values)
+    for limb in np.unique(of_joint):
+        mine = of_joint == limb
+        out[mine] = summary(values[mine], axis=0)  # type: ignore[operator]
+    return out
+
+
+def area_left(joints: Array, seen: Seen, sighted: Sighted) -> Array:
+    """Square metres (J,) of observed surface near joints (J, 3) that no part of the body explains."""
+    points, each = unexplained_points(seen.posed, sighted.subject, sighted.stretch)
+    squares = np.sum((points - joints[:, None]) ** 2, axis=-1)
+    left: Array = np.exp(-0.5 * squares / AROUND**2).sum(axis=1) * each
+    return left
+
+
+@lru_cache(maxsize=16)
+def limbs_of(model: BodyModel) -> Limbs:
+    """The limbs of a body's joints; what nothing moves is the trunk's."""
+    groups = find_limbs(model)
+    dofs = model.link_dofs[model.joint_links]
+    of_joint = np.array([next((k for k, g in enumerate(groups) if dof in g), 0) for dof in dofs])
+    at_rest = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
+    begins = np.array([model.points[groups[k][0]] for k in of_joint])
+    lever = np.where(of_joint > 0, np.linalg.norm(at_rest - begins, axis=1), 0.0)
+    turns = [(model.kinds == ROTATION) & np.isin(np.arange(len(model.kinds)), groups[k]) for k in of_joint]
+    return Limbs(of_joint, lever, np.array(turns) & (of_joint > 0)[:, None])

@@ -1,0 +1,71 @@
+"""The fit of the tracker's certainty: it finds the law that data were drawn from, and scores show it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.certainty.fitting import averaged, distances, fit
+from benchmarks.certainty.gather import Gathered
+from benchmarks.certainty.scores import score
+from coordinator.tracking.certainty.evidence import CLUES
+
+FRAMES, JOINTS = 4_000, 6
+STEEPNESS = 1.5
+
+
+def drawn(seed: int, person: str = "", shift: float = 0.0) -> Gathered:
+    """Joints whose distance grows with the first clue, each frame by itself; the other clues say nothing."""
+    rng = np.random.default_rng(seed)
+    evidence = rng.uniform(-1.0, 1.0, size=(FRAMES, JOINTS, len(CLUES)))
+    deviation = 0.05 * np.exp(STEEPNESS * evidence[..., 0])
+    direction = rng.normal(size=(FRAMES, JOINTS, 3))
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    apart = direction * np.abs(rng.normal(size=(FRAMES, JOINTS)) * deviation)[..., None]
+    apart[..., 0] += shift
+    holds = np.ones((FRAMES, JOINTS), dtype=bool)
+    return Gathered(
+        person, "drawn", 1, np.full(FRAMES, 10.0), evidence, apart, holds, np.full(FRAMES, "tracked")
+    )
+
+
+def test_the_fit_holds_on_data_that_it_has_not_seen() -> None:
+    """68 and 95 % of joints within one and two deviations, seen and hidden; chances rise with the shares."""
+    functions = fit([drawn(0)])
+    fresh = drawn(1)
+    found = score("fresh", [fresh], functions)
+    for side in (found.seen, found.hidden):
+        assert side.within_one == pytest.approx(68.0, abs=4.0)
+        assert side.within_two == pytest.approx(95.0, abs=3.0)
+    chance = 1.0 / (1.0 + np.exp(-functions.judge(fresh)[..., 0]))
+    off = distances([fresh])[0] > 0.15
+    assert chance.mean() == pytest.approx(off.mean(), abs=0.02)
+    shares = [off[(chance > low) & (chance < low + 0.1)].mean() for low in (0.0, 0.1, 0.2, 0.3)]
+    assert shares == sorted(shares)
+    assert dict(found.roc)[5.0] > 30.0
+
+
+def test_a_persons_constant_offset_counts_for_nothing_and_an_exact_truth_has_none() -> None:
+    """The vendor's joints lie elsewhere in the body; rendered people's do not."""
+    plain, of_a_person, exact = drawn(3), drawn(3, "s1", 0.3), drawn(3, "", 0.3)
+    assert distances([of_a_person])[0].mean() == pytest.approx(distances([plain])[0].mean(), abs=0.002)
+    assert distances([exact])[0].mean() > 0.25
+
+
+def test_joints_that_do_not_hold_count_for_nothing() -> None:
+    """A reference that the depth contradicts changes neither fit nor score."""
+    good, bad = drawn(4), drawn(5)
+    bad.apart[:], bad.holds[:] = 3.0, False
+    one, both = fit([good]), fit([good, bad])
+    np.testing.assert_allclose(one.probability[1], both.probability[1])
+    assert score("both", [good, bad], both).joints == score("one", [good], one).joints
+
+
+def test_evidence_is_averaged_as_the_tracker_does() -> None:
+    """A clue beyond its limits counts as the limit, and the frames before fade with time."""
+    one = drawn(6)
+    one.interval[:] = 0.116
+    low, high = np.full(len(CLUES), -0.5), np.full(len(CLUES), 0.5)
+    means = averaged(one, low, high)
+    within = np.clip(one.evidence, low, high)
+    np.testing.assert_allclose(means[1], np.exp(-1.0) * within[0] + (1.0 - np.exp(-1.0)) * within[1])
