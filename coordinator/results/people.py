@@ -16,9 +16,8 @@ from coordinator.results.log import Entry, read_records
 from coordinator.results.recorded import Recorded
 from coordinator.results.recorder import check_configuration
 from coordinator.results.run_configuration import RunConfiguration
-from coordinator.results.summary import SUMMARY_FILE, count_doubts, count_status, summarise
+from coordinator.results.summary import PEOPLE, PERSON, SUMMARY_FILE, count_doubts, count_status, summarise
 
-PEOPLE, PERSON = "people", "person"  # in a summary: how many were asked for, and who of them this is
 OWN = (PERSON, "doubts", "rotate_deg", "noise_m")  # in the summary of one person
 FOUND = "found"  # in the summary of all: one entry for each who was found
 

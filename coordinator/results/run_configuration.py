@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ import msgspec
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.results.digest import LETTERS, PATH, digest, digest_frame
+from coordinator.results.nested import flatten
 from coordinator.results.versions import versions
 from coordinator.scene.scope import Scope
 from coordinator.sources.given import NOTHING, Given
@@ -125,12 +126,3 @@ def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:
 def describe_value(value: object) -> str:
     """A value as a message shows it."""
     return "not given" if value is None else str(value)
-
-
-def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Pairs of dotted name and value."""
-    for key, value in configuration.items():
-        if isinstance(value, Mapping):
-            yield from flatten(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key, value

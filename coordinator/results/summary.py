@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import msgspec
 import numpy as np
 
 from common.errors import InputError
-from coordinator.results.recorded import Recorded
 from coordinator.results.versions import versions
 from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 
+if TYPE_CHECKING:  # it brings the compiler, which takes long to load
+    from coordinator.results.recorded import Recorded
+
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
+PEOPLE, PERSON = "people", "person"  # in it: how many were asked for, and who of them this is
 
 
 def summarise(recorded: Recorded) -> dict[str, object]:

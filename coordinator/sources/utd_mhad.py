@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 from common.camera import Intrinsics
 from common.errors import InputError
@@ -43,6 +42,8 @@ class UtdMhadFile(Recording):
 
 def read_depth(path: Path) -> NDArray[np.uint16]:
     """Depth (240, 320, F) in millimetres; InputError if the file is damaged or holds something else."""
+    from scipy.io import loadmat  # takes long to load
+
     try:
         content = loadmat(path, variable_names=[VARIABLE])
     except Exception as error:  # a damaged file makes the reader raise whatever it stumbles over

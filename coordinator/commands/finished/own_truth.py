@@ -6,8 +6,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from coordinator.results.digest import PATH, digest_frame
-from coordinator.results.people import PEOPLE
-from coordinator.results.summary import read_summary
+from coordinator.results.summary import PEOPLE, read_summary
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import find_format, open_source
 

@@ -13,8 +13,7 @@ from coordinator.commands.console.progress import Show
 from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import PicturesOptions
 from coordinator.results.model_file import read_tracked_body
-from coordinator.results.people import PEOPLE
-from coordinator.results.summary import read_summary
+from coordinator.results.summary import PEOPLE, read_summary
 from coordinator.results.track import Track, read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import Source

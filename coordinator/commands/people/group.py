@@ -13,7 +13,6 @@ from coordinator.commands.track import write_results
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.live_results import LiveResults
 from coordinator.results.people import (
-    PERSON,
     frames_in_common,
     of_person,
     person_folder,
@@ -24,6 +23,7 @@ from coordinator.results.people import (
 from coordinator.results.recorded import Recorded
 from coordinator.results.recorder import Recorder
 from coordinator.results.run_configuration import RunConfiguration
+from coordinator.results.summary import PERSON
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import Results
 from coordinator.tracking.refiner import Refiner
