@@ -7,12 +7,13 @@ what hangs together in depth, at the same pace for all, so that an arm stays wit
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.scene.cutting import CLOSE, REACH, STEP
+from coordinator.scene.cutting import CLOSE, REACH, STEP, Squares, Window, find_window
 from coordinator.scene.nearness import CELL, Nearness, square_at
 from coordinator.scene.noise import margin_at
 from coordinator.scene.room import FOREGROUND, Depth, Lens, mark_room
@@ -26,27 +27,69 @@ SURELY = 0.08  # metres by which a pixel must be nearer to one body than to anot
 FREE, UNCLEAR = -1, -2
 
 
-def share(view: SceneView, near: Sequence[Nearness]) -> list[Mask | None]:
-    """For each of several bodies the pixels (H, W) that are not its own; None where nobody else is near."""
-    touching = [
-        n for n, one in enumerate(near) if any(meet(one, other) for other in near if other is not one)
-    ]
+def share(view: SceneView, surfaces: Sequence[Array], near: Sequence[Nearness]) -> list[Mask | None]:
+    """For each of several bodies the pixels (H, W) that are not its own; None where nobody else is near.
+
+    surfaces: points (V, 3) of each body, metres. near: distances from each.
+    """
+    touching = [n for n, one in enumerate(near) if any(meet(one, each) for each in near if each is not one)]
+    others: list[Mask | None] = [None] * len(near)
     if not touching:
-        return [None] * len(near)
+        return others
+    part = around([find_window(view, surfaces[n]) for n in touching])
+    owners = divide(part_of(view, part), [near[n] for n in touching])
+    for place, n in enumerate(touching):
+        whole = np.zeros(view.depth.shape, dtype=np.bool_)
+        whole[rows_of(part), columns_of(part)] = (owners != FREE) & (owners != place)
+        others[n] = whole
+    return others
+
+
+def divide(view: SceneView, near: Sequence[Nearness]) -> Owners:
+    """Whose each pixel (H, W) is, by place; FREE, or UNCLEAR."""
     marks = np.empty(view.depth.shape, dtype=np.uint8)
     mark_room(view.depth, view.background, view.lens, view.planes.coefficients, view.noise.growth, marks)
-    owners = np.full(view.depth.shape, FREE, dtype=np.int8)
-    squares = np.empty((len(touching), *view.depth.shape), dtype=np.uint8)
-    for place, n in enumerate(touching):
-        measure(view.depth, view.lens, near[n].low, near[n].squares, squares[place])
-    free = marks == FOREGROUND
+    owners, free = np.full(view.depth.shape, FREE, dtype=np.int8), marks == FOREGROUND
+    squares = np.array([squares_of(view, each) for each in near])
     claim(squares, free, owners)
     spread(view.depth, view.noise.growth, squares, free, owners)
     leave_open(squares, free, owners)
-    others: list[Mask | None] = [None] * len(near)
-    for place, n in enumerate(touching):
-        others[n] = (owners != FREE) & (owners != place)
-    return others
+    return owners
+
+
+def around(windows: Sequence[Window]) -> Window:
+    """The least window that holds several."""
+    left, top, right, bottom = zip(*windows, strict=True)
+    return min(left), min(top), max(right), max(bottom)
+
+
+def rows_of(window: Window) -> slice:
+    """Its rows."""
+    return slice(window[1], window[3])
+
+
+def columns_of(window: Window) -> slice:
+    """Its columns."""
+    return slice(window[0], window[2])
+
+
+def part_of(view: SceneView, window: Window) -> SceneView:
+    """A part of the picture."""
+    rows, columns = rows_of(window), columns_of(window)
+    left, top, right, bottom = window
+    return replace(
+        view,
+        depth=np.ascontiguousarray(view.depth[rows, columns]),
+        background=np.ascontiguousarray(view.background[rows, columns]),
+        camera=view.camera.crop(left, top, right - left, bottom - top),
+    )
+
+
+def squares_of(view: SceneView, near: Nearness) -> Squares:
+    """The squared distance (H, W) in cells of each pixel from a body."""
+    squares = np.empty(view.depth.shape, dtype=np.uint8)
+    measure(view.depth, view.lens, near.low, near.squares, squares)
+    return squares
 
 
 def meet(one: Nearness, other: Nearness) -> bool:
@@ -123,8 +166,6 @@ def leave_open(squares: NDArray[np.uint8], free: Mask, owners: Owners) -> None:
 def within(view: SceneView, near: Sequence[Nearness], metres: float) -> Mask:
     """Pixels (H, W) that are so near to any of several bodies."""
     found = np.zeros(view.depth.shape, dtype=np.bool_)
-    squares = np.empty(view.depth.shape, dtype=np.uint8)
     for each in near:
-        measure(view.depth, view.lens, each.low, each.squares, squares)
-        found |= squares <= (metres / CELL) ** 2
+        found |= squares_of(view, each) <= (metres / CELL) ** 2
     return found

@@ -42,7 +42,7 @@ def test_who_touches_another_keeps_the_own_pixels() -> None:
     view = Scene().see(replace(seen[0].frame, depth=np.rint(1000.0 * depth).astype(np.uint16)))
     surfaces = [room.surface((x + 0.04, z)) for x, z in STOOD]  # a step behind
     near = [surround(surface) for surface in surfaces]
-    for place, others in enumerate(share(view, near)):
+    for place, others in enumerate(share(view, surfaces, near)):
         cut = cut_out(view, surfaces[place], near[place], others)
         left, top, right, bottom = cut.window
         mine = np.zeros(depth.shape, dtype=bool)
@@ -55,8 +55,8 @@ def test_who_is_far_from_all_others_is_cut_out_as_if_alone() -> None:
     """Nothing is shared, so nothing is taken away."""
     room = Room()
     view = Scene().see(room.see(STOOD[0]).frame)
-    near = [surround(room.surface(place)) for place in (STOOD[0], (1.0, 3.0))]
-    assert share(view, near) == [None, None]
+    surfaces = [room.surface(place) for place in (STOOD[0], (1.0, 3.0))]
+    assert share(view, surfaces, [surround(each) for each in surfaces]) == [None, None]
 
 
 def test_both_are_found_and_followed() -> None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
+from coordinator.scene.background import AWAY
 from coordinator.scene.candidates import candidates
 from coordinator.scene.cutting import REACH, Cut, cut_mask, cut_out
-from coordinator.scene.nearness import surround
+from coordinator.scene.nearness import Nearness, surround
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
 from coordinator.scene.sharing import share, within
@@ -22,6 +23,7 @@ from coordinator.tracking.subject import subject_of
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+NOWHERE = Nearness(np.zeros(3), np.empty((0, 0, 0), np.uint8))
 EXPLAINED = 0.12  # metres from a posed body in which nobody else is looked for
 
 
@@ -72,7 +74,7 @@ class Division:
         placed = [n for n, body in enumerate(bodies) if body is not None]
         surfaces = [body.surface for body in bodies if body is not None]
         near = [surround(surface) for surface in surfaces]
-        others, strangers = share(view, near), list[Cut]()
+        others, strangers = share(view, surfaces, near), list[Cut]()
         missing = len(placed) < len(bodies)
         if missing:
             known = within(view, near, EXPLAINED)
@@ -83,8 +85,8 @@ class Division:
             n: cut_out(view, surface, near[place], others[place], reach[n] if reach else REACH)
             for place, (n, surface) in enumerate(zip(placed, surfaces, strict=True))
         }
-        everyone = everybody(view, surfaces, [*cuts.values(), *strangers])
-        change = self._scene.learn(view, everyone, patient=missing)
+        everyone = everybody(view, [*cuts.values(), *strangers]) if near else None
+        change = self._scene.learn(without(view, near), everyone, patient=missing)
         return Divided(
             [subject_of(frame, cuts[n], self._points) if n in cuts else None for n in range(len(bodies))],
             [offer for cut in strangers if (offer := self._offer(frame, cut)) is not None],
@@ -103,16 +105,19 @@ def joined(masks: Sequence[Mask | None]) -> Mask | None:
     return np.logical_or.reduce(given) if given else None
 
 
-def everybody(view: SceneView, surfaces: Sequence[Array], cuts: Sequence[Cut]) -> Cut | None:
-    """All who were cut out as one, with the distances from all posed bodies; None if there is no such."""
-    if not surfaces:
-        return None
+def without(view: SceneView, near: Sequence[Nearness]) -> SceneView:
+    """The frame without what is near to a body, which is not to be learned."""
+    return replace(view, depth=np.where(within(view, near, AWAY), np.float32(0.0), view.depth))
+
+
+def everybody(view: SceneView, cuts: Sequence[Cut]) -> Cut:
+    """All who were cut out, as one."""
     height, width = view.depth.shape
     kinds = np.full((height, width), UNKNOWN, dtype=np.uint8)
     for cut in cuts:
         left, top, right, bottom = cut.window
         kinds[top:bottom, left:right][cut.kinds == SUBJECT] = SUBJECT
-    return Cut((0, 0, width, height), kinds, surround(np.concatenate(surfaces)))
+    return Cut((0, 0, width, height), kinds, NOWHERE)
 
 
 def middle_of(subject: SubjectFrame) -> Array:
