@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, select_autoescape
+from jinja2 import Environment, PackageLoader, Template, select_autoescape
 from markupsafe import Markup
 
 from common.errors import InputError
@@ -29,22 +29,31 @@ MEDIA = {".gif": "image/gif", ".png": "image/png", ".mp4": "video/mp4"}
 def write_report(run: Path, out: Path) -> None:
     """Write the page about the run in this folder; InputError if it holds no finished run."""
     track = read_track_with_angles(run)
-    page = render(run, track, read_summary(run))
+    write_page(render(run, track, read_summary(run)), out)
+
+
+def write_page(page: str, out: Path) -> None:
+    """Write a page's text; InputError if that cannot be done."""
     try:
         write_atomically(out, lambda opened: opened.write(page.encode()))
     except OSError as error:
         raise InputError(f"cannot write {out} ({error.strerror}); give a writable file with --out") from None
 
 
-def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
-    """The page's text."""
+def template(name: str) -> Template:
+    """One of the templates that stand beside this file."""
     environment = Environment(
         loader=PackageLoader("coordinator.report", "."),
         autoescape=select_autoescape(default=True),
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(TEMPLATE).render(
+    return environment.get_template(name)
+
+
+def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
+    """The page's text."""
+    return template(TEMPLATE).render(
         title=summary.get("sequence", run.name),
         summary=summary,
         facts=describe_run(track, summary),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from coordinator.commands.console.loading import loading
 from coordinator.commands.console.progress import Show
+from coordinator.results.people import people_in
 from coordinator.results.track import read_track
 
 REPORT_FILE = "report.html"
@@ -14,6 +15,13 @@ REPORT_FILE = "report.html"
 def run_report(run: Path, out: Path | None, show: Show) -> None:
     """Write the page. Raises InputError if the folder holds no finished run."""
     page = out or run / REPORT_FILE
+    people = people_in(run)
+    if people:
+        with loading(show, f"writing {page}"):
+            from coordinator.report.people import write_people_report
+        write_people_report(run, people, page)
+        show.say(f"the report is in {page}, with one of each person in its folder")
+        return
     read_track(run)
     with loading(show, f"writing {page}"):
         from coordinator.report import write_report

@@ -1,0 +1,42 @@
+"""`gepf track zenoh:KEY --people 2`, with a publisher in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+from coordinator.cli import main
+from coordinator.files.names import LOG_FILE
+from tests.support.pairs import FRAMES, write_pair
+
+KEY = "camera/depth"
+
+
+def free_endpoint() -> str:
+    """Where nobody listens yet."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def test_two_people_are_tracked_live(tmp_path: Path) -> None:
+    """Both are found in the stream; each has a run, and one summary counts the frames."""
+    where, out = free_endpoint(), tmp_path / "run"
+    sequence = write_pair(tmp_path / "pair")
+    play = ["publish", str(sequence), "--key", KEY, "--connect", where, "--rate", "1"]
+    with subprocess.Popen([sys.executable, "-m", "coordinator.cli", *play]) as publisher:
+        options = ["--people", "2", "--particles", "6", "--listen", where, "--workers", "1", "--no-pictures"]
+        try:
+            assert main(["track", f"zenoh:{KEY}", "--out", str(out), *options]) == 0
+        finally:
+            publisher.kill()
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["complete"] is True
+    assert summary["frames_received"] == FRAMES
+    assert [each["folder"] for each in summary["found"]] == ["person1", "person2"]
+    for person in ("person1", "person2"):
+        assert not (out / person / LOG_FILE).exists()
+        assert json.loads((out / person / "summary.json").read_text())["status"]["tracked"] > 0
