@@ -24,7 +24,7 @@ from coordinator.filters.methods import apply_method
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.model_file import TrackedBody
-from coordinator.results.recorded import assemble, certainty_of
+from coordinator.results.recorded import assemble, certainty_of, floor_up
 from coordinator.results.saving import save_run
 from coordinator.security.tls import TlsFiles, choose_security
 from coordinator.sources.arrays import camera_of, whole_depth
@@ -134,7 +134,9 @@ class Tracker:
         if not given:
             raise InputError("there is nothing to save; give the estimates that `track` returned")
         start = self._tracker.start
-        track = assemble(start.model, given, held=start.held)
+        track = assemble(
+            start.model, given, held=start.held, up=floor_up(self._tracker.state.checkpoint.scene)
+        )
         save_run(Path(folder), track, TrackedBody(start.model, start.held), self._settings)
         return Path(folder)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.kinematics.rotations import level_from_camera
 from coordinator.bodies.human.anatomy import (
     SIDES,
     BallJoint,
@@ -42,12 +43,14 @@ class Angles:
         balls: Joints with swing and twist; the whole body's turn is the first, if it moves.
         hinges: Joints of one degree of freedom.
         held: Values of degrees of freedom that do not move, radians; what is not named is zero.
+        level: Rotation vector from the camera's axes to those in which the whole body's turn is given.
     """
 
     dof_names: tuple[str, ...]
     balls: tuple[BallJoint, ...]
     hinges: tuple[Hinge, ...]
     held: Mapping[str, float]
+    level: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -123,7 +126,8 @@ class Angles:
 
     def rotation(self, ball: BallJoint, poses: Array) -> Rotation:
         """Of the moving segment in its carrier (N,); a right limb's as that of its mirror image."""
-        total = Rotation.identity(len(poses))
+        of_body = ball.dofs[0].name in ROOT_DOFS
+        total = Rotation.from_rotvec(np.tile(self.level if of_body else np.zeros(3), (len(poses), 1)))
         for dof in ball.dofs:
             if dof.name in self.dof_names or self.held.get(dof.name):
                 axis = np.asarray(dof.axis) * (MIRROR if ball.mirrored else 1.0)
@@ -148,17 +152,27 @@ def in_heading(swing: Array, twist: Array) -> Array:
     return upward(np.stack([c * x - s * z, s * x + c * z], axis=1), twist)
 
 
-def angles_of(model: BodyModel, held: Mapping[str, float] | None = None) -> Angles:
-    """The angles of a body that is tracked: anatomical ones of a person, joint values of anything else."""
+def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Array | None = None) -> Angles:
+    """The angles of a body that is tracked: anatomical ones of a person, joint values of anything else.
+
+    With `up` (3,), away from the ground in the camera frame, the whole body's are against the vertical.
+    """
     if is_person(model.dof_names):
-        return person_angles(model.dof_names, held or {})
+        return person_angles(model.dof_names, held or {}, up)
     turning = [
         name
         for name, kind in zip(model.dof_names, model.kinds, strict=True)
         if kind == ROTATION and name not in ROOT_DOFS
     ]
     base = (whole_body("base"),) if set(ROOT_DOFS[3:]) & set(model.dof_names) else ()
-    return Angles(model.dof_names, base, tuple(Hinge(name, name) for name in turning), held or {})
+    hinges = tuple(Hinge(name, name) for name in turning)
+    return Angles(model.dof_names, base, hinges, held or {}, level_turn(up))
+
+
+def level_turn(up: Array | None) -> tuple[float, float, float]:
+    """The rotation vector into the axes of a camera that is held level."""
+    x, y, z = Rotation.from_matrix(level_from_camera(up)).as_rotvec().tolist()
+    return x, y, z
 
 
 def is_person(dof_names: Sequence[str]) -> bool:
@@ -167,7 +181,7 @@ def is_person(dof_names: Sequence[str]) -> bool:
     return bool(joints) and joints <= set(JOINT_ANGLES)
 
 
-def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float]) -> Angles:
+def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float], up: Array | None = None) -> Angles:
     """The anatomical angles of the joints in which something moves."""
     balls, hinges = anatomical_joints()
     moving = set(dof_names)
@@ -176,4 +190,5 @@ def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float]) -> Angl
         tuple(ball for ball in balls if moving & {dof.name for dof in ball.dofs}),
         tuple(hinge for hinge in hinges if hinge.dof in moving),
         held,
+        level_turn(up),
     )

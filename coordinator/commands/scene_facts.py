@@ -16,7 +16,7 @@ PROMISING = 0.25  # score from which on a candidate is worth to be shown
 
 def look(source: Source) -> tuple[SceneView, list[Candidate]]:
     """The first frame that shows somebody, or else the last that was looked at, and who may be a person."""
-    scene = Scene()
+    scene = Scene(up=None if source.gravity is None else -source.gravity)
     for number in source.numbers[:LOOKED_AT]:
         view = scene.see(source.frame(number))
         found = [each for each in candidates(view) if each.score > PROMISING]

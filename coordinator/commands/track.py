@@ -65,7 +65,7 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> boo
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
     first = source.frame(numbers[0])
-    scope = job.scope.read(source)
+    scope = job.scope.read(source, job.settings.rotate_deg)
     asked = job.asked(bodies, start, scope)
     configuration = run_configuration(job.sequence, first, numbers, asked, job.given)
     if job.resume and is_complete(job.out, configuration):

@@ -51,7 +51,7 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bo
     key = check_live(job)
     bodies = choose_bodies(job.active, job.settings.preset)
     start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), HUMAN_DOFS)
-    scope = job.scope.read(None)
+    scope = job.scope.read(None, job.settings.rotate_deg)
     configuration = live_run_configuration(str(job.sequence), job.asked(bodies, start, scope))
     frames = LiveFrames(key, show.say, idle=job.idle_timeout)
     with Recorder(job.out, configuration) as recorder:

@@ -77,7 +77,7 @@ def write_bap(run: RecordedRun, file: BinaryIO) -> None:
 def parameters_of(run: RecordedRun) -> dict[int, NDArray[np.int64]]:
     """Parameter number -> its values (F,), for what moves, what is held away from zero, and the root."""
     angles = angles_of(run)
-    found = root_parameters(angles, len(run.track.frame))
+    found = root_parameters(angles, len(run.track.frame), run.to_y_up)
     for number, dof in BODY_ANIMATION_PARAMETERS.items():
         if dof in angles:
             found[number] = whole(sign_of(dof) * angles[dof], ANGLE_UNIT)
@@ -103,11 +103,11 @@ def angles_of(run: RecordedRun) -> dict[str, Array]:
     return angles
 
 
-def root_parameters(angles: dict[str, Array], frames: int) -> dict[int, NDArray[np.int64]]:
+def root_parameters(angles: dict[str, Array], frames: int, to_y_up: Array) -> dict[int, NDArray[np.int64]]:
     """The six parameters of the root: where it is, and how it is turned, in the standard's axes."""
     values = np.stack([angles.get(name, np.zeros(frames)) for name in ROOT_DOFS], axis=1)  # (F, 6)
-    lateral, vertical, frontal = (values[:, :3] @ CAMERA_TO_Y_UP).T
-    turns = CAMERA_TO_Y_UP @ Rotation.from_euler("XYZ", values[:, 3:]).as_matrix() @ CAMERA_TO_Y_UP
+    lateral, vertical, frontal = (values[:, :3] @ to_y_up.T).T
+    turns = to_y_up @ Rotation.from_euler("XYZ", values[:, 3:]).as_matrix() @ CAMERA_TO_Y_UP
     with warnings.catch_warnings():  # at 90 degrees one angle of three is free, and any will do
         warnings.filterwarnings("ignore", message="Gimbal lock")
         turn, roll, tilt = np.unwrap(Rotation.from_matrix(turns).as_euler(ROOT_ORDER), axis=0).T

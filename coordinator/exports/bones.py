@@ -114,18 +114,24 @@ def renamed(bone: Bone, name: str | None, joints: tuple[str, ...]) -> Bone:
     return replace(bone, name=name or (f"{bone.name}_link" if bone.name in joints else bone.name))
 
 
-def motion_of(model: BodyModel, bones: tuple[Bone, ...], poses: Array) -> tuple[Array, Array]:
-    """Rotations (F, B, 3, 3) and origins (F, B, 3) of each bone in its parent, the first's in the world."""
+def motion_of(
+    model: BodyModel, bones: tuple[Bone, ...], poses: Array, to_y_up: Array = CAMERA_TO_Y_UP
+) -> tuple[Array, Array]:
+    """Rotations (F, B, 3, 3) and origins (F, B, 3) of each bone in its parent, the first's in the world.
+
+    `to_y_up` (3, 3) leads from the camera's axes to the world's.
+    """
     t_dofs = dof_transforms(model, poses)  # (F, D, 3, 4)
     rotations = np.empty((len(poses), len(bones), 3, 3))
     places = np.empty((len(poses), len(bones), 3))
     for b, bone in enumerate(bones):
         if bone.dof < 0:
-            rotations[:, b], places[:, b] = np.eye(3), bone.origin
+            level = to_y_up @ CAMERA_TO_Y_UP
+            rotations[:, b], places[:, b] = level, level @ bone.origin
             continue
-        turned = CAMERA_TO_Y_UP @ t_dofs[:, bone.dof, :, :3] @ CAMERA_TO_Y_UP
+        turned = to_y_up @ t_dofs[:, bone.dof, :, :3] @ CAMERA_TO_Y_UP
         rotations[:, b] = turned
-        places[:, b] = turned @ bone.origin + t_dofs[:, bone.dof, :, 3] @ CAMERA_TO_Y_UP
+        places[:, b] = turned @ bone.origin + t_dofs[:, bone.dof, :, 3] @ to_y_up.T
     return in_parents(bones, rotations, places)
 
 

@@ -30,7 +30,7 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
     """The skeleton in its rest pose, and every frame's motion."""
     model = run.body().model
     bones = bones_of(model)
-    turns, places = motion_of(model, bones, run.track.pose)
+    turns, places = motion_of(model, bones, run.track.pose, run.to_y_up)
     order = list(walk(bones, 0))
     columns = [channels(bones[b], turns[:, b], places[:, b]) for b in order]
     text = io.TextIOWrapper(file, encoding="ascii", newline="\n")

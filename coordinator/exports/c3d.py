@@ -17,7 +17,7 @@ from ezc3d import c3d
 from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
-from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+from coordinator.exports.recorded import RecordedRun
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ MISSING = -1.0  # the residual of a point without a place
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     """All frames from the first to the last, at the run's rate."""
     slots, count = even_slots(run)
-    joints = run.track.joint_positions @ CAMERA_TO_OPENSIM.T * MILLIMETRES
+    joints = run.track.joint_positions @ run.to_opensim.T * MILLIMETRES
     names, angles = angle_points(run)
     points = np.full((3, len(run.track.joint_names) + len(names), count), np.nan)
     points[:, : joints.shape[1], slots] = joints[~run.lost].transpose(2, 1, 0)

@@ -56,6 +56,8 @@ def scene_of(run: RecordedRun) -> GLTF2:
         Node(name=bone.name, translation=offset(bones, bone).tolist(), children=children(bones, b) or None)
         for b, bone in enumerate(bones)
     ]
+    if bones[0].dof < 0:  # what stands still is turned once, here
+        gltf.nodes[0].rotation = quaternions((run.to_y_up @ CAMERA_TO_Y_UP)[None])[0].tolist()
     if len(model.triangles):
         gltf.materials = [
             Material(
@@ -168,7 +170,7 @@ def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tupl
     from pygltflib import Animation, AnimationChannel, AnimationChannelTarget, AnimationSampler
 
     track = run.track
-    turns, places = motion_of(model, bones, track.pose)
+    turns, places = motion_of(model, bones, track.pose, run.to_y_up)
     seconds = (track.time_s - track.time_s[:1]).astype(np.float32)
     times = arrays.add(seconds, "SCALAR", limits=True)
     animation = Animation(name=run.name, samplers=[], channels=[])

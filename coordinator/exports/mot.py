@@ -60,13 +60,13 @@ def write_mot(run: RecordedRun, file: BinaryIO) -> None:
 def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
     """Coordinates (F,) of Rajagopal's model by name: degrees, and metres for the pelvis' place."""
     track = run.track
-    angles = person_angles(track.dof_names, run.body().held)
+    angles = person_angles(track.dof_names, run.body().held, track.up)
     columns: dict[str, Array] = {}
     for ball in angles.balls:
         if ball.names[0] in BALLS:
             values = np.degrees(turned_zxy(angles, ball, track.pose))
             columns |= dict(zip(BALLS[ball.names[0]], values.T, strict=True))
-    pelvis = track.joint_positions[:, track.joint_names.index("pelvis")] @ CAMERA_TO_OPENSIM.T
+    pelvis = track.joint_positions[:, track.joint_names.index("pelvis")] @ run.to_opensim.T
     columns |= dict(zip(PELVIS, pelvis.T, strict=True))
     return columns | dict(hinge_coordinates(track.dof_names, track.pose))
 

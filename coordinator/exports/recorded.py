@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from common.kinematics.rotations import level_from_camera
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.model_file import TrackedBody, read_tracked_body
 from coordinator.results.track import Track, filled
@@ -45,7 +46,20 @@ class RecordedRun:
     def remark(self) -> str:
         """Where the values come from, for formats that have room to say so."""
         how = f"low pass {self.smoothed_hz:g} Hz, no delay" if self.smoothed_hz else "as tracked"
-        return f"gepf; {how}; camera at the origin"
+        up = "the camera's" if self.track.up is None else "against gravity"
+        return f"gepf; {how}; camera at the origin; up is {up}"
+
+    @property
+    def to_y_up(self) -> NDArray[np.float64]:
+        """From the camera's axes to those with y up (3, 3): against gravity, where that is known."""
+        turned: NDArray[np.float64] = CAMERA_TO_Y_UP @ level_from_camera(self.track.up)
+        return turned
+
+    @property
+    def to_opensim(self) -> NDArray[np.float64]:
+        """From the camera's axes to OpenSim's (3, 3), as upright."""
+        turned: NDArray[np.float64] = CAMERA_TO_OPENSIM @ level_from_camera(self.track.up)
+        return turned
 
     def body(self) -> TrackedBody:
         """The body that was tracked; InputError if the run's folder does not hold it."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 from typing import BinaryIO
 
-from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+from coordinator.exports.recorded import RecordedRun
 
 MILLIMETRES = 1000.0
 HEAD = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame",
@@ -31,7 +31,7 @@ def write_trc(run: RecordedRun, file: BinaryIO) -> None:
         [],
     ):
         text.write("\t".join(cells) + "\n")
-    places = run.track.joint_positions @ CAMERA_TO_OPENSIM.T * MILLIMETRES
+    places = run.track.joint_positions @ run.to_opensim.T * MILLIMETRES
     for f in range(frames):
         markers = [] if run.lost[f] else [f"{value:.4f}" for value in places[f].ravel()]
         markers = markers or [""] * places[f].size

@@ -19,4 +19,4 @@ def read_track_with_angles(folder: Path) -> Track:
     if track.angle is not None or not (folder / MODEL_FILE).exists():
         return track
     body = read_tracked_body(folder)
-    return with_angles(track, angles_of(body.model, body.held))
+    return with_angles(track, angles_of(body.model, body.held, track.up))

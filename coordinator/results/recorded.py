@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.body import BodyModel
 from coordinator.bodies.angles import angles_of
@@ -15,7 +16,8 @@ from coordinator.results.log import Began, Entry, Opening, Resumed, read_records
 from coordinator.results.run_configuration import RunConfiguration
 from coordinator.results.track import Track
 from coordinator.results.uncertainty import with_angles
-from coordinator.scene.scene import Scene
+from coordinator.scene.planes import Planes
+from coordinator.scene.scene import Scene, SceneChange
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.starting.start import Start
@@ -68,16 +70,31 @@ def read_log(path: Path, frames: int | None = None) -> Recorded | None:
     return Recorded(configuration, estimates, state, last.statistics, last.seconds, resumes, end)
 
 
+def up_of(configuration: RunConfiguration, state: TrackerState) -> NDArray[np.float64] | None:
+    """Unit vector (3,) away from the ground, camera frame: as it was said, or from the floor; else None."""
+    said = configuration.get("scene", {}).get("up")
+    if said is not None:
+        return np.array(said)
+    return floor_up(state.checkpoint.scene)
+
+
+def floor_up(scene: SceneChange) -> NDArray[np.float64] | None:
+    """Up (3,) from the floor of the last frame; None where no floor is seen."""
+    return Planes(scene.planes, scene.has_floor).up if scene.has_floor else None
+
+
 def assemble(
     model: BodyModel,
     estimates: Sequence[Estimate],
     *,
     held: Mapping[str, float] | None = None,
     timed: bool = False,
+    up: NDArray[np.float64] | None = None,
 ) -> Track:
     """The track of a run's estimates, in their order; with a deadline (`timed`) also who was in time.
 
-    `held` are the values of degrees of freedom that do not move, by name; zero where there is none.
+    `held` are the values of degrees of freedom that do not move, by name; zero where there is none. `up` (3,)
+    leads away from the ground, camera frame; None where that is not known.
     """
     dofs, joints = len(model.dof_names), len(model.joint_names)
     most = max((len(e.hypothesis_weight) for e in estimates), default=0)
@@ -102,8 +119,9 @@ def assemble(
         hypothesis_weight=weight,
         status=np.array([e.status for e in estimates], dtype="<U9"),
         particles_answered=answered if timed else None,
+        up=up,
     )
-    return with_angles(track, angles_of(model, held))
+    return with_angles(track, angles_of(model, held, up))
 
 
 def certainty_of(model: BodyModel, estimate: Estimate) -> Certainty:

@@ -18,7 +18,7 @@ from coordinator.files.names import LOG_FILE
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.log import Began, Entry, Opening, Record, Resumed, append_records
 from coordinator.results.model_file import MODEL_FILE
-from coordinator.results.recorded import Recorded, assemble, read_log
+from coordinator.results.recorded import Recorded, assemble, read_log, up_of
 from coordinator.results.run_configuration import RunConfiguration, differences
 from coordinator.results.summary import SUMMARY_FILE
 from coordinator.results.track import TRACK_FILE, Track, write_track
@@ -132,7 +132,8 @@ class Recorder:
         """Write `track.npz` and `summary.json` and return the track. An incomplete run keeps its log."""
         timed = recorded.configuration.get("deadline_ms") is not None
         start = recorded.state.start
-        track = assemble(start.model, recorded.estimates, held=start.held, timed=timed)
+        up = up_of(recorded.configuration, recorded.state)
+        track = assemble(start.model, recorded.estimates, held=start.held, timed=timed, up=up)
         write_atomically(self.folder / TRACK_FILE, lambda file: write_track(track, file))
         text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
         write_atomically(self.folder / SUMMARY_FILE, lambda file: file.write(text + b"\n"))

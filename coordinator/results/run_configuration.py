@@ -47,6 +47,7 @@ OPTIONS = {
     "scene.far": "--far",
     "scene.roi": "--roi",
     "scene.background": "--background",
+    "scene.up": "the camera's way up",
     "versions.gepf": "gepf's version",
 }
 """Dotted name -> what the user calls it. Names that are not listed are settings without an option."""

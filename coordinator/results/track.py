@@ -43,6 +43,7 @@ class Track:
     angle: NDArray[np.float64] | None = None  # (F, A) radians, continuous from frame to frame
     angle_deviation: NDArray[np.float64] | None = None  # (F, A) one standard deviation; NaN where unknown
     particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
+    up: NDArray[np.float64] | None = None  # (3,) unit vector away from the ground; None where it is not known
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
@@ -129,6 +130,7 @@ def read_track(folder: Path) -> Track:
         particles_answered=arrays.integers("particles_answered", frame.shape)
         if "particles_answered" in arrays
         else None,
+        up=arrays.floats("up", (3,)) if "up" in arrays else None,
     )
     said = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))
     if not np.all(said | track.unknown):

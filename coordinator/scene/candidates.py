@@ -30,6 +30,7 @@ SPREAD = 0.005  # metres off a plane, the noise aside
 PEELED = 0.25  # share of what is too large that a plane must hold to be taken away
 PEELS = 3
 TOGETHER = 0.35  # metres along the floor between two parts of one person
+STICKS_OUT = 0.4  # metres that the smaller of them may reach farther to a side: what does is the floor's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,10 +147,12 @@ def join(view: SceneView, parts: list[Component]) -> list[Component]:
 
 
 def same_spot(one: Component, other: Component) -> bool:
-    """Whether two parts stand above each other and are no taller together than a person."""
+    """Whether two parts stand above each other, and are together no taller than a person, nor much wider."""
     apart = np.linalg.norm((one.middle - other.middle)[[0, 2]])
     tall = max(one.high[1], other.high[1]) - min(one.low[1], other.low[1])
-    return bool(apart < TOGETHER and tall < LONGEST[1])
+    large, small = (one, other) if one.area > other.area else (other, one)
+    beyond = np.maximum(large.low - small.low, small.high - large.high)[[0, 2]].max()
+    return bool(apart < TOGETHER and tall < LONGEST[1] and beyond < STICKS_OUT)
 
 
 def hidden_between(view: SceneView, one: Component, other: Component) -> bool:

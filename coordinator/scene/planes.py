@@ -6,7 +6,7 @@ noise, which grows with z^2, is the same everywhere there. So planes are sought 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numba
 import numpy as np
@@ -39,6 +39,7 @@ class Planes:
 
     coefficients: Array  # (P, 3)
     has_floor: bool
+    sky: Array = field(default_factory=UP.copy)  # (3,) where it is about, for want of a floor
 
     @property
     def floor(self) -> Array | None:
@@ -47,9 +48,9 @@ class Planes:
 
     @property
     def up(self) -> Array:
-        """Away from the floor (3,), in the camera frame; as for a camera that is held level without one."""
+        """Away from the floor (3,), in the camera frame; to where the sky is about without one."""
         floor = self.floor
-        return UP if floor is None else -floor / np.linalg.norm(floor)
+        return self.sky if floor is None else -floor / np.linalg.norm(floor)
 
     @property
     def camera_height(self) -> float | None:
@@ -86,7 +87,7 @@ def find_planes(rays: Array, noise: DepthNoise, up: Array = UP) -> Planes:
     upright = [each for each in found if abs(level(each, vertical)) < UPRIGHT]
     walls = [each for each in upright if is_large(each, rays, noise, WALL_SEEN)]
     chosen = walls if floor is None else [floor, *walls]
-    return Planes(np.array(chosen).reshape(-1, 3), has_floor=floor is not None)
+    return Planes(np.array(chosen).reshape(-1, 3), floor is not None, up)
 
 
 def small_floors(rays: Array, noise: DepthNoise, up: Array) -> list[Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,12 +46,13 @@ class Scene:
 
     Args:
         background: Depth (H, W) in metres where nobody is, 0 where that is not known; None to learn it all.
+        up: Where the sky is about (3,), camera frame; None for a camera that is held as usual.
     """
 
-    def __init__(self, background: NDArray[np.float32] | None = None) -> None:
+    def __init__(self, background: NDArray[np.float32] | None = None, up: Array | None = None) -> None:
         self._seen = 0
         self._noise: DepthNoise | None = None
-        self._planes = NONE
+        self._planes = NONE if up is None else replace(NONE, sky=up)
         self._furnished = background is not None
         self._background = None if background is None else given(background)
 
@@ -96,7 +97,7 @@ class Scene:
         """Know what was known after the frame that made this change, if all before it were recalled, too."""
         self._seen, self._furnished = change.seen, change.furnished
         self._noise = DepthNoise(change.growth) if change.growth else None
-        self._planes = Planes(change.planes, change.has_floor)
+        self._planes = Planes(change.planes, change.has_floor, self._planes.sky)
         if self._background is None and change.size != (0, 0):
             self._background = nothing_known(*change.size)
         if self._background is not None:
@@ -116,7 +117,7 @@ class Scene:
             if len(self._planes.coefficients):
                 self._planes = follow_planes(self._planes, rays, self._noise)
             elif self._seen % EVERY == 0 and shows_more_than_a_person(rays):
-                self._planes = find_planes(rays, self._noise)
+                self._planes = find_planes(rays, self._noise, self._planes.sky)
                 filled = float(np.mean(depth > 0.0)) > FILLED
                 self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
             self._seen += 1

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from common.body import ROTATION, BodyModel
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
+from common.kinematics.rotations import level_from_camera
 from coordinator.pictures.skeleton import bones
 from coordinator.pictures.style import STATUS
 from coordinator.results.track import Track
@@ -45,7 +46,10 @@ def layout(track: Track) -> rrb.Blueprint:
         row_shares=[3, 4, 2],
     )
     start = np.nanmean(track.joint_positions[:1], axis=(0, 1))
-    eye = rrb.EyeControls3D(position=[0.9, -0.5, 0.0], look_target=start, eye_up=[0.0, -1.0, 0.0])
+    level = level_from_camera(track.up).T
+    eye = rrb.EyeControls3D(
+        position=level @ [0.9, -0.5, 0.0], look_target=start, eye_up=level @ [0.0, -1.0, 0.0]
+    )
     seen = ["+ /**", "- /camera/**"]  # the depth image would hang in the air as a second cloud
     scene = rrb.Spatial3DView(
         origin="/", contents=seen, name="scene", eye_controls=eye, background=[18, 22, 30]

@@ -9,20 +9,19 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pygltflib
 import pytest
 import trimesh
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from common.body import BodyModel
 from common.kinematics import pose_vertices
 from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_Y_UP
 from tests.support.bodies import hinges, person, puppet, random_body
+from tests.support.export_readers import array_of, world_matrices
 from tests.support.runs import RATE, swing, write_run
 
 Array = NDArray[np.float64]
@@ -60,39 +59,6 @@ def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str, form: s
         )
         issues = json.loads(done.stdout)["issues"]
         assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:3]
-
-
-def array_of(gltf: Any, number: int) -> NDArray[Any]:
-    """An accessor's values (N, ...)."""
-    accessor = gltf.accessors[number]
-    view = gltf.bufferViews[accessor.bufferView]
-    kind = {5121: "u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
-    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
-    data = np.frombuffer(gltf.binary_blob(), kind, accessor.count * width, view.byteOffset)
-    return data.reshape(accessor.count, width)
-
-
-def world_matrices(gltf: Any, f: int) -> dict[str, Array]:
-    """Node name -> its 4x4 place in the world at keyframe f."""
-    turns: dict[int, NDArray[Any]] = {}
-    places = {n: np.array(node.translation or (0, 0, 0)) for n, node in enumerate(gltf.nodes)}
-    animation = gltf.animations[0]
-    for channel in animation.channels:
-        values = array_of(gltf, animation.samplers[channel.sampler].output)[f]
-        (turns if channel.target.path == "rotation" else places)[channel.target.node] = values
-    world: dict[str, Array] = {}
-
-    def descend(n: int, above: Array) -> None:
-        here = np.eye(4)
-        here[:3, :3] = Rotation.from_quat(turns.get(n, (0, 0, 0, 1))).as_matrix()
-        here[:3, 3] = places[n]
-        world[gltf.nodes[n].name] = above @ here
-        for child in gltf.nodes[n].children or []:
-            descend(child, above @ here)
-
-    for n in gltf.scenes[0].nodes:
-        descend(n, np.eye(4))
-    return world
 
 
 @pytest.mark.parametrize("body", BODIES)

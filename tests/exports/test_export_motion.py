@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
-import c3d
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
 from coordinator.exports.smoothing import angles_about, smooth_track
 from tests.support.bodies import hinges, person
+from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_run
 
 Array = NDArray[np.float64]
@@ -32,15 +31,6 @@ def opensim_table(path: Path) -> tuple[list[str], Array, Array]:
     assert table.getTableMetaDataString("inDegrees") == "yes"
     values = np.stack([table.getDependentColumn(name).to_numpy() for name in labels], axis=1)
     return labels, np.array(table.getIndependentColumn()), values
-
-
-def c3d_points(path: Path) -> tuple[list[str], Array, float]:
-    """Labels, points with residuals (F, N, 4) and the rate of a C3D file, by the package `c3d`."""
-    with path.open("rb") as file, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="No analog data")
-        reader = c3d.Reader(file)
-        points = np.stack([points for _, points, _ in reader.read_frames()])
-        return [label.strip() for label in reader.point_labels], points[..., :4], reader.point_rate
 
 
 def test_opensim_reads_the_angles(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from common.body import BodyModel
 from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
 from tests.support.bodies import hinges, person, puppet, random_body
+from tests.support.export_readers import bvh_joints
 from tests.support.runs import RATE, swing, write_run
 
 with warnings.catch_warnings():
@@ -31,17 +32,6 @@ BODIES: dict[str, Callable[[], BodyModel]] = {
     "hinges": hinges,
     **{f"random {n}": lambda n=n: random_body(np.random.default_rng(n)) for n in range(4)},  # type: ignore[misc]
 }
-
-
-def bvh_joints(path: Path, names: tuple[str, ...], frames: int) -> Array:
-    """Places (F, J, 3) of named joints in centimetres, as bvhio works them out of the file's angles."""
-    root = bvhio.readAsHierarchy(str(path))
-    places = np.empty((frames, len(names), 3))
-    for f in range(frames):
-        root.loadPose(f)
-        by_name = {joint.Name: joint for joint, _, _ in root.layout()}
-        places[f] = [tuple(by_name[name].PositionWorld) for name in names]
-    return places
 
 
 @pytest.mark.parametrize("body", BODIES)

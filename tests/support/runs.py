@@ -38,8 +38,12 @@ def write_run(
     lost: tuple[int, ...] = (),
     held: Mapping[str, float] | None = None,
     frames: NDArray[np.int64] | None = None,
+    up: Array | None = None,
 ) -> Track:
-    """A run's folder with these poses (F, D); one hypothesis a frame; `frames` (F,) count from 100."""
+    """A run's folder with these poses (F, D); one hypothesis a frame; `frames` (F,) count from 100.
+
+    `up` (3,) leads away from the ground, camera frame.
+    """
     folder.mkdir(parents=True)
     count = len(poses)
     numbers = 100 + (np.arange(count, dtype=np.int64) if frames is None else frames)
@@ -53,6 +57,7 @@ def write_run(
         hypothesis_pose=poses[:, None],
         hypothesis_weight=np.ones((count, 1)),
         status=np.array(["lost" if f in lost else "tracked" for f in range(count)]),
+        up=up,
     )
     with (folder / TRACK_FILE).open("wb") as file:
         write_track(track, file)

@@ -14,7 +14,7 @@ from common.frame import DepthFrame
 from coordinator.commands.options.track_arguments import SceneOptions
 from coordinator.scene.limits import Limits
 from coordinator.scene.person import WAYS, Person
-from coordinator.scene.scope import Scope
+from coordinator.scene.scope import Scope, up_in_picture
 from coordinator.sources import Source, open_source
 from coordinator.sources.pictures.depth_picture import read_depth
 
@@ -29,10 +29,20 @@ class AskedScope:
     person: Person = field(default_factory=Person)
     background: str | None = None
 
-    def read(self, source: Source | None) -> Scope:
-        """With the background read; InputError if it does not fit. No source for live input."""
+    def read(self, source: Source | None, rotate_deg: int | None = None) -> Scope:
+        """With the background read; InputError if it does not fit. No source for live input.
+
+        `rotate_deg` is by how much the camera is said to be turned; a recording's gravity knows better.
+        """
         empty = None if self.background is None else read_background(self.background, source)
-        return Scope(self.limits, self.person, empty)
+        return Scope(self.limits, self.person, empty, choose_up(source, rotate_deg))
+
+
+def choose_up(source: Source | None, rotate_deg: int | None) -> NDArray[np.float64] | None:
+    """Away from the ground (3,), camera frame: against gravity, or as the user says; else None."""
+    if source is not None and source.gravity is not None:
+        return -source.gravity
+    return None if rotate_deg is None else up_in_picture(np.radians(rotate_deg))
 
 
 def choose_scope(options: SceneOptions) -> AskedScope:

@@ -56,7 +56,7 @@ class Division:
     def __init__(self, points: int, scope: Scope | None = None) -> None:
         self._points = points
         self._scope = scope or Scope()
-        self._scene = Scene(self._scope.background)
+        self._scene = Scene(self._scope.background, self._scope.up)
 
     def recall(self, change: SceneChange) -> None:
         """Know what was known after a frame that made this change, if all before it were recalled, too."""

@@ -20,6 +20,7 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies
+from coordinator.scene.planes import Planes
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.candidates import Alike, join, most_alike
 from coordinator.tracking.search.library import Library, any_library, people_library
@@ -39,6 +40,16 @@ def ways_of(rotate_deg: int | None) -> tuple[float, ...]:
     return WAYS_UP if rotate_deg is None else (float(np.radians(rotate_deg)),)
 
 
+def ways_from(planes: Planes, ways_up: Sequence[float]) -> tuple[float, ...]:
+    """The same turns from where up is in the picture: who is upright comes first."""
+    across, down, _ = planes.up
+    if len(ways_up) == 1 or np.hypot(across, down) < STEEP:
+        return tuple(ways_up)
+    upright = float(np.arctan2(-across, -down))
+    return tuple(upright + way for way in ways_up)
+
+
+STEEP = 0.3  # cosine of the camera's pitch below which a picture has no upright
 APART = 0.05  # metres in the mean joint: what is nearer is the same candidate
 COMPARED = 4_000  # points, at the most
 

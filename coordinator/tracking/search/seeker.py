@@ -20,7 +20,15 @@ from common.settings import RefineSettings, preset
 from coordinator.bodies.tracked import Bodies
 from coordinator.scene.planes import Planes
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.search.search import QUICK, THOROUGH, WAYS_UP, Found, Search, observed_points
+from coordinator.tracking.search.search import (
+    QUICK,
+    THOROUGH,
+    WAYS_UP,
+    Found,
+    Search,
+    observed_points,
+    ways_from,
+)
 from coordinator.tracking.search.sizes import Size
 from coordinator.tracking.search.stages import Standing, refine
 from coordinator.tracking.search.verdict import (
@@ -82,7 +90,8 @@ class Seeker:
     def find(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Finding:
         """A body of which nothing is known. The verdict says whether to believe it."""
         settings = assume_noise(self._settings, noise)
-        found = self._search.find(subject, settings, THOROUGH, ways_up=self._ways_up)
+        ways = ways_from(planes, self._ways_up)
+        found = self._search.find(subject, settings, THOROUGH, ways_up=ways)
         start = found_start(found, self._bodies, noise)
         standing = self._on_tracked(found, start, settings)
         verdict = weigh(standing.log_likelihood[0], standing.residual[0], settings)
@@ -122,7 +131,7 @@ class Seeker:
         doubts = [*doubt_span(points, size.stature), *doubt_flat(points)]
         if self._bodies.measures is None:
             doubts += doubt_size(extreme=size.extreme, stature=size.stature)
-        if planes.camera_height is not None:
+        if planes.has_floor:
             trunk = joints[names.index(HEAD)] - joints[names.index(PELVIS)]
             doubts += doubt_place(float(trunk @ planes.up), float(planes.above(joints).min()))
         return doubts

@@ -1,0 +1,200 @@
+"""A pitched or turned camera does not tilt what comes out: a person through it and through a level one."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.kinematics.rotations import euler_angles, euler_matrix, level_from_camera
+from coordinator.exports import export_run
+from coordinator.exports.recorded import read_run
+from coordinator.results.recorded import floor_up
+from coordinator.scene.scene import Scene
+from coordinator.scene.scope import Scope, up_in_picture
+from coordinator.tracking.isolation import Isolation
+from coordinator.tracking.search.search import WAYS_UP, ways_from
+from coordinator.viewing.scene import layout
+from tests.support.bodies import person, puppet
+from tests.support.export_readers import bvh_joints, c3d_points, world_matrices
+from tests.support.rooms import HEIGHT, Room
+from tests.support.runs import swing, write_run
+
+Array = NDArray[np.float64]
+
+PITCH = np.radians(30.0)
+CAMERAS = {
+    "pitched": Rotation.from_euler("x", PITCH).as_matrix(),
+    "pitched and rolled": Rotation.from_euler("xz", [PITCH, 0.4]).as_matrix(),
+    "upside down": Rotation.from_euler("z", np.pi).as_matrix(),
+}
+"""From the axes of a level camera, seen straight ahead, to those of the camera (3, 3)."""
+
+
+def through(turn: Array, poses: Array) -> Array:
+    """Poses (F, D) as a camera has them that is turned against one in which they are given."""
+    seen = poses.copy()
+    for pose in seen:
+        pose[:3] = turn @ pose[:3]
+        pose[3:6] = euler_angles(turn @ euler_matrix(pose[3:6]), pose[3:6])
+    return seen
+
+
+@pytest.fixture(params=CAMERAS)
+def runs(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, Path, BodyModel]:
+    """The folders of a run through a level camera, and of the same through another."""
+    model, turn = person(), CAMERAS[request.param]
+    poses = swing(model, 4)
+    write_run(tmp_path / "level", model, poses)
+    up = turn @ np.array([0.0, -1.0, 0.0])
+    write_run(tmp_path / "turned", model, through(turn, poses), up=up)
+    return tmp_path / "level", tmp_path / "turned", model
+
+
+def heading(level: Array, turned: Array) -> Array:
+    """The turn about the vertical (3, 3) that takes places (..., 3) of one onto those of the other, y up."""
+    a, b = level.reshape(-1, 3)[:, ::2], turned.reshape(-1, 3)[:, ::2]
+    angle = np.angle(np.sum((b[:, 0] + 1j * b[:, 1]) * np.conj(a[:, 0] + 1j * a[:, 1])))
+    found: Array = Rotation.from_euler("y", -angle).as_matrix()
+    return found
+
+
+def assert_same_but_heading(level: Array, turned: Array, within: float) -> None:
+    """Places (..., 3) with y up are the same after a turn about the vertical."""
+    assert np.abs(level @ heading(level, turned).T - turned).max() < within
+
+
+def test_bvh_glb_trc_and_c3d_stand_upright(runs: tuple[Path, Path, BodyModel]) -> None:
+    """Other people's readers find every joint as through the level camera, but for the heading."""
+    *folders, model = runs
+    found: dict[str, list[Array]] = {"bvh": [], "c3d": [], "trc": [], "glb": []}
+    for folder in folders:
+        for form in found:
+            export_run(folder, form, folder.with_suffix(f".{form}"))
+        found["bvh"].append(bvh_joints(folder.with_suffix(".bvh"), model.joint_names, 4) / 100.0)
+        found["c3d"].append(c3d_points(folder.with_suffix(".c3d"))[1][:, : len(model.joint_names), :3] / 1e3)
+        rows = folder.with_suffix(".trc").read_text().splitlines()[6:]
+        trc = np.array([[float(cell) for cell in row.split("\t")[2:]] for row in rows]) / 1e3
+        found["trc"].append(trc.reshape(4, -1, 3))
+        found["glb"].append(gltf_joints(folder.with_suffix(".glb"), model))
+    for level, turned in found.values():
+        assert level.shape == turned.shape == (4, len(model.joint_names), 3)
+        assert_same_but_heading(level, turned, 2e-4)
+
+
+def gltf_joints(path: Path, model: BodyModel) -> Array:
+    """Places (F, J, 3) of the joints, by the nodes' matrices."""
+    from pygltflib import GLTF2
+
+    gltf = GLTF2().load(path)
+    frames = [world_matrices(gltf, f) for f in range(4)]
+    return np.array([[nodes[name][:3, 3] for name in model.joint_names] for nodes in frames])
+
+
+def test_csv_mot_and_bap_say_how_the_pelvis_is_tilted_against_the_vertical(
+    runs: tuple[Path, Path, BodyModel],
+) -> None:
+    """Tilts are those through the level camera; the joints' places in a CSV stay the camera's."""
+    level, turned, _ = runs
+    tilts = []
+    for folder in (level, turned):
+        export_run(folder, "csv", folder.with_suffix(".csv"))
+        with folder.with_suffix(".csv").open() as file:
+            lines = list(csv.DictReader(file))
+        names = ("pelvis_forward_tilt_deg", "pelvis_side_tilt_deg")
+        tilts.append(np.array([[float(line[name]) for name in names] for line in lines]))
+        track = read_run(folder).track
+        assert float(lines[0]["head_y"]) == track.joint_positions[0, track.joint_names.index("head"), 1]
+        for form in ("mot", "bap"):
+            export_run(folder, form, folder.with_suffix(f".{form}"))
+    np.testing.assert_allclose(tilts[0], tilts[1], atol=1e-6)
+    tables = [opensim_columns(folder.with_suffix(".mot")) for folder in (level, turned)]
+    for name in ("pelvis_tilt", "pelvis_list", "pelvis_ty"):
+        np.testing.assert_allclose(tables[0][name], tables[1][name], atol=1e-5)
+    heights = [bap_values(folder.with_suffix(".bap"), 181) for folder in (level, turned)]
+    np.testing.assert_allclose(heights[0], heights[1], atol=1.0)
+
+
+def opensim_columns(path: Path) -> dict[str, Array]:
+    """Columns of a motion file by name."""
+    lines = path.read_text().split("endheader\n")[1].splitlines()
+    values = np.array([[float(cell) for cell in line.split("\t")] for line in lines[1:]])
+    return dict(zip(lines[0].split("\t"), values.T, strict=True))
+
+
+def bap_values(path: Path, number: int) -> Array:
+    """The values (F,) of a parameter."""
+    lines = path.read_text().splitlines()[1:]
+    found = []
+    for mask, row in zip(lines[::2], lines[1::2], strict=True):
+        place = mask.split()[:number].count("1")
+        found.append(float(row.split()[place]))
+    return np.array(found)
+
+
+def test_a_robot_that_stands_still_is_turned_too(tmp_path: Path) -> None:
+    """The root of a body whose base does not move is turned once; its joints are where they were."""
+    model, turn = puppet(), CAMERAS["pitched"]
+    track = write_run(tmp_path / "run", model, swing(model, 4), up=turn @ np.array([0.0, -1.0, 0.0]))
+    for form in ("bvh", "glb"):
+        export_run(tmp_path / "run", form, tmp_path / f"run.{form}")
+    expected = track.joint_positions @ read_run(tmp_path / "run").to_y_up.T
+    read = bvh_joints(tmp_path / "run.bvh", model.joint_names, 4) / 100.0
+    assert np.abs(read - expected).max() < 1e-4
+    assert np.abs(gltf_joints(tmp_path / "run.glb", model) - expected).max() < 1e-4
+
+
+def test_the_viewer_s_eye_stands_upright(tmp_path: Path) -> None:
+    """Its up is against gravity."""
+    model, up = person(), CAMERAS["pitched"] @ np.array([0.0, -1.0, 0.0])
+    track = write_run(tmp_path / "run", model, swing(model, 2), up=up)
+    for shown, expected in ((track, up), (dataclasses.replace(track, up=None), [0.0, -1.0, 0.0])):
+        root: Any = layout(shown).root_container
+        eye = root.contents[0].properties["EyeControls3D"]
+        np.testing.assert_allclose(eye.eye_up.as_arrow_array().to_pylist()[0], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_level_axes_are_a_rotation_with_down_along_gravity(camera: str) -> None:
+    """Whatever way up; where the camera looks straight down the top of its picture is ahead."""
+    for up in (CAMERAS[camera] @ np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, -1.0])):
+        turn = level_from_camera(up)
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+        np.testing.assert_allclose(turn @ up, [0.0, -1.0, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(level_from_camera(None), np.eye(3))
+
+
+def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
+    """Half a degree off at the most, with a person, noise and 30 degrees of pitch."""
+    room = Room(pitch=PITCH, noise=0.0015)
+    change = Isolation(1000).cut(room.see((0.0, 2.4)).frame, None).change
+    up = floor_up(change)
+    assert up is not None
+    assert up @ (room.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.5))
+    frame = room.see(None).frame
+    nothing = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
+    assert floor_up(Isolation(1000).cut(nothing, None).change) is None
+
+
+def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
+    """A picture turned by a quarter has its floor at one side, which is one only for who knows up."""
+    frame = Room((), 0.2, noise=0.0015).see(None).frame
+    camera = frame.intrinsics
+    lens = Intrinsics(
+        camera.height, camera.width, camera.fy, camera.fx, camera.cy, camera.width - 1 - camera.cx
+    )
+    side = dataclasses.replace(frame, depth=np.ascontiguousarray(np.rot90(frame.depth)), intrinsics=lens)
+    assert not Scene().see(side).planes.has_floor
+    up = Scope(up=up_in_picture(0.5 * np.pi)).up
+    view = Scene(up=up).see(side)
+    assert view.floor_height == pytest.approx(HEIGHT, abs=0.02)
+    assert ways_from(view.planes, WAYS_UP)[0] % (2 * np.pi) == pytest.approx(0.5 * np.pi, abs=0.02)
