@@ -93,9 +93,18 @@ class FrameMeter:
 def describe(estimate: Estimate, rate: float) -> str:
     """A frame's state in one short line."""
     count = len(estimate.hypothesis_weight)
+    if not count:
+        return f"{rate:.1f} frames/s, {describe_waiting(estimate)}"
     residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
     why = f" ({estimate.why})" if estimate.why and estimate.status != "tracked" else ""
     return f"{rate:.1f} frames/s, {count} hypotheses, residual {residual}, {estimate.status}{why}"
+
+
+def describe_waiting(estimate: Estimate) -> str:
+    """What a run waits for before anybody was found."""
+    if estimate.status == "absent":
+        return "waiting for somebody to come into the picture"
+    return f"looking for the person{f': {estimate.why}' if estimate.why else ''}"
 
 
 class ConsoleShow:

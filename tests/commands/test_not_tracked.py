@@ -1,0 +1,73 @@
+"""Whole runs, workers and all, of an empty room and of somebody upside down: what is said and left."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from coordinator.cli import main
+from coordinator.results.track import read_track
+from tests.support.people import shown
+from tests.support.recordings import camera_file, write_open3d
+from tests.support.rooms import CABINET, CAMERA, Room
+
+FRAMES = 8
+RED = "\x1b[1;31m"
+
+
+def gepf(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The program itself, which takes its output for a terminal."""
+    code = "import sys; from coordinator.cli import main; sys.exit(main())"
+    environment = os.environ | {"FORCE_COLOR": "1", "COLUMNS": "200"}
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+
+
+def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(tmp_path: Path) -> None:
+    """Exit code 3, a line in red, all files, and a banner in the report."""
+    room = Room((CABINET,), noise=0.001)
+    depth = np.array([room.see(None, number).frame.depth for number in range(FRAMES)])
+    sequence = write_open3d(tmp_path / "empty", depth)
+    camera_file(sequence, 1000.0, CAMERA)
+    out = tmp_path / "run"
+    done = gepf("track", str(sequence), "--out", str(out), "--workers", "1", "--no-pictures")
+    assert done.returncode == 3, done.stderr
+    red = [line for line in done.stderr.splitlines() if RED in line]
+    assert any("most frames are not tracked (8 absent)" in line for line in red)
+    assert "waiting for somebody" in done.stderr
+    assert {"track.npz", "summary.json", "poses.csv"} <= {path.name for path in out.iterdir()}
+    assert set(read_track(out).status) == {"absent"}
+    report = gepf("report", str(out))
+    assert report.returncode == 0, report.stderr
+    assert "Do not trust this run: 0% of its frames are tracked" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize("rotate", ["180", "auto"])
+def test_a_camera_upside_down_is_turned(tmp_path: Path, rotate: str) -> None:
+    """As --rotate says, or as it is found; said with --rotate, up is known to exports too."""
+    frame = shown("standing").frames[0]
+    depth = np.repeat(frame.depth[None, ::-1, ::-1], 2, axis=0)
+    sequence = write_open3d(tmp_path / "turned", depth)
+    camera = frame.intrinsics
+    lens = (camera.fx, camera.fy, camera.width - 1 - camera.cx, camera.height - 1 - camera.cy)
+    camera_file(sequence, frame.depth_scale, type(camera)(camera.width, camera.height, *lens))
+    out = tmp_path / "run"
+    asked = ("--rotate", rotate, "--workers", "1", "--no-pictures", "--quiet")
+    assert main(["track", str(sequence), "--out", str(out), *asked]) == 0
+    summary, track = msgspec.json.decode((out / "summary.json").read_bytes()), read_track(out)
+    assert summary["rotate_deg"] == 180
+    head, pelvis = (track.joint_positions[-1, track.joint_names.index(name)] for name in ("head", "pelvis"))
+    assert head[1] - pelvis[1] > 0.5
+    assert (track.up is None) == (rotate == "auto")
+    assert track.up is None or track.up @ (head - pelvis) > 0.5
