@@ -25,6 +25,7 @@ from coordinator.commands.options.arguments import (
     CertificateOptions,
     ExportOptions,
     FitOptions,
+    Force,
     InitOptions,
     Model,
     PicturesOptions,
@@ -257,11 +258,13 @@ def help_with_models(context: typer.Context) -> None:
 def show(
     out: Annotated[Path, typer.Option("--out", metavar="FILE.png", help="Picture to write.")],
     model: Model = "human",
+    *,
+    force: Force = False,
 ) -> None:
     """Draw a body at rest from three sides."""
     from coordinator.commands.model import draw_model
 
-    draw_model(model, out)
+    draw_model(model, out, force=force)
 
 
 @model_app.command()
@@ -276,11 +279,13 @@ def dofs(model: Model = "human") -> None:
 def export_model(
     out: Annotated[Path, typer.Option("--out", metavar="FILE.urdf", help="File to write, meshes beside it.")],
     model: Model = "human",
+    *,
+    force: Force = False,
 ) -> None:
     """Write a body as URDF, with a mesh for every link."""
     from coordinator.commands.model import write_as_urdf
 
-    write_as_urdf(model, out)
+    write_as_urdf(model, out, force=force)
 
 
 @app.command(rich_help_panel=LOOKING)

@@ -6,10 +6,12 @@ import sys
 from pathlib import Path
 
 from coordinator.bodies.human.mpeg4 import HUMAN, HUMAN_DOFS
+from coordinator.files.given import require_new
 
 
-def draw_model(model: str, out: Path) -> None:
-    """Draw a body at rest from three sides."""
+def draw_model(model: str, out: Path, *, force: bool = False) -> None:
+    """Draw a body at rest from three sides; InputError for a file that is there, unless `force`."""
+    require_new(out, force=force)
     from coordinator.bodies.choice import choose_model, load_body
     from coordinator.pictures.portrait import draw_portrait
 
@@ -30,8 +32,9 @@ def dofs_of(model: str) -> tuple[str, ...]:
     return load_body(choose_model(model)).dof_names
 
 
-def write_as_urdf(model: str, out: Path) -> None:
-    """Write a body as URDF, with a mesh for every link."""
+def write_as_urdf(model: str, out: Path, *, force: bool = False) -> None:
+    """Write a body as URDF, with a mesh for every link; InputError for a file there, unless `force`."""
+    require_new(out, force=force)
     from coordinator.bodies.choice import choose_model, load_body
     from coordinator.bodies.urdf.writing import write_urdf
 

@@ -61,7 +61,7 @@ def publish_sequence(broadcast: Broadcast, show: Show) -> None:
     with open_session(broadcast.reached) as bus:
         publisher = bus.publish(key)
         wait_for_listener(publisher, lambda: show.say(f"waiting for someone to listen to {key}"))
-        play(map(source.frame, numbers), rate or source.fps, publisher)
+        play(map(source.frame, numbers), rate, publisher)
     show.say(f"{len(numbers)} frames were published on {key}")
 
 
@@ -88,7 +88,7 @@ def wait_for_listener(publisher: Publisher, report: Callable[[], None]) -> None:
         time.sleep(LOOK)
 
 
-def play(frames: Iterable[DepthFrame], rate: float, publisher: Publisher) -> None:
+def play(frames: Iterable[DepthFrame], rate: float | None, publisher: Publisher) -> None:
     """Publish each frame at its time, then the end; also when interrupted."""
     try:
         for frame in paced(frames, rate):
@@ -97,9 +97,11 @@ def play(frames: Iterable[DepthFrame], rate: float, publisher: Publisher) -> Non
         publisher.put_surely(encode_live_end())
 
 
-def paced(frames: Iterable[DepthFrame], rate: float) -> Iterator[DepthFrame]:
-    """Frame k at k / rate seconds after the first; a late one at once."""
-    began = time.monotonic()
+def paced(frames: Iterable[DepthFrame], rate: float | None) -> Iterator[DepthFrame]:
+    """Each frame as long after the first as it was taken, or frame k at k / rate s; a late one at once."""
+    began, first_s = time.monotonic(), None
     for k, frame in enumerate(frames):
-        time.sleep(max(0.0, began + k / rate - time.monotonic()))
+        first_s = frame.time_s if first_s is None else first_s
+        due = frame.time_s - first_s if rate is None else k / rate
+        time.sleep(max(0.0, began + due - time.monotonic()))
         yield frame

@@ -17,6 +17,7 @@ FORMATS = (
 Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a file of gepf fit.")]
 Recording = Annotated[Path, typer.Argument(metavar="SEQ", help=f"{FORMATS}.")]
 Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")]
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Show no progress; errors stay.", rich_help_panel=OUTPUT)
 ]
@@ -154,7 +155,7 @@ class ExportOptions:
         float | None,
         typer.Option(metavar="HZ", help="Low pass without delay, e.g. 6 (default: as tracked)."),
     ] = None
-    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")] = False
+    force: Force = False
 
 
 @dataclass(frozen=True, slots=True)
