@@ -32,6 +32,7 @@ from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.search.company import has_company
 from coordinator.tracking.search.search import ways_of
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.settling import believe
@@ -178,6 +179,7 @@ class Tracker:
         if self._belief is None:
             return Submitted(frame, None, None, True, None, first, clock)
         self._around = self._whereabouts()
+        self._mind_company(cut, self._belief, first=first)
         with clock.stage("draw"):
             sighting = see(subject, self._time_s, self._known_step(frame))
             proposal = self._method.propose(
@@ -266,6 +268,12 @@ class Tracker:
         if not (self._watch.checks and self._recovers):
             return None
         return self._seeker.find_again(subject, self._start, self.rules)
+
+    def _mind_company(self, cut: CutOut, belief: Belief, *, first: bool) -> None:
+        """Note who else stands there, when the body was found or when something is unexplained."""
+        asks = self._bodies.people and not self._choosy and (first or self._watch.unexplained > 0)
+        if asks and has_company(cut.isolated.view, PosedBody(self.model, belief.reported).surface):
+            self._watch = self._watch.accompanied()
 
     def _find(self, subject: SubjectFrame, planes: Planes) -> None:
         """Begin where the body is given or found, if what is found can be believed."""

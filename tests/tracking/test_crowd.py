@@ -18,10 +18,13 @@ from coordinator.scene.scene import Scene
 from coordinator.scene.sharing import share
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import follow_all
+from coordinator.tracking.search.company import has_company
+from coordinator.tracking.search.verdict import UNEXPLAINED, Verdict
+from coordinator.tracking.search.watch import Watch
 from gepf.direct import DirectRefiner
 from tests.support.pairs import pair
 from tests.support.people import SETTINGS, as_bytes
-from tests.support.rooms import Room
+from tests.support.rooms import CABINET, Room
 
 BODIES = Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
@@ -108,3 +111,18 @@ def test_people_go_on_bit_for_bit(stop: int) -> None:
     going_on = Crowd(DirectRefiner(), FEW, BODIES, 2, states=past)
     for number in range(stop, 5):
         assert [as_bytes(each) for each in going_on.track(first.frames[number])] == said[number]
+
+
+def test_somebody_else_is_told() -> None:
+    """Who stands beside a body is noticed, a cabinet is not; what is unexplained from then on says so."""
+    room = Room((CABINET,), noise=0.001)
+    seen = [room.see(place).frame.metres() for place in STOOD]
+    together = np.rint(1000.0 * np.minimum(*seen)).astype(np.uint16)
+    frame = room.see(STOOD[0]).frame
+    surface = room.surface(STOOD[0])
+    assert not has_company(Scene().see(frame), surface)
+    assert has_company(Scene().see(replace(frame, depth=together)), surface)
+    bad = Verdict(2.0, UNEXPLAINED)
+    assert Watch().followed(bad, anew=False).why == UNEXPLAINED
+    told = Watch().accompanied().followed(Verdict(0.5), anew=False).followed(bad, anew=False)
+    assert "--people 2" in told.why

@@ -18,13 +18,13 @@ from coordinator.scene.scope import Scope
 from coordinator.scene.sharing import share, within
 from coordinator.scene.view import SceneView
 from coordinator.tracking.isolation import PosedBody
+from coordinator.tracking.search.company import EXPLAINED
 from coordinator.tracking.subject import subject_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NOWHERE = Nearness(np.zeros(3), np.empty((0, 0, 0), np.uint8))
-EXPLAINED = 0.12  # metres from a posed body in which nobody else is looked for
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,6 +23,7 @@ PLANES = 40  # that are tried
 HEAD_DOWN = -0.2  # metres that a head is above the pelvis of who stands on it
 BELOW, ABOVE = -0.25, 0.6  # metres of the lowest joint above the floor
 
+UNEXPLAINED = "the body does not explain what is seen"
 Doubt = tuple[float, str]
 """By how much it adds to the strain, as a factor, and in words."""
 
@@ -48,7 +49,7 @@ def weigh(log_likelihood: float, residual: float, settings: RefineSettings) -> V
         misfit = float(cost / np.hypot(MISFIT, settings.noise_lateral))
     strain = max(float(residual) / (RESIDUAL + settings.noise_depth), misfit)
     if not strain <= 1.0:
-        return Verdict(strain if strain > 1.0 else np.inf, "the body does not explain what is seen")
+        return Verdict(strain if strain > 1.0 else np.inf, UNEXPLAINED)
     return Verdict(strain)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from coordinator.scene.cutting import REACH
-from coordinator.tracking.search.verdict import Verdict
+from coordinator.tracking.search.verdict import UNEXPLAINED, Verdict
 
 LOST = 1.3  # strain from which on a body that was tracked is not: those who are stay below 1.2
 PATIENCE = 2  # frames in a row that may be badly explained before the body is looked for
@@ -15,6 +15,8 @@ CHECKS = (2, 5, 9)  # frames after a find in which it is held against a new sear
 DOUBTFUL = 0.85  # strain from which on it is held against a search every so many frames
 EVERY = 10
 TIGHT, SETTLED = 0.12, 8  # metres from a body that was just found, and for how many frames
+REMEMBERED = 60
+COMPANY = "somebody else is in contact, or was near: --people 2 tracks both"
 CHOOSY = 6  # searches in which only what explains the frame well is believed
 
 
@@ -34,6 +36,7 @@ class Watch:
     strain: float = 0.0
     why: str = ""
     tried: int = 0  # pixels of whoever was searched in vain last
+    company: int = 0  # frames for which it is remembered that somebody else was near
 
     @property
     def reach(self) -> float:
@@ -59,11 +62,16 @@ class Watch:
         failures = self.failures + 1
         return replace(self, failures=failures, pause=min(failures, LONGEST_PAUSE) - 1, why=why, tried=tried)
 
+    def accompanied(self) -> Self:
+        """After somebody else was seen near the body."""
+        return replace(self, company=REMEMBERED)
+
     def followed(self, verdict: Verdict, *, anew: bool) -> Self:
         """After a frame in which the body was tracked, or found `anew`."""
+        company = max(0, self.company - 1)
         if verdict.strain <= (1.0 if self.seeks else LOST):
             tracked = 0 if anew else self.tracked + 1
-            return type(self)(tracked=tracked, strain=verdict.strain, why=verdict.why)
+            return type(self)(tracked=tracked, strain=verdict.strain, why=verdict.why, company=company)
         unexplained = self.unexplained + 1
         return replace(
             self,
@@ -71,7 +79,8 @@ class Watch:
             tracked=self.tracked + 1,
             unexplained=unexplained,
             strain=verdict.strain,
-            why=verdict.why,
+            why=COMPANY if company and verdict.why == UNEXPLAINED else verdict.why,
+            company=company,
         )
 
 
