@@ -30,6 +30,8 @@ MODEL_OPACITY, CONTOUR_OPACITY, CONTOUR_JUMP_M = 0.38, 0.9, 0.06
 FARTHEST = 1e4  # pixels outside the picture that a line may go
 SKELETON_COLOUR, OTHERS_COLOUR = (255, 255, 255), (92, 214, 255)
 TITLE_COLOUR, EDGE = (235, 238, 243), (19, 23, 31)
+WHOLE = ((0.0, 1.0),)  # parts of a line
+DASHES = tuple((k / 5.0 + 0.05, k / 5.0 + 0.15) for k in range(5))
 FAINTEST = 0.15  # opacity of a hypothesis without weight; the likeliest is opaque
 STATUS_COLOURS = {
     "tracked": (92, 200, 120),
@@ -44,13 +46,15 @@ STATUS_COLOURS = {
 class Shown:
     """What the tracker said about a frame: the reported pose (D,), all hypotheses (M, D), the status.
 
-    The hypotheses' weights (M,) are NaN where there are fewer than M.
+    The hypotheses' weights (M,) are NaN where there are fewer than M. Joints (J,) that may well be off are
+    `flagged`: they are drawn hollow, and what leads to them dashed.
     """
 
     pose: Array
     hypotheses: Array
     weights: Array
     status: str
+    flagged: NDArray[np.bool_] | None = None
 
     @property
     def there(self) -> bool:
@@ -128,21 +132,31 @@ class Painter:
         strengths = shown.weights[order] / shown.weights[order].max(initial=np.finfo(float).tiny)
         skeletons = joint_positions(self.model, shown.hypotheses[order])
         for joints, opacity in zip(skeletons, FAINTEST + (1.0 - FAINTEST) * strengths, strict=True):
-            self._draw_skeleton(draw, joints, (*OTHERS_COLOUR, round(255 * opacity)), width // 2)
+            self._draw_skeleton(draw, joints, (*OTHERS_COLOUR, round(255 * opacity)), width // 2, None)
         reported = joint_positions(self.model, shown.pose[None])[0]
-        self._draw_skeleton(draw, reported, (0, 0, 0), width + 2)
-        self._draw_skeleton(draw, reported, SKELETON_COLOUR, width)
+        self._draw_skeleton(draw, reported, (0, 0, 0), width + 2, shown.flagged)
+        self._draw_skeleton(draw, reported, SKELETON_COLOUR, width, shown.flagged)
 
     def _draw_skeleton(
-        self, draw: ImageDraw.ImageDraw, joints: Array, colour: tuple[int, ...], width: int
+        self,
+        draw: ImageDraw.ImageDraw,
+        joints: Array,
+        colour: tuple[int, ...],
+        width: int,
+        flagged: NDArray[np.bool_] | None,
     ) -> None:
         if np.any(joints[:, 2] <= 0.0):
             return
+        doubted = np.zeros(len(joints), dtype=bool) if flagged is None else flagged
         pixels = np.clip(project(joints, self._fine.intrinsics), -FARTHEST, FARTHEST)
         for a, b in bones(self.model.joint_names):
-            draw.line([*pixels[a], *pixels[b]], fill=colour, width=width)
-        for x, y in pixels:
-            draw.ellipse([x - width, y - width, x + width, y + width], fill=colour)
+            for start, end in DASHES if doubted[a] or doubted[b] else WHOLE:
+                ends = pixels[a] + np.array([[start], [end]]) * (pixels[b] - pixels[a])
+                draw.line(ends.ravel().tolist(), fill=colour, width=width)
+        for (x, y), hollow in zip(pixels, doubted, strict=True):
+            size = 2 * width if hollow else width
+            ring = {"outline": colour, "width": max(1, width // 2)} if hollow else {"fill": colour}
+            draw.ellipse([x - size, y - size, x + size, y + size], **ring)
 
 
 def write_caption(picture: Image.Image, title: str, status: str) -> None:

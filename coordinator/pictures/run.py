@@ -28,6 +28,7 @@ from coordinator.results.truth import Truth
 from coordinator.sources.pictures.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.certainty.certainty import FLAGGED
 
 PICTURE_SIZE = (360, 400)  # at the most
 ANIMATION_FRAMES, SHEET_FRAMES, SHEET_COLUMNS = 75, 15, 5
@@ -130,11 +131,13 @@ def comparable(track: Track, truth: Truth) -> bool:
 
 def shown_at(track: Track, position: int) -> Shown:
     """What the tracker said about the frame at this position."""
+    chance = track.joint_off_probability
     return Shown(
         track.pose[position],
         track.hypothesis_pose[position],
         track.hypothesis_weight[position],
         str(track.status[position]),
+        None if chance is None else chance[position] > FLAGGED,
     )
 
 

@@ -8,6 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from coordinator.results.track import Track
+from coordinator.tracking.certainty.certainty import FLAGGED
 
 FASTEST = np.radians(1200.0)
 """Radians a second: everyday motion stays below. Who throws a ball is faster, so a leap may be true."""
@@ -29,6 +30,16 @@ class Doubt:
     status: str
     first: int
     last: int
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """A joint that may well be more than 15 cm off: in what share of the frames, and in which most likely."""
+
+    joint: str
+    share: float
+    worst: int
+    chance: float  # there
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +71,24 @@ def find_doubts(track: Track) -> list[Doubt]:
         if status != "tracked":
             doubts.append(Doubt(status, frames[0], frames[-1]))
     return doubts
+
+
+def find_flags(track: Track) -> list[Flag]:
+    """Joints that are flagged in some frame, the most often flagged first."""
+    if track.joint_off_probability is None:
+        return []
+    chance = np.nan_to_num(track.joint_off_probability)
+    shares = (chance > FLAGGED).sum(axis=0) / max(1, len(chance))
+    return [
+        Flag(
+            track.joint_names[j].replace("_", " "),
+            float(shares[j]),
+            int(track.frame[np.argmax(chance[:, j])]),
+            float(chance[:, j].max()),
+        )
+        for j in np.argsort(-shares, kind="stable")
+        if shares[j] > 0.0
+    ]
 
 
 def find_leaps(track: Track) -> list[Leap]:

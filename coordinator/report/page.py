@@ -14,7 +14,7 @@ from common.errors import InputError
 from coordinator.files.atomic import write_atomically
 from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
 from coordinator.report.angles import draw_angles, group_angles
-from coordinator.report.doubts import find_banner, find_doubts, find_leaps
+from coordinator.report.doubts import find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
 from coordinator.report.ranges import list_ranges
 from coordinator.results.completing import read_track_with_angles
@@ -60,6 +60,7 @@ def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
         status=describe_status(track),
         banner=find_banner(track, summary),
         doubts=find_doubts(track),
+        flags=find_flags(track),
         leaps=find_leaps(track),
         ranges=list_ranges(track),
         pictures={name: embed(run / name) for name in PICTURES},

@@ -183,6 +183,25 @@ def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
     assert np.sum(np.abs(corner - STATUS_COLOURS["lost"]).sum(axis=-1) < 40.0) > 10
 
 
+def test_a_flagged_joint_is_hollow_and_its_lines_are_dashed(
+    source: Source, model: BodyModel, track: Track
+) -> None:
+    """White in the middle of a joint that is sure, not of one that is not; less of the line is white."""
+    view = around(track, source.intrinsics, 600, 600)
+    painter, shown = Painter(model, view), replace(shown_at(track, 0), weights=np.full(2, np.nan))
+    knee = model.joint_names.index("left_knee")
+    flagged = np.arange(len(model.joint_names)) == knee
+    sure, doubted = (
+        np.asarray(painter.paint(source.frame(0), replace(shown, flagged=flags)), dtype=float)
+        for flags in (~flagged & False, flagged)
+    )
+    painter.close()
+    column, row = np.rint(project(track.joint_positions[0], view.intrinsics)[knee]).astype(int)
+    assert sure[row, column].min() > 230.0
+    assert doubted[row, column].min() < 200.0
+    assert np.any(sure != doubted)
+
+
 def test_a_hypothesis_is_the_fainter_the_less_its_weight(
     source: Source, model: BodyModel, track: Track
 ) -> None:

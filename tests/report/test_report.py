@@ -15,7 +15,7 @@ from common.activation import activate
 from coordinator.bodies.angles import angles_of
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.cli import main
-from coordinator.report.doubts import Doubt, find_banner, find_doubts, find_leaps
+from coordinator.report.doubts import Doubt, Flag, find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.ranges import list_ranges
 from coordinator.results.track import Track
 from coordinator.results.uncertainty import deviation
@@ -123,6 +123,15 @@ def test_doubts_are_stretches() -> None:
     """Neighbouring frames of one status are one stretch; tracked ones are none."""
     track = track_of(["tracked", "lost", "lost", "ambiguous", "tracked", "lost"])
     assert find_doubts(track) == [Doubt("lost", 11, 12), Doubt("ambiguous", 13, 13), Doubt("lost", 15, 15)]
+
+
+def test_flagged_joints_are_named_the_most_often_flagged_first() -> None:
+    """With their share of the frames and the worst; joints that never are are not named."""
+    chance = np.array([[0.01, 0.5, 0.01], [0.2, 0.7, 0.01], [np.nan, np.nan, np.nan], [0.01, 0.01, 0.01]])
+    names = ("left_knee", "right_wrist", "head")
+    track = replace(track_of(["tracked"] * 4), joint_names=names, joint_off_probability=chance)
+    assert find_flags(track) == [Flag("right wrist", 0.5, 11, 0.7), Flag("left knee", 0.25, 11, 0.2)]
+    assert find_flags(track_of(["tracked"])) == []
 
 
 def test_deviation_is_by_weight_and_the_short_way_round() -> None:
