@@ -9,7 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.kinematics.chain import forward_kinematics
+from common.kinematics.chain import compose, forward_kinematics
+from common.kinematics.rotations import fill_rotation
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -41,28 +42,44 @@ def count_explained(  # noqa: PLR0913 a kernel
 ) -> None:
     """Fill explained (K,): of points (P, 3) that are near vertices (V, 3) of a limb, held in ways (K, d).
 
-    The limb's degrees of freedom are the last d of its chain (C,), whose pose (C,) is that of the last way
-    in the end.
+    The limb's degrees of freedom turn, and are the last d of its chain (C,); carriers (V,) are among these d.
     """
-    posed = np.empty((len(vertices), 3, len(held)))
     transforms = np.empty((len(kinds), 3, 4))
+    of_limb = np.empty((held.shape[1], 3, 4, len(held)))  # in each of the ways
+    first = len(kinds) - held.shape[1]
+    local = np.empty((3, 4))
+    forward_kinematics(kinds, parents, axes, joints, pose, transforms)
     for k in range(len(held)):
-        pose[len(kinds) - held.shape[1] :] = held[k]
-        forward_kinematics(kinds, parents, axes, joints, pose, transforms)
-        for v in range(len(vertices)):
-            t = transforms[carriers[v]]
-            for a in range(3):
-                posed[v, a, k] = (
-                    t[a, 0] * vertices[v, 0] + t[a, 1] * vertices[v, 1] + t[a, 2] * vertices[v, 2] + t[a, 3]
-                )
+        for i in range(held.shape[1]):
+            turn(first + i, held[k, i], parents, axes, joints, local, transforms)
+        of_limb[:, :, :, k] = transforms[first:]
+    posed = np.empty((3, len(held)))
     near = np.zeros((len(points), len(held)), dtype=np.bool_)
     for v in range(len(vertices)):
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+        for a in range(3):
+            t = of_limb[carriers[v], a]
+            for k in range(len(held)):
+                posed[a, k] = t[0, k] * x + t[1, k] * y + t[2, k] * z + t[3, k]
         for p in range(len(points)):
-            mark_near(points[p], posed[v], near[p])
+            mark_near(points[p], posed, near[p])
     explained[:] = 0.0
     for p in range(len(points)):
         for k in range(len(held)):
             explained[k] += near[p, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def turn(
+    j: int, angle: float, parents: Indices, axes: Array, joints: Array, local: Array, transforms: Array
+) -> None:
+    """Fill transforms[j] (3, 4) of a degree of freedom that turns, from its parent's; local is scratch."""
+    fill_rotation(axes[j, 0], axes[j, 1], axes[j, 2], angle, local)
+    for a in range(3):
+        local[a, 3] = joints[j, a]
+        for b in range(3):
+            local[a, 3] -= local[a, b] * joints[j, b]
+    compose(parents[j], local, j, transforms)
 
 
 @numba.njit(cache=True, nogil=True)

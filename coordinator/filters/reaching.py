@@ -46,7 +46,7 @@ class Limb(NamedTuple):
     axes: Array
     joints: Array
     vertices: Array  # (LIMB_VERTICES, 3) at rest
-    carriers: Indices  # (LIMB_VERTICES,) places in the chain
+    carriers: Indices  # (LIMB_VERTICES,) places in dofs
 
 
 class Layout(NamedTuple):
@@ -165,6 +165,7 @@ def lay_out_limb(model: BodyModel, number: int, dofs: Indices, vertices: Indices
     chain = np.concatenate([ancestors(model, dofs[0]), dofs])
     place = np.full(len(model.kinds) + 1, -1)  # in the chain; none for none, the last
     place[chain] = np.arange(len(chain))
+    carriers = place[model.link_dofs[model.skin_links[some, 0]]] - (len(chain) - len(dofs))
     return Limb(
         number,
         dofs,
@@ -176,7 +177,7 @@ def lay_out_limb(model: BodyModel, number: int, dofs: Indices, vertices: Indices
         model.axes[chain],
         model.points[chain],
         model.vertices[some],
-        place[model.link_dofs[model.skin_links[some, 0]]],
+        carriers,
     )
 
 
