@@ -100,10 +100,11 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
     """Track whatever frame is the newest; each is recorded before the next begins."""
     with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
         prepare()  # so that no frame has to wait for it
-        refiner.listen(run.key, run.frames.receive)
-        show.say(f"listening on {run.key}; the newest frame is tracked as soon as the workers are ready")
         isolation = Isolation(run.job.settings.points, run.scope)
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, isolation=isolation)
+        tracker.prepare()
+        refiner.listen(run.key, run.frames.receive)
+        show.say(f"listening on {run.key}; the newest frame is tracked as soon as the workers are ready")
         for frame in from_first_seen(iter(run.frames)):
             estimate = tracker.track(frame)
             if results is not None:

@@ -154,6 +154,11 @@ class Tracker:
         """How particles are refined: the settings, for the noise that was found at the start."""
         return assume_noise(self._settings.refine, self._start.noise)
 
+    def prepare(self) -> None:
+        """Make what a first search needs, where there is to be one."""
+        if not self._given:
+            self._seeker.prepare()
+
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame, or look for it."""
         return self.report(self.collect(self.submit(frame)))

@@ -25,7 +25,9 @@ from coordinator.tracking.search.signature import BOUND, CELL, COLUMNS, EMPTY, R
 from coordinator.tracking.search.sizes import Size, taller_and_shorter, vary
 from coordinator.tracking.search.stages import Standing, thin
 from coordinator.tracking.subject import isolate
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
+from tests.support.people import SETTINGS, shown
 
 Array = NDArray[np.float64]
 
@@ -192,3 +194,19 @@ def test_any_other_body_is_found_however_it_is_turned() -> None:
         found = find(body, model, pose, THOROUGH)
         off = pose_vertices(found.model, found.poses[:1])[0] - pose_vertices(model, pose[None])[0]
         assert np.linalg.norm(off, axis=-1).max() < 0.01
+
+
+def test_what_a_start_needs_is_made_before_the_first_frame() -> None:
+    """No body is made while somebody waits for it: that takes longer than the search on two cores."""
+    made = list[float]()
+
+    def build(stature: float, girth: float) -> BodyModel:
+        made.append(girth)
+        return human(stature, girth)
+
+    tracker = Tracker(DirectRefiner(), SETTINGS, Bodies(build, DEFAULT_ACTIVE, DEFAULT_ACTIVE))
+    tracker.prepare()
+    before = len(made)
+    assert before > 1
+    assert tracker.track(shown("standing").frames[0]).status in ("tracked", "ambiguous")
+    assert len(made) == before

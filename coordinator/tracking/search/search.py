@@ -25,7 +25,15 @@ from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.candidates import Alike, join, most_alike
 from coordinator.tracking.search.library import Library, any_library, people_library
 from coordinator.tracking.search.settling import settle
-from coordinator.tracking.search.sizes import ANY, GIRTH, Size, taller_and_shorter, thinner_and_thicker, vary
+from coordinator.tracking.search.sizes import (
+    ANY,
+    GIRTH,
+    GIRTHS,
+    Size,
+    taller_and_shorter,
+    thinner_and_thicker,
+    vary,
+)
 from coordinator.tracking.search.stages import Standing, descend, rounds, thin
 
 Array = NDArray[np.float64]
@@ -103,6 +111,11 @@ class Search:
         self._known = None if bodies.measures is None else Size(*bodies.measures)
         self._usual = self._known or Size(REFERENCE_STATURE, GIRTH)
         self._library = library_of(bodies, self._usual)
+
+    def prepare(self) -> None:
+        """Make the bodies that candidates are tried on."""
+        for girth in GIRTHS if self._known is None else ():
+            self._bodies.for_start(REFERENCE_STATURE, girth)
 
     def find(
         self,

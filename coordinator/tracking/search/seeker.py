@@ -87,6 +87,10 @@ class Seeker:
     def _search(self) -> Search:
         return Search(self._bodies, self._refiner)
 
+    def prepare(self) -> None:
+        """Make what the first search needs, so that no frame has to wait for it."""
+        self._search.prepare()
+
     def find(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Finding:
         """A body of which nothing is known. The verdict says whether to believe it."""
         settings = assume_noise(self._settings, noise)
