@@ -6,6 +6,9 @@ import msgspec
 
 from common.errors import InputError
 
+FAR_NOISIER = 2.0
+"""Noise along the viewing direction over that across it, from which on the closest point misleads."""
+
 
 class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Settings of a particle's refinement. Lengths in metres, angles in radians."""
@@ -21,10 +24,22 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     outlier_distance: float = 0.0  # residuals beyond it lose influence; 0 gives all points full weight
     free_space_weight: float = 0.0  # of model points seen where nothing was observed
     soft_correspondences: bool = False  # for as many iterations more, where depth is by far the noisiest
-    independent_points: float = 200.0  # so many are the observed points worth then
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
     over_relaxation: float = 0.0  # share of each ICP iteration's motion that is added to it, but the last's
     visibility_interval: int = 1  # iterations from one visibility update to the next; above 1 step 5 has none
+
+    @property
+    def independent_points(self) -> float:
+        """How many points the observed ones are worth as densities: whose mean is as far off as the model.
+
+        So many that the likelihood is as sharp where densities begin as the costs are up to there.
+        """
+        return (self.noise_depth / (FAR_NOISIER * self.likelihood_scale)) ** 2
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether likelihoods are densities of the observed points, and not costs."""
+        return self.soft_correspondences and self.noise_depth > FAR_NOISIER * self.noise_lateral
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -52,6 +67,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     points: int = 10_000  # observed points at the most
     measure_noise: bool = True  # in the first frame; what `refine` assumes is the least
     pace_iterations: bool = False  # more of them where frames are farther apart in time
+    measure_person: bool = True  # stature and girth, from the first frames that show a person
     recover: bool = True  # look for the body where it is lost or in doubt
     rotate_deg: int | None = None  # turns the picture clockwise until a person is upright; None to find it
     refine: RefineSettings = RefineSettings()
@@ -80,6 +96,7 @@ PRESETS = {
     ),
     "paper": Settings(
         preset="paper",
+        measure_person=False,
         recover=False,
         refine=RefineSettings(keep_limits=True),  # which the paper leaves open
     ),

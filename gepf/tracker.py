@@ -99,8 +99,17 @@ class Tracker:
 
     @property
     def model(self) -> BodyModel:
-        """The body that is tracked, with the names of its degrees of freedom; there after the first frame."""
+        """The body that is tracked, with the names of its degrees of freedom; there after the first frame.
+
+        A person's becomes another one, of the same names, a few times in the first seconds.
+        """
         return self._tracker.model
+
+    @property
+    def size(self) -> tuple[float, float] | None:
+        """The person's stature, metres, and girth as known by now; None before, and of other bodies."""
+        start = self._tracker.start
+        return (start.stature, start.girth) if np.isfinite(start.stature) else None
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
         """Follow the body into the next frame.

@@ -16,7 +16,7 @@ O = TypeVar("O")  # noqa: E741 - what is made of a frame
 
 RUNS = 16
 FRAMES_OF_RUN = 2
-MODELS_OF_RUN = 4
+MODELS_OF_RUN = 6
 
 
 class Recent(Generic[K, V]):

@@ -8,6 +8,7 @@ from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.mpeg4 import HUMAN, HUMAN_DOFS
+from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 from coordinator.bodies.person_file import read_person
 from coordinator.bodies.tracked import Bodies, OneBody
@@ -38,7 +39,7 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
     """
     usual = USUAL[preset]
     if model == HUMAN:
-        return Bodies(human, usual, choose_active(active, usual, HUMAN_DOFS), dof_names=HUMAN_DOFS)
+        return Bodies(person_of_size, usual, choose_active(active, usual, HUMAN_DOFS), dof_names=HUMAN_DOFS)
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return person(read_person(path), active, preset)

@@ -12,39 +12,43 @@ from scipy.ndimage import gaussian_filter
 
 from common.frame import DepthFrame
 from common.settings import RefineSettings
+from coordinator.scene.noise import GROWTH, LEAST, fit_noise
 
+STEP = 0.1  # of the logarithm of a distance
 OUTLINE_BLUR = 4.0  # pixels over which an outline is averaged until it no longer frays
-MAD_TO_DEVIATION = 1.4826  # of a Gaussian
 
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Standard deviations of a measured point along the line of sight and across it, metres."""
+    """Standard deviations of a measured point along the line of sight and across it, metres, at a distance.
+
+    Along it grows with the square of the distance (`coordinator.scene.noise`), across it with the distance.
+    """
 
     depth: float = 0.0
     lateral: float = 0.0
+    distance: float = 0.0  # metres; 0 where the noise is the same at any
+
+    def at(self, distance: float) -> SensorNoise:
+        """The noise at another distance, metres, in steps of a tenth: most frames are refined by the same."""
+        if not (self.distance > 0.0 and distance > 0.0):
+            return self
+        share = math.exp(STEP * (round(math.log(distance) / STEP) - round(math.log(self.distance) / STEP)))
+        depth = min(self.depth, LEAST) + max(0.0, self.depth - LEAST) * share * share
+        return SensorNoise(depth, self.lateral * share, self.distance * share)
 
 
 def measure_noise(frame: DepthFrame) -> SensorNoise:
-    """The noise of a frame that shows at least something."""
-    depth_m = frame.metres().astype(np.float64)
-    metres_a_pixel = float(np.median(depth_m[depth_m > 0.0])) / frame.intrinsics.fx
-    return SensorNoise(depth_deviation(depth_m), outline_deviation(depth_m > 0.0) * metres_a_pixel)
+    """The noise of a frame that shows at least something, at the median distance of what it shows.
 
-
-def depth_deviation(depth_m: NDArray[np.float64]) -> float:
-    """Standard deviation in metres of a depth image (H, W), 0 where nothing was measured.
-
-    From the second differences of three pixels in a row, in which surfaces as good as vanish; by their
-    median, so that edges do not count. Noise that neighbours share is not seen.
+    Rounding counts as noise; what neighbouring pixels share does not show in one frame.
     """
-    bends = []
-    for image in (depth_m, depth_m.T):
-        left, middle, right = image[:, :-2], image[:, 1:-1], image[:, 2:]
-        measured = (left > 0.0) & (middle > 0.0) & (right > 0.0)
-        bends.append(np.abs(left - 2.0 * middle + right)[measured])
-    both = np.concatenate(bends)
-    return MAD_TO_DEVIATION * float(np.median(both)) / math.sqrt(6.0) if len(both) else 0.0
+    depth_m = frame.metres()
+    distance = float(np.median(depth_m[depth_m > 0.0]))
+    metres_a_pixel = distance / frame.intrinsics.fx
+    along = fit_noise(depth_m)
+    deviation = float(along.sigma(np.array(distance))) if along.growth > GROWTH[0] else 0.0
+    return SensorNoise(deviation, outline_deviation(depth_m > 0.0) * metres_a_pixel, distance)
 
 
 def outline_deviation(mask: NDArray[np.bool_]) -> float:

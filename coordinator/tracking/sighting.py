@@ -31,3 +31,9 @@ def some_points(subject: SubjectFrame) -> NDArray[np.float64]:
     rows, columns = np.divmod(pixels, frame.depth.shape[1])
     z = frame.depth.ravel()[pixels] / frame.depth_scale
     return np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=1)
+
+
+def distance_of(subject: SubjectFrame) -> float:
+    """Median depth of some of the observed points, metres; 0 without any."""
+    points = some_points(subject)
+    return float(np.median(points[:, 2])) if len(points) else 0.0

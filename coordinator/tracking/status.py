@@ -28,10 +28,18 @@ def judge(watch: Watch, weights: Array, joints: Array, certainty: Certainty) -> 
         return "lost"
     if np.any(certainty.off_probability > SUSPECTED):
         return "ambiguous"
+    return "ambiguous" if has_rival(weights, joints) else "tracked"
+
+
+def is_settled(watch: Watch, weights: Array, joints: Array) -> bool:
+    """Whether hypotheses explain what is seen, and agree; before anything is said of single joints."""
+    return not (watch.seeks or watch.unexplained or has_rival(weights, joints))
+
+
+def has_rival(weights: Array, joints: Array) -> bool:
+    """Whether a hypothesis about as likely as the first has some joint elsewhere."""
     apart = np.linalg.norm(joints - joints[:1], axis=-1).max(axis=1)
-    if np.any((apart > APART) & (weights > RIVAL * weights[0])):
-        return "ambiguous"
-    return "tracked"
+    return bool(np.any((apart > APART) & (weights > RIVAL * weights[0])))
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:

@@ -40,10 +40,12 @@ from coordinator.tracking.search.sizes import Size
 from coordinator.tracking.search.verdict import FEWEST, weigh
 from coordinator.tracking.search.watch import CHOOSY, DOUBTFUL, GIVEN, Watch
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.sighting import see
-from coordinator.tracking.starting.start import Start, given_start, no_start
+from coordinator.tracking.sighting import distance_of, see
+from coordinator.tracking.starting.asking import Asker
+from coordinator.tracking.starting.measuring import Measured
+from coordinator.tracking.starting.start import Start, given_start, no_start, resized
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
-from coordinator.tracking.status import explain_doubt, judge
+from coordinator.tracking.status import explain_doubt, is_settled, judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
 
@@ -87,12 +89,15 @@ class Tracker:
         self._choosy = choosy
         self._start = no_start(bodies) if start is None else given_start(start, bodies)
         self._seeker = Seeker(bodies, refiner, settings.refine, ways_of(settings.rotate_deg))
+        self._asker = Asker(bodies, refiner)
+        self._measured: Measured | None = None  # of the person's size; None where it is not sought
         self._rng = np.random.default_rng(settings.seed)
         self._belief: Belief | None = None
         self._watch = Watch() if start is None else GIVEN
         self._around = None if start is None else self._start.pose  # (D,) near which the next frame shows it
         self._time_s: float | None = None  # of the last frame that showed something
         self._known = known
+        self._distance = 0.0  # metres, of what the frame at hand shows
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
         self._isolation = isolation or Isolation(settings.points)
         self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
@@ -101,7 +106,7 @@ class Tracker:
             self._scene = state.checkpoint.scene
             self._isolation.recall(self._scene)
             self._around, self._watch = state.checkpoint.around, state.checkpoint.watch
-            self._time_s = state.checkpoint.time_s
+            self._time_s, self._measured = state.checkpoint.time_s, state.checkpoint.measured
             self._verdict = state.checkpoint.verdict
             self._rng = load_generator(state.checkpoint.generator)
             self._start = state.start
@@ -122,7 +127,7 @@ class Tracker:
     def state(self) -> TrackerState:
         """All that the next frame goes on from."""
         checkpoint = take_checkpoint(
-            self._belief, self._around, self._time_s, self._rng, self._scene, self._watch
+            self._belief, self._around, self._time_s, self._rng, self._scene, self._watch, self._measured
         )
         checkpoint = replace(checkpoint, verdict=self._verdict)
         return TrackerState(self._start, checkpoint)
@@ -151,8 +156,8 @@ class Tracker:
 
     @property
     def rules(self) -> RefineSettings:
-        """How particles are refined: the settings, for the noise that was found at the start."""
-        return assume_noise(self._settings.refine, self._start.noise)
+        """How particles are refined: the settings, for the noise at the distance of the frame at hand."""
+        return assume_noise(self._settings.refine, self._start.noise.at(self._distance))
 
     def prepare(self) -> None:
         """Make what a first search needs, where there is to be one."""
@@ -172,6 +177,7 @@ class Tracker:
         """The same for a frame out of which the body was cut by somebody else."""
         frame = cut.frame
         first, clock, subject = self._belief is None, cut.clock, cut.isolated.subject
+        self._resize()
         self._scene = cut.isolated.change
         if subject is None:
             elsewhere = self._around is not None and bool(frame.depth.any())
@@ -179,6 +185,7 @@ class Tracker:
             return Submitted(frame, None, None, elsewhere, None, first, clock)
         with clock.stage("publish"):
             self._refiner.publish(subject)
+            self._distance = distance_of(subject)
         with clock.stage("search"):
             rival = self._look(subject, cut.isolated.view.planes)
         if self._belief is None:
@@ -220,6 +227,8 @@ class Tracker:
             if submitted.first:
                 found = found.at_rest()  # the way from a guess is no motion
             self._belief = self._decide(found, submitted.rival)
+            with submitted.clock.stage("measure"):
+                self._measure(self._belief, submitted.frame.time_s)
         return Tracked(
             submitted.frame, self.state, self._belief, status, answered, submitted.sighted, submitted.clock
         )
@@ -294,6 +303,8 @@ class Tracker:
             finding = self._seeker.find(subject, noise, planes)
             if self._believes(finding):
                 self._start, self._belief = finding.start, self._begin_with(finding)
+                if self._settings.measure_person and self._asker.can_ask(self._start):
+                    self._measured = Measured.guessed(self._start.stature)
                 self._watch = Watch(why=finding.verdict.why)
             else:
                 self._watch = self._watch.failed(finding.verdict.why, subject.pixels)
@@ -304,6 +315,22 @@ class Tracker:
             return finding.verdict.stands
         size = Size(finding.start.stature, finding.start.girth)
         return finding.verdict.strain <= DOUBTFUL and not size.extreme
+
+    def _measure(self, belief: Belief, time_s: float) -> None:
+        """Ask the frame that was collected about the person's size, if it can say something."""
+        if self._measured is None or not self._measured.asks(time_s):
+            return
+        joints = joint_positions(self.model, belief.poses[:RECORDED])
+        if is_settled(self._watch, belief.weights[:RECORDED], joints) and not self.rules.is_soft:
+            shown = self._asker.ask(self._start, belief.poses[0], self.rules)
+            self._measured = self._measured.after(shown, (self._start.stature, self._start.girth), time_s)
+
+    def _resize(self) -> None:
+        """Give the body the size that is known by now, if it is time; hypotheses keep their poses."""
+        if self._measured is None or not self._measured.ripe:
+            return
+        if self._measured.size != (self._start.stature, self._start.girth):
+            self._start = resized(self._start, *self._measured.size, self._bodies)
 
     @property
     def _recovers(self) -> bool:

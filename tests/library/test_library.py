@@ -36,6 +36,7 @@ def test_arrays_are_tracked_as_frames_are() -> None:
     """Whole units with their scale give the bytes of the frames they are from, numbered by themselves."""
     frames = shown("standing").frames[:2]
     by_frame = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+    assert by_frame.size == (PERSON.stature, PERSON.girth)
     by_array = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX, depth_scale=1000.0)
     for frame in frames:
         assert as_bytes(by_array.track(frame.depth)) == as_bytes(by_frame.track(frame))
@@ -56,6 +57,7 @@ def test_a_body_may_be_given_whole() -> None:
     tracker = gepf.Tracker(human_of(PERSON), SETTINGS, start=STANDING, active=moving)
     estimates = [tracker.track(frame) for frame in shown("standing").frames]
     assert tracker.model.dof_names == moving
+    assert tracker.size is None
     joints = np.array([e.joint_positions for e in estimates])
     assert np.linalg.norm(joints - shown("standing").joints, axis=-1).max() < 0.05
 

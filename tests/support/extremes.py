@@ -180,7 +180,6 @@ class Extremes:
             outlier_distance=self._one_of(ANY_SETTING),
             free_space_weight=self._one_of(ANY_SETTING),
             likelihood_scale=self._one_of(POSITIVE),
-            independent_points=self._one_of(ANY_SETTING),
             over_relaxation=self._one_of((0.0, 1.0, LARGEST_OVER_RELAXATION)),
             visibility_interval=self._one_of((1, 2, 3, 100)),
             soft_correspondences=self._one_of((False, True)),

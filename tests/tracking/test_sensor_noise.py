@@ -17,6 +17,7 @@ from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.commands.options.choices import choose_settings, set_noise
+from coordinator.scene.noise import DepthNoise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import arm
 from coordinator.synthesis.scenes.noise import add_noise
@@ -76,11 +77,41 @@ def test_settings_take_the_noise() -> None:
     assert assume_noise(DEFAULT, SensorNoise(0.02, 0.3)).noise_lateral == 0.02
 
 
-def test_an_image_of_points_has_no_noise_to_measure() -> None:
-    """Where no three pixels in a row are measured, nothing is said of depth."""
+def test_of_an_image_of_points_the_usual_noise_is_assumed() -> None:
+    """Where no three pixels in a row are measured, it is what depth cameras have at that distance."""
     depth = np.zeros((9, 9), dtype=np.uint16)
     depth[::3, ::3] = 2000
-    assert measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA)).depth == 0.0
+    measured = measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA))
+    assert measured.depth == pytest.approx(DepthNoise().sigma(np.array(2.0)))
+
+
+def test_rounding_is_noise() -> None:
+    """A Kinect's steps of 23 mm on smooth slopes: between a step's own deviation and a step by root of 6."""
+    step = 2.85e-3 * 2.8**2
+    inverse = 1.0 / np.clip(person(), 1e-6, None)
+    rounded = np.where(person() > 0.0, 1.0 / (np.rint(inverse / 2.85e-3) * 2.85e-3), 0.0)
+    frame = DepthFrame(0, 0.0, np.rint(1000.0 * rounded).astype(np.uint16), 1000.0, CAMERA)
+    found = measure_noise(frame)
+    expected = step * (found.distance / 2.8) ** 2
+    assert expected / np.sqrt(12.0) < found.depth < 1.2 * expected / np.sqrt(6.0)
+
+
+def test_noise_grows_with_distance() -> None:
+    """Along with its square, across in proportion; a noise without a distance is the same at any."""
+    near = SensorNoise(0.011, 0.004, 2.0)
+    far = near.at(4.0)
+    assert far.distance == pytest.approx(4.0, rel=0.1)
+    assert far.depth == pytest.approx(0.001 + 0.010 * (far.distance / 2.0) ** 2)
+    assert far.lateral == pytest.approx(0.004 * far.distance / 2.0)
+    assert near.at(2.01) == near
+    assert SensorNoise(0.15, 0.01).at(3.0) == SensorNoise(0.15, 0.01)
+
+
+def test_densities_begin_as_sharp_as_costs_end() -> None:
+    """Where noise along is twice that across, a point's cost and its density weigh the same."""
+    at = msgspec.structs.replace(DEFAULT, noise_depth=0.02, noise_lateral=0.01)
+    along_cost = (at.noise_lateral / at.noise_depth / at.likelihood_scale) ** 2  # of a squared metre
+    assert at.independent_points / at.noise_depth**2 == pytest.approx(along_cost)
 
 
 def test_what_the_user_gives_is_not_measured() -> None:

@@ -13,8 +13,6 @@ from common.settings import RefineSettings
 from worker.kernel.observation import BLOCK, TILE, Observation
 from worker.kernel.search.correspondence import boxes_of
 
-FAR_NOISIER = 2.0  # along than across, from which on the closest point misleads
-
 KEPT = 2  # packed observations
 HEAVIEST = 1e6  # that a prior may be
 
@@ -97,7 +95,7 @@ def rest_weight(settings: RefineSettings, soft: bool) -> float:
 
 def pack_parameters(settings: RefineSettings) -> KernelParameters:
     """Pack settings in the kernel's own units."""
-    soft = settings.soft_correspondences and settings.noise_depth > FAR_NOISIER * settings.noise_lateral
+    soft = settings.is_soft
     return KernelParameters(
         settings.icp_iterations,
         soft,

@@ -79,9 +79,14 @@ def _neighbours(triangles: Indices, count: int) -> coo_array:
 
 def _onto_surface(distance: Distance, points: Array, delta: float) -> Array:
     """One Newton step onto the surface along the gradient, at most `delta` long."""
-    ends = np.concatenate([points + delta * e for e in (*np.eye(3), *-np.eye(3))])
-    values = distance(np.concatenate([points, ends])).reshape(7, -1)
-    gradient = (values[1:4] - values[4:7]).T / (2.0 * delta)
+    gradient = slope(distance, points, delta)
     square = np.maximum(np.sum(gradient**2, axis=1), 0.1)
-    step = np.clip(values[0] / square, -2.0 * delta, 2.0 * delta)
+    step = np.clip(distance(points) / square, -2.0 * delta, 2.0 * delta)
     return np.asarray(points - step[:, None] * gradient)
+
+
+def slope(distance: Distance, points: Array, delta: float) -> Array:
+    """The gradient (n, 3) of the distance at points (n, 3), by differences."""
+    ends = np.concatenate([points + delta * e for e in (*np.eye(3), *-np.eye(3))])
+    values = distance(ends).reshape(6, -1)
+    return np.asarray((values[:3] - values[3:]).T / (2.0 * delta))

@@ -6,7 +6,7 @@ body = activate(model, DEFAULT_ACTIVE, np.zeros(len(model.dof_names)))
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -58,21 +58,40 @@ def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: f
 @lru_cache(maxsize=4)
 def human_of(measures: Measures) -> BodyModel:
     """A person of these measures. The same measures give the same bytes; the last few are kept."""
+    return mesh_person(raise_arms(measures))[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raised:
+    """A person without skin in the building pose, in which the surface is made.
+
+    joints: Centres (3,) there. transforms: Of each degree of freedom (D, 3, 4), from rest to there.
+    """
+
+    measures: Measures
+    skeleton: Skeleton
+    bare: BodyModel
+    transforms: Array
+    joints: dict[str, Array]
+
+
+def raise_arms(measures: Measures) -> Raised:
+    """A person of these measures in the building pose."""
     skeleton = build_skeleton(measures)
     bare = _without_skin(skeleton)
-    raised = dof_transforms(bare, _building_pose(bare)[None])[0]  # (D, 3, 4)
+    raised = dof_transforms(bare, _building_pose(bare)[None])[0]
     joints = {dof.joint: moved(raised[j], skeleton.joints[dof.joint]) for j, dof in enumerate(skeleton.dofs)}
+    return Raised(measures, skeleton, bare, raised, joints)
 
-    shape = shape_person(measures, skeleton)
+
+def mesh_person(raised: Raised) -> tuple[BodyModel, Array]:
+    """The person at rest, and its vertices (V, 3) in the building pose."""
+    measures = raised.measures
+    shape = shape_person(measures, raised.skeleton)
     vertices, triangles = mesh_symmetric(shape.distance, *_left_half(measures), CELL * measures.stature)
-    skin_links, skin_weights = strongest(skin_shares(vertices, joints, measures), bare.link_names)
-    return replace(
-        bare,
-        vertices=_to_rest(vertices, raised[bare.link_dofs], skin_links, skin_weights),
-        triangles=triangles,
-        skin_links=skin_links,
-        skin_weights=skin_weights,
-    )
+    links, weights = strongest(skin_shares(vertices, raised.joints, measures), raised.bare.link_names)
+    skinned = replace(raised.bare, triangles=triangles, skin_links=links, skin_weights=weights)
+    return replace(skinned, vertices=lay_to_rest(skinned, vertices, raised.transforms)), vertices
 
 
 def _without_skin(skeleton: Skeleton) -> BodyModel:
@@ -124,7 +143,8 @@ def _left_half(measures: Measures) -> tuple[Array, Array]:
     return np.array([0.0, -tall, -deep]), np.array([wide, leg + 0.02 * measures.stature, deep])
 
 
-def _to_rest(vertices: Array, t_links: Array, links: NDArray[np.int64], weights: Array) -> Array:
-    """Undo the blended motion (V, 3, 4) of the building pose."""
-    blended = np.einsum("vkij,vk->vij", t_links[links], weights)
+def lay_to_rest(skinned: BodyModel, vertices: Array, transforms: Array) -> Array:
+    """Undo the blended motion of the building pose, which has moved each degree of freedom (D, 3, 4)."""
+    t_links = transforms[skinned.link_dofs]
+    blended = np.einsum("vkij,vk->vij", t_links[skinned.skin_links], skinned.skin_weights)
     return np.linalg.solve(blended[:, :, :3], (vertices - blended[:, :, 3])[..., None])[..., 0]

@@ -105,7 +105,9 @@ class Seeker:
     def find_again(self, subject: SubjectFrame, start: Start, rules: RefineSettings) -> Finding:
         """The body that is known, wherever it is now."""
         ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
-        settings = assume_noise(self._settings, start.noise)
+        settings = msgspec.structs.replace(
+            self._settings, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
+        )
         size = Size(start.stature, start.girth)
         found = self._search.find(subject, settings, QUICK, size, ways)
         standing = self._on_tracked(found, start, rules)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from common.settings import RefineSettings
+from common.settings import FAR_NOISIER, RefineSettings
 
 Array = NDArray[np.float64]
 
 RESIDUAL = 0.03  # metres, mean distance of observed points that can be believed, the camera's noise aside
 MISFIT = 0.028  # metres, root of the mean cost, which also counts what of the model is seen where nothing is
-FAR_NOISIER = 2.0  # along than across: then workers count densities, not costs
 FEWEST = 150  # pixels that can show a body
 
 SPANS = (0.35, 1.6)  # statures that a whole person is long, from end to end of what is seen
