@@ -22,6 +22,7 @@ from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.sources import ArraySource, Source, open_source
 from gepf.named import Estimate
+from gepf.people import PeopleTracker
 from gepf.run import Run, load
 from gepf.tracker import Tracker
 
@@ -34,6 +35,7 @@ __all__ = [
     "InputError",
     "Intrinsics",
     "Measures",
+    "PeopleTracker",
     "Pool",
     "Run",
     "Settings",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -78,12 +79,12 @@ class Tracker:
         settings = apply_method(settings or preset("default"))  # checked before any worker starts
         bodies = bodies_to_track(model, active, settings.preset)
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
-        self._camera, self._depth_scale = camera, depth_scale
+        self._images = Images(camera, depth_scale)
         self._settings, self._frames = settings, 0
         if given is not None:
             given_start(given, bodies)  # checked before any worker starts
         self._stack = ExitStack()
-        self._tracker = FrameTracker(self._open(workers), settings, bodies, given)
+        self._tracker = FrameTracker(open_refiner(workers, self._stack), settings, bodies, given)
 
     def __enter__(self) -> Self:
         return self
@@ -121,7 +122,7 @@ class Tracker:
 
         Raises InputError if the first frame shows nothing, or an array is no depth image.
         """
-        frame = depth if isinstance(depth, DepthFrame) else self._frame_of(np.asarray(depth), time_s)
+        frame = self._images.frame(depth, self._frames, time_s)
         self._frames += 1
         return self._named(self._tracker.track(frame))
 
@@ -157,21 +158,34 @@ class Tracker:
         start = self._tracker.start
         return named(estimate, start.model, start.held)
 
-    def _open(self, workers: Workers | None) -> Refiner:
-        if workers is None:
-            return DirectRefiner()
-        return self._stack.enter_context(ZenohRefiner(choose_workers(workers), log.info))
 
-    def _frame_of(self, depth: NDArray[np.generic], time_s: float | None) -> DepthFrame:
-        """An array as the next frame."""
-        if self._camera is None:
+@dataclass(frozen=True, slots=True)
+class Images:
+    """The camera of arrays: its matrix (3, 3), and units per metre of whole numbers."""
+
+    camera: ArrayLike | None
+    depth_scale: float | None
+
+    def frame(self, depth: DepthFrame | ArrayLike, number: int, time_s: float | None) -> DepthFrame:
+        """A frame as it is, or an array (H, W) as the frame of this number."""
+        if isinstance(depth, DepthFrame):
+            return depth
+        image = np.asarray(depth)
+        if self.camera is None:
             raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
-        if depth.ndim != 2 or 0 in depth.shape:
-            raise InputError(f"depth has shape {depth.shape}; give rows of columns (H, W)")
-        units, scale = whole_depth(depth, self._depth_scale, "depth")
-        camera = camera_of(np.asarray(self._camera), depth.shape[1], depth.shape[0], "camera")
-        when = self._frames / DEFAULT_FPS if time_s is None else time_s
-        return DepthFrame(self._frames, when, units, scale, camera)
+        if image.ndim != 2 or 0 in image.shape:
+            raise InputError(f"depth has shape {image.shape}; give rows of columns (H, W)")
+        units, scale = whole_depth(image, self.depth_scale, "depth")
+        camera = camera_of(np.asarray(self.camera), image.shape[1], image.shape[0], "camera")
+        when = number / DEFAULT_FPS if time_s is None else time_s
+        return DepthFrame(number, when, units, scale, camera)
+
+
+def open_refiner(workers: Workers | None, stack: ExitStack) -> Refiner:
+    """Who refines, until the stack is closed."""
+    if workers is None:
+        return DirectRefiner()
+    return stack.enter_context(ZenohRefiner(choose_workers(workers), log.info))
 
 
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:

@@ -7,7 +7,7 @@ is seen and not explained by the others.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.frame import DepthFrame, SubjectFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
-from coordinator.scene.scene import SceneChange
+from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.isolation import Isolated
@@ -48,8 +48,8 @@ class Sight:
         self.offers.remove(offer)
 
     def cut(self, place: int) -> CutOut:
-        """What one person's tracker needs of the frame; the first one's has the scene's change, too."""
-        change = SceneChange() if place else self.divided.change
+        """What one person's tracker needs of the frame; what was learned of the room has the first one."""
+        change = replace(self.divided.change, learned=NOTHING) if place else self.divided.change
         isolated = Isolated(self.subjects[place], self.divided.view, change)
         return CutOut(self.frame, isolated, self.clocks[place])
 
