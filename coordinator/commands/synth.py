@@ -20,4 +20,5 @@ def run_synth(options: SynthOptions, show: Show) -> None:
             advance,
             model=options.model,
             kinect=options.kinect,
+            room=options.room,
         )

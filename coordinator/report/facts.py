@@ -47,7 +47,8 @@ def describe_method(summary: Summary) -> str:
 def describe_service(summary: Summary) -> str:
     """Who worked, and what had to be done again."""
     workers, sent = len(summary.get("workers_seen", [])), summary.get("batches_sent", 0)
-    return f"{workers} workers, {sent} batches, {summary.get('batches_sent_again', 0)} sent again"
+    who = f"{workers} worker{'s' * (workers != 1)}"
+    return f"{who}, {sent} batches, {summary.get('batches_sent_again', 0)} sent again"
 
 
 def describe_stages(summary: Summary) -> list[tuple[str, float, float]]:

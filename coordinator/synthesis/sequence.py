@@ -6,6 +6,7 @@ import math
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -21,8 +22,9 @@ from coordinator.bodies.choice import load_body
 from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
+from coordinator.synthesis.scenes.furniture import furnish
 from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.synthesis.scenes.person import person
+from coordinator.synthesis.scenes.person import CAMERA_HEIGHT_M, person
 from coordinator.synthesis.scenes.roam import FRAMES, roam
 from coordinator.synthesis.scenes.scene import Scene
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -43,6 +45,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     *,
     model: str | None = None,
     kinect: bool = False,
+    room: bool = False,
 ) -> None:
     """Write the first `frames` of a scene as a sequence folder with truth and start.
 
@@ -54,6 +57,8 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     noise = checked_noise(noise_depth, noise_lateral)
     seed = checked_seed(seed)
     shown = find_scene(scene, model, seed, frames)
+    if room:
+        shown = furnished(shown, scene)
     out = Path(out)
     with_parent(out)
     unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -87,13 +92,20 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
     return first_frames(SCENES[name](), frames)
 
 
+def furnished(scene: Scene, name: str) -> Scene:
+    """The scene in a room; InputError where nobody stands on its floor."""
+    if name != PERSON:
+        raise InputError(f"scene {name} has no floor to stand on; leave --room out, or give scene {PERSON}")
+    return replace(scene, room=furnish(CAMERA_HEIGHT_M))
+
+
 def first_frames(scene: Scene, frames: int | None) -> Scene:
     """The scene, no longer than asked for."""
     if frames is None:
         return scene
     if not 1 <= frames <= len(scene.poses):
         raise InputError(f"cannot make {frames} frames; choose from 1 to {len(scene.poses)}")
-    return Scene(scene.model, scene.camera, scene.fps, scene.poses[:frames], scene.start)
+    return replace(scene, poses=scene.poses[:frames])
 
 
 def checked_noise(depth: float, lateral: float) -> SensorNoise:
@@ -145,8 +157,11 @@ def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
     """Exact depth (H, W) in metres of every frame."""
     with DepthRenderer(scene.camera) as renderer:
         for pose in scene.poses:
-            vertices = pose_vertices(scene.model, pose[None])[0]
-            yield renderer.depth(vertices, scene.model.triangles).astype(np.float64)
+            vertices, triangles = pose_vertices(scene.model, pose[None])[0], scene.model.triangles
+            if scene.room is not None:
+                triangles = np.concatenate([triangles, scene.room.triangles + len(vertices)])
+                vertices = np.concatenate([vertices, scene.room.vertices])
+            yield renderer.depth(vertices, triangles).astype(np.float64)
 
 
 def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:

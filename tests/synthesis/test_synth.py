@@ -21,7 +21,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.synthesis.scenes.person import FPS, person
+from coordinator.synthesis.scenes.person import CAMERA_HEIGHT_M, FPS, person
 from coordinator.synthesis.scenes.scene import Scene
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -300,3 +300,17 @@ def test_a_person_is_rendered_without_a_start(tmp_path: Path) -> None:
     assert truth.joint_positions.shape == (2, 15, 3)
     with pytest.raises(InputError, match="has a body of its own"):
         synthesise("person", tmp_path / "other", model="human")
+
+
+def test_a_room_stands_around_the_person(tmp_path: Path) -> None:
+    """Most pixels see something, the floor is where the camera is said to be above, and the person stays."""
+    for name, room in (("alone", False), ("inside", True)):
+        synthesise("person", tmp_path / name, frames=1, seed=2, room=room)
+    alone, inside = (open_source(tmp_path / name).frame(0) for name in ("alone", "inside"))
+    body, whole = alone.metres(), inside.metres()
+    assert np.mean(whole > 0.0) > 0.8
+    assert np.array_equal(whole[body > 0.0], body[body > 0.0])
+    points = back_project(whole.astype(np.float64), inside.intrinsics)
+    assert np.allclose(points[-5:, :, 1], CAMERA_HEIGHT_M, atol=0.002)
+    with pytest.raises(InputError, match="no floor to stand on"):
+        synthesise("arm", tmp_path / "arm-room", frames=1, room=True)

@@ -10,6 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from common.body import BodyModel
 from common.camera import Intrinsics
+from coordinator.synthesis.scenes.furniture import Room
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +25,7 @@ class Scene:
     fps: float
     poses: NDArray[np.float64]  # (F, D) radians and metres
     start: NDArray[np.float64] | None  # (D,)
+    room: Room | None = None  # around it
 
     def __post_init__(self) -> None:
         self.poses.setflags(write=False)
