@@ -200,7 +200,8 @@ class Tracker:
         with clock.stage("refine"):
             rules = self.rules
             stretch = rules.noise_lateral / rules.noise_depth
-            sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch)
+            lone = len(proposal.poses) == 1
+            sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch, lone)
             return Submitted(frame, self._request(proposal), sighted, True, rival, first, clock)
 
     def send_ahead(self, frame: DepthFrame | None) -> None:

@@ -150,6 +150,21 @@ def test_rivals_make_a_joint_unsure() -> None:
     np.testing.assert_array_equal(even.seen, odd.seen)
 
 
+def test_a_lone_particle_is_not_sure_because_it_is_alone() -> None:
+    """That one hypothesis is left of many says something; that one particle was drawn does not."""
+    pose = pose_of(STANDING)
+    sighted = Sighted(seen_as("standing"), pose, 1.0 / 30.0, 1.0)
+    agreed, alone = (
+        conclude(evidence, judge_evidence(evidence))
+        for evidence in (
+            weigh_evidence(body(), pose, pose[None], np.ones(1), each)
+            for each in (sighted, replace(sighted, lone=True))
+        )
+    )
+    assert np.all(alone.off_probability > 2.0 * agreed.off_probability)
+    assert np.all(alone.deviation > agreed.deviation)
+
+
 def test_what_was_known_fades() -> None:
     """A verdict that stays is itself; after no time it is the old one, after a second the new one."""
     new, old = np.full((3, 2), 1.0), np.full((3, 2), -2.0)
