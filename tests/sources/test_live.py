@@ -46,6 +46,7 @@ FOLDER_CAMERA = {
     "depth_scale": 1000,
 }
 PATIENT = 0.5  # seconds, on a machine that is busy with other tests; 0.05 is what is meant
+ENDED = (0, NOT_TRACKED)  # exit codes of a stream that was tracked to its end: a wall is nobody
 COMMAND = (sys.executable, "-m", "coordinator.cli")
 
 
@@ -222,7 +223,7 @@ def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
     """Every frame of a slow stream is in the results under its own number and time."""
     messages = [encode_live(image(number)) for number in (10, 11, 15)] + [encode_live_end()]
     with staged(endpoint, messages, until_recorded(tmp_path / "run"), Still()):
-        assert track_live(endpoint, tmp_path / "run") == 0
+        assert track_live(endpoint, tmp_path / "run") in ENDED
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.frame.tolist() == [10, 11, 15]
     np.testing.assert_allclose(track.time_s, np.array([10, 11, 15]) / 30)
@@ -237,7 +238,7 @@ def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_pat
     """With a worker that needs 0.2 s a frame, frames every 20 ms are skipped, counted, the last one kept."""
     messages = [encode_live(image(number)) for number in range(30)] + [encode_live_end()]
     with staged(endpoint, messages, lambda stop: stop.wait(0.02), Still(0.01)):
-        assert track_live(endpoint, tmp_path / "run") == 0
+        assert track_live(endpoint, tmp_path / "run") in ENDED
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert summary["frames_received"] == 30
     assert summary["frames_skipped"] == 30 - len(track.frame) > 10
@@ -249,7 +250,7 @@ def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_pat
     """Of 20 particles at 10 ms each, some but not all are answered in time; results say how many."""
     messages = [encode_live(image(number)) for number in range(4)] + [encode_live_end()]
     with staged(endpoint, messages, until_recorded(tmp_path / "run"), Still(0.01)):
-        assert track_live(endpoint, tmp_path / "run", "--deadline", "130") == 0
+        assert track_live(endpoint, tmp_path / "run", "--deadline", "130") in ENDED
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.particles_answered is not None
     assert np.all(track.particles_answered > 0)
@@ -311,7 +312,7 @@ def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) 
         out = tmp_path / form / "run"
         out.parent.mkdir()
         with staged(endpoint, messages, rest, Still()), in_thread(listen):
-            assert track_live(endpoint, out, "--publish", "robot/person", *option) in (0, NOT_TRACKED)
+            assert track_live(endpoint, out, "--publish", "robot/person", *option) in ENDED
             wait_until(lambda: b"estimates-end" in heard_[-1][1])  # noqa: B023
         decode = msgspec.json.decode if form == "json" else msgspec.msgpack.decode
         told = [(when, decode(payload)) for when, payload in heard_]
@@ -377,7 +378,7 @@ def test_publisher_and_tracker_as_processes(endpoint: str, recording: Path, tmp_
             assert publisher.wait(60.0) == 0
             assert publisher.stderr is not None
             assert publisher.stderr.read().endswith(f"40 frames were published on {KEY}\n")
-        assert tracker.wait(60.0) == 0
+        assert tracker.wait(60.0) in ENDED
         assert tracker.stderr is not None
         assert " frames skipped\n" in tracker.stderr.read()
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
@@ -437,7 +438,7 @@ def test_an_interrupt_ends_a_live_run_well(endpoint: str, recording: Path, tmp_p
             log = tmp_path / "run" / "frames.log"
             wait_until(lambda: log.exists() and log.stat().st_size > 20_000, 60.0)
             tracker.send_signal(signal.SIGINT)
-            assert tracker.wait(30.0) == 0
+            assert tracker.wait(30.0) in ENDED
     summary = summary_of(tmp_path / "run")
     assert summary["complete"]
     assert 0 < summary["frames"] < 40
