@@ -43,7 +43,7 @@ from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure
 from coordinator.tracking.sighting import distance_of, see
 from coordinator.tracking.starting.asking import Asker
 from coordinator.tracking.starting.measuring import Measured
-from coordinator.tracking.starting.start import Start, given_start, no_start, resized
+from coordinator.tracking.starting.start import Start, given_start, no_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
 from coordinator.tracking.status import explain_doubt, is_settled, judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
@@ -331,7 +331,7 @@ class Tracker:
         if self._measured is None or not self._measured.ripe:
             return
         if self._measured.size != (self._start.stature, self._start.girth):
-            self._start = resized(self._start, *self._measured.size, self._bodies)
+            self._start = self._asker.resize(self._start, *self._measured.size)
 
     @property
     def _recovers(self) -> bool:

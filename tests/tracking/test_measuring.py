@@ -28,7 +28,7 @@ from coordinator.tracking.starting.measuring import (
     uprightness,
     weigh_frame,
 )
-from coordinator.tracking.starting.start import Start, resized
+from coordinator.tracking.starting.start import Start
 from coordinator.tracking.subject import isolate
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
@@ -110,9 +110,20 @@ def test_a_rendered_person_is_measured_from_a_wrong_guess(stature: float, girth:
         refiner.publish(subject)
         told = asker.ask(start, poses[n % 3], RULES)
         measured = measured.after(told, (start.stature, start.girth), 0.1 * n)
-        start = resized(start, *measured.size, BODIES)
+        start = asker.resize(start, *measured.size)
     assert measured.size[0] == pytest.approx(stature, abs=0.015)
     assert measured.size[1] == pytest.approx(girth, abs=0.08)
+
+
+def test_a_resized_body_is_the_one_that_is_made() -> None:
+    """Of another stature and girth, what does not move held as before: the same body to a micrometre."""
+    values = {**STANDING, "l_wrist_flexion": 0.5}
+    model, pose = BODIES.tracked(1.7, 1.2, values)
+    start = Asker(BODIES, DirectRefiner()).resize(Start(model, pose, 1.7, 1.2, values), 1.64, 0.93)
+    made, _ = BODIES.tracked(1.64, 0.93, values)
+    for field in ("vertices", "points", "joint_points"):
+        np.testing.assert_allclose(getattr(start.model, field), getattr(made, field), atol=1e-6)
+    assert (start.stature, start.girth) == (1.64, 0.93)
 
 
 def test_a_finer_surface_is_no_better_body() -> None:

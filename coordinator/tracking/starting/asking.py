@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
 from common.settings import RefineSettings
+from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, scaled
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.starting.measuring import Shown, uprightness, weigh_frame
@@ -18,6 +20,7 @@ from coordinator.tracking.starting.start import Start
 Array = NDArray[np.float64]
 
 STEP = 0.04  # of a measure, as a share
+THICKER = 0.1  # than usual, of the second body from which those of all girths are made
 ROUNDS = 4  # of ICP for each body
 CELL = 5.0 / (18.0 * np.sqrt(3.0))
 """Mean square distance of points of a surface from the nearest of its vertices, of the area of each."""
@@ -32,6 +35,37 @@ class Variants:
     grains: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Sizes:
+    """A person as tracked, in any size: the body is linear in girth, and all of it scales with stature."""
+
+    values: Mapping[str, float]  # of what does not move
+    usual: BodyModel  # of the reference's stature, and girth 1
+    thick: BodyModel  # the same with girth 1 + THICKER
+
+    def body(self, stature: float, girth: float) -> BodyModel:
+        """The body of this stature (m) and girth."""
+        share = (girth - 1.0) / THICKER
+
+        def between(usual: Array, thick: Array) -> Array:
+            moved: Array = usual + share * (thick - usual)
+            return moved
+
+        of_girth = replace(
+            self.usual,
+            vertices=between(self.usual.vertices, self.thick.vertices),
+            points=between(self.usual.points, self.thick.points),
+            joint_points=between(self.usual.joint_points, self.thick.joint_points),
+        )
+        return scaled(of_girth, stature / REFERENCE_STATURE)
+
+
+def sizes_of(bodies: Bodies, values: Mapping[str, float]) -> Sizes:
+    """All sizes of a body of which what does not move is held at these values."""
+    usual, thick = (bodies.tracked(REFERENCE_STATURE, girth, values)[0] for girth in (1.0, 1.0 + THICKER))
+    return Sizes(values, usual, thick)
+
+
 class Asker:
     """Asks the frame that was published last.
 
@@ -44,6 +78,7 @@ class Asker:
         self._bodies = bodies
         self._refiner = refiner
         self._variants: Variants | None = None
+        self._sizes: Sizes | None = None
 
     def can_ask(self, start: Start) -> bool:
         """Whether the body comes in sizes, and is free to be placed anew for each."""
@@ -60,6 +95,17 @@ class Asker:
         weight = weigh_frame(uprightness(start.model, refined[0].poses[0]), here)
         return Shown((up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2, weight)
 
+    def resize(self, start: Start, stature: float, girth: float) -> Start:
+        """The same start with a body of another size."""
+        model = self._sizes_of(start).body(stature, girth)
+        return replace(start, model=model, stature=stature, girth=girth)
+
+    def _sizes_of(self, start: Start) -> Sizes:
+        """All sizes of a body, made once for each pose of what does not move."""
+        if self._sizes is None or self._sizes.values is not start.values:
+            self._sizes = sizes_of(self._bodies, start.values)
+        return self._sizes
+
     def _vary(self, start: Start) -> Variants:
         """The variants of a body, made once for each."""
         if self._variants is None or self._variants.start is not start:
@@ -68,8 +114,8 @@ class Asker:
                 start.model,
                 scaled(start.model, larger),
                 scaled(start.model, smaller),
-                self._bodies.tracked(start.stature, start.girth * larger, start.values)[0],
-                self._bodies.tracked(start.stature, start.girth * smaller, start.values)[0],
+                self._sizes_of(start).body(start.stature, start.girth * larger),
+                self._sizes_of(start).body(start.stature, start.girth * smaller),
             )
             self._variants = Variants(start, bodies, np.array([grain(body) for body in bodies]))
         return self._variants

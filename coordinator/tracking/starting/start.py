@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,12 +64,6 @@ def found_start(found: Found, bodies: Bodies, noise: SensorNoise) -> Start:
     values = pose_by_name(found.model, found.poses[0])
     model, pose = bodies.tracked(*found.size, values)
     return Start(model, pose, *found.size, values, noise, way_up=way_up(model, pose))
-
-
-def resized(start: Start, stature: float, girth: float, bodies: Bodies) -> Start:
-    """The same start with a body of another size."""
-    model, _ = bodies.tracked(stature, girth, start.values)
-    return replace(start, model=model, stature=stature, girth=girth)
 
 
 def way_up(model: BodyModel, pose: Array) -> float:
