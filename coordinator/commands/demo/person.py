@@ -29,10 +29,11 @@ from coordinator.pool.options import Pool
 from coordinator.results.evaluation import NEAR_M, compare, overall
 from coordinator.results.track import read_track
 from coordinator.results.truth import read_truth
-from coordinator.synthesis.scenes.person import FPS, FRAMES
+from coordinator.synthesis.scenes.person import FPS
 from coordinator.synthesis.sequence import PERSON, synthesise
 
 SEEDS = range(4)
+FRAMES = 50  # of each, so that all takes little more than a minute on two cores
 FAR_M = 0.15
 LONE, FILTER = "one-particle", "gepf"
 LONE_ITERATIONS = 6  # at 30 frames a second, as of method gradient
