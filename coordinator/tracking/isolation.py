@@ -72,6 +72,14 @@ class Isolation:
         subject = None if cut is None else subject_of(frame, cut, self._points)
         return Isolated(subject, view, self._scene.learn(view, None if body is None else cut))
 
+    def anybody(self, frame: DepthFrame, view: SceneView) -> SubjectFrame | None:
+        """Whoever is the likeliest in a frame that was cut already, in which the body is not where it was."""
+        frame = self._scope.limits.keep(frame)
+        if not view.furnished:
+            return isolate(frame, None, self._points)
+        cut = self._somebody(view)
+        return None if cut is None else subject_of(frame, cut, self._points)
+
     def _somebody(self, view: SceneView) -> Cut | None:
         """The likeliest of those who may be the person that is meant."""
         found = self._scope.person.choose(view, candidates(view))

@@ -171,7 +171,7 @@ class Tracker:
     def submit(self, frame: DepthFrame) -> Submitted:
         """Draw particles for the next frame and let the workers refine them; `collect` has to follow."""
         cut, self._ahead = self._cut_out(frame), None
-        return self.submit_cut(cut)
+        return self.submit_cut(self._look_about(cut))
 
     def submit_cut(self, cut: CutOut) -> Submitted:
         """The same for a frame out of which the body was cut by somebody else."""
@@ -274,6 +274,19 @@ class Tracker:
         """All that is known after a frame, once it is reported."""
         checkpoint = replace(tracked.state.checkpoint, verdict=self._verdict)
         return replace(tracked.state, checkpoint=checkpoint)
+
+    def _look_about(self, cut: CutOut) -> CutOut:
+        """The frame with whoever is seen elsewhere, if next to nothing is where the body was."""
+        near = cut.isolated.subject
+        few = near is None or len(near.picked) < min(FEWEST, self._settings.points)
+        if self._belief is None or not few or not self._recovers:
+            return cut
+        with cut.clock.stage("isolate"):
+            found = self._isolation.anybody(cut.frame, cut.isolated.view)
+        if found is None:
+            return cut
+        self._watch = self._watch.saw_nobody()
+        return replace(cut, isolated=replace(cut.isolated, subject=found))
 
     def _look(self, subject: SubjectFrame, planes: Planes) -> Finding | None:
         """Find the body, if there is none yet, or where else it may be, if that is in doubt."""
