@@ -42,7 +42,7 @@ class Bodies:
     """People by stature (m) and girth, or whatever else comes in sizes.
 
     Args:
-        build: Full model from stature and girth.
+        build: Full model from stature and girth; all of them have the same vertices, moved.
         start_dofs: Degrees of freedom that a start is searched in.
         active: Those that are tracked.
         measures: Stature and girth, where they are known.

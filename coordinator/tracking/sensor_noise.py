@@ -33,7 +33,7 @@ class SensorNoise:
         """The noise at another distance, metres, in steps of a tenth: most frames are refined by the same."""
         if not (self.distance > 0.0 and distance > 0.0):
             return self
-        share = math.exp(STEP * (round(math.log(distance) / STEP) - round(math.log(self.distance) / STEP)))
+        share = math.exp(STEP * round(math.log(distance / self.distance) / STEP))
         depth = min(self.depth, LEAST) + max(0.0, self.depth - LEAST) * share * share
         return SensorNoise(depth, self.lateral * share, self.distance * share)
 

@@ -10,7 +10,8 @@ import pytest
 
 from common.frame import SUBJECT
 from common.settings import Settings
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.human.shape_space import person_of_size
+from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies
 from coordinator.scene.cutting import cut_out
 from coordinator.scene.nearness import surround
@@ -26,7 +27,7 @@ from tests.support.pairs import pair
 from tests.support.people import SETTINGS, as_bytes
 from tests.support.rooms import CABINET, Room
 
-BODIES = Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+BODIES = Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
 STOOD = ((-0.4, 2.6), (0.05, 2.6))
 

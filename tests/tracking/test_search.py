@@ -14,6 +14,7 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
+from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf.reading import read_urdf
@@ -50,7 +51,7 @@ def person() -> BodyModel:
 @cache
 def people() -> Bodies:
     """People of any size."""
-    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def frame_of(model: BodyModel, pose: Array) -> DepthFrame:

@@ -20,7 +20,8 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Refined
 from common.settings import RefineSettings, Settings
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.human.shape_space import person_of_size
+from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
@@ -52,7 +53,7 @@ FOLLOWING = msgspec.structs.replace(SETTINGS, recover=False)  # looks nowhere el
 @cache
 def people() -> Bodies:
     """Bodies as the command line makes them, of the paper's degrees of freedom; built once."""
-    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def apart(estimate: Estimate, joints: Array) -> Array:
