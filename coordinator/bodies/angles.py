@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.kinematics.rotations import level_from_camera
+from common.level import level_from_camera
 from coordinator.bodies.human.anatomy import (
     SIDES,
     BallJoint,

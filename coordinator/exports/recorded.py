@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.kinematics.rotations import level_from_camera
+from common.level import level_from_camera
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.model_file import TrackedBody, read_tracked_body
 from coordinator.results.track import Track, filled

@@ -12,6 +12,7 @@ import msgspec
 from common.errors import InputError
 from coordinator.files.atomic import write_atomically
 from coordinator.files.names import LOG_FILE
+from coordinator.results.found_people import FOUND
 from coordinator.results.log import Entry, read_records
 from coordinator.results.recorded import Recorded
 from coordinator.results.recorder import check_configuration
@@ -19,7 +20,6 @@ from coordinator.results.run_configuration import RunConfiguration
 from coordinator.results.summary import PEOPLE, PERSON, SUMMARY_FILE, count_doubts, count_status, summarise
 
 OWN = (PERSON, "doubts", "rotate_deg", "noise_m")  # in the summary of one person
-FOUND = "found"  # in the summary of all: one entry for each who was found
 
 
 def person_folder(run: Path, number: int) -> Path:
@@ -30,15 +30,6 @@ def person_folder(run: Path, number: int) -> Path:
 def of_person(configuration: RunConfiguration, people: int, number: int) -> RunConfiguration:
     """The configuration of one person's run."""
     return {**configuration, PEOPLE: people, PERSON: number}
-
-
-def people_in(run: Path) -> list[Path]:
-    """The folders of the people who were found in a run; none where it is of a single person."""
-    try:
-        summary = msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.MsgspecError):
-        return []
-    return [run / each["folder"] for each in summary.get(FOUND, [])]
 
 
 def frames_in_common(run: Path, people: int) -> int:

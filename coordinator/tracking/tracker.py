@@ -160,9 +160,10 @@ class Tracker:
         return assume_noise(self._settings.refine, self._start.noise.at(self._distance))
 
     def prepare(self) -> None:
-        """Make what a first search needs, where there is to be one."""
+        """Make what a first search and the person's size need, where they are looked for."""
         if not self._given:
             self._seeker.prepare()
+            self._asker.prepare()
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame, or look for it."""

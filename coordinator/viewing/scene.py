@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from common.body import ROTATION, BodyModel
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
-from common.kinematics.rotations import level_from_camera
+from common.level import level_from_camera
 from coordinator.pictures.skeleton import bones
 from coordinator.pictures.style import STATUS
 from coordinator.results.track import Track

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from common.body import BodyModel
 from common.camera import Intrinsics
-from common.kinematics.rotations import euler_angles, euler_matrix, level_from_camera
+from common.kinematics.rotations import euler_angles, euler_matrix
+from common.level import level_from_camera
 from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
 from coordinator.results.recorded import floor_up

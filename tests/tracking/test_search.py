@@ -51,7 +51,7 @@ def person() -> BodyModel:
 @cache
 def people() -> Bodies:
     """People of any size."""
-    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def frame_of(model: BodyModel, pose: Array) -> DepthFrame:
@@ -203,7 +203,7 @@ def test_what_a_start_needs_is_made_before_the_first_frame() -> None:
 
     def build(stature: float, girth: float) -> BodyModel:
         made.append(girth)
-        return human(stature, girth)
+        return person_of_size(stature, girth)
 
     tracker = Tracker(DirectRefiner(), SETTINGS, Bodies(build, DEFAULT_ACTIVE, DEFAULT_ACTIVE))
     tracker.prepare()

@@ -24,7 +24,7 @@ from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.tracking.certainty.certainty import Certainty
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.search.verdict import weigh
 from coordinator.tracking.search.watch import Watch
@@ -280,15 +280,17 @@ def test_an_empty_frame_shows_nobody_and_it_goes_on() -> None:
     assert apart(followed.track(frames[3]), joints[3]).max() < 0.08
 
 
-def test_somebody_elsewhere_is_not_followed() -> None:
-    """When all depth is far from the body, the subject is not seen: lost, and no leap across the room."""
+@pytest.mark.parametrize(("settings", "status"), [(FOLLOWING, "lost"), (SETTINGS, "searching")])
+def test_somebody_elsewhere_is_not_followed(settings: Settings, status: Status) -> None:
+    """When all depth is far from the body, nobody is said to be tracked there, looked for or not."""
     frames, _ = shown("standing")
-    followed = tracker()
+    followed = tracker(settings)
     before = followed.track(frames[0])
     away = frame_of(1, np.where(frames[1].depth > 0, frames[1].metres() + 2.5, 0.0))
     estimate = followed.track(away)
-    assert estimate.status == "lost"
-    np.testing.assert_array_equal(estimate.pose, before.pose)
+    assert estimate.status == status
+    if settings is FOLLOWING:
+        np.testing.assert_array_equal(estimate.pose, before.pose)
 
 
 def test_nobody_is_there_until_somebody_comes() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from coordinator.commands.console.loading import loading
 from coordinator.commands.console.progress import Show
-from coordinator.results.people import people_in
+from coordinator.results.found_people import people_in
 from coordinator.results.track import read_track
 
 REPORT_FILE = "report.html"

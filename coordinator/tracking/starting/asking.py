@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 STEP = 0.04  # of a measure, as a share
 THICKER = 0.1  # than usual, of the second body from which those of all girths are made
+BETWEEN = (1.0, 1.0 + THICKER)  # girths of these two
 ROUNDS = 4  # of ICP for each body
 CELL = 5.0 / (18.0 * np.sqrt(3.0))
 """Mean square distance of points of a surface from the nearest of its vertices, of the area of each."""
@@ -62,7 +63,7 @@ class Sizes:
 
 def sizes_of(bodies: Bodies, values: Mapping[str, float]) -> Sizes:
     """All sizes of a body of which what does not move is held at these values."""
-    usual, thick = (bodies.tracked(REFERENCE_STATURE, girth, values)[0] for girth in (1.0, 1.0 + THICKER))
+    usual, thick = (bodies.tracked(REFERENCE_STATURE, girth, values)[0] for girth in BETWEEN)
     return Sizes(values, usual, thick)
 
 
@@ -79,6 +80,11 @@ class Asker:
         self._refiner = refiner
         self._variants: Variants | None = None
         self._sizes: Sizes | None = None
+
+    def prepare(self) -> None:
+        """Make what the first question needs, so that no frame has to wait for it."""
+        for girth in BETWEEN if self._bodies.people and self._bodies.measures is None else ():
+            self._bodies.full(REFERENCE_STATURE, girth)
 
     def can_ask(self, start: Start) -> bool:
         """Whether the body comes in sizes, and is free to be placed anew for each."""
