@@ -90,6 +90,7 @@ def test_bent_and_badly_explained_frames_count_less() -> None:
     assert weigh_frame(1.0, -5.0) == 1.0
     assert weigh_frame(bent, -5.0) < 0.1
     assert weigh_frame(1.0, -20.0) == pytest.approx(0.5)
+    assert type(weigh_frame(1.0, np.float64(-20.0))) is float  # or the run could not be recorded
 
 
 @pytest.mark.parametrize(("stature", "girth"), [(1.82, 1.15), (1.60, 0.9)])

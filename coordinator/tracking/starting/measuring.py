@@ -106,4 +106,4 @@ def weigh_frame(upright: float, log_likelihood: float) -> float:
     """What a frame counts: 1 for one that shows an upright body and is well explained."""
     bent, straight = UPRIGHT
     share = float(np.clip((upright - bent) / (straight - bent), BENT, 1.0))
-    return share * min(1.0, EXPLAINED / min(log_likelihood, EXPLAINED))
+    return float(share * min(1.0, EXPLAINED / min(log_likelihood, EXPLAINED)))
