@@ -32,6 +32,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
     walls = view.planes.coefficients[1 if view.planes.has_floor else 0 :]
     down = -view.up
     return {
+        "frame_looked_at": view.number,
         "floor": None
         if height is None
         else {
@@ -42,7 +43,6 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
         "room": view.furnished,
         "noise_mm": round(1000.0 * float(view.noise.sigma(np.array([2.0]))[0]), 1),
-        "people_in_frame": view.number,
         "people": [describe_candidate(each) for each in found],
     }
 

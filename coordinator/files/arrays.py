@@ -87,4 +87,4 @@ def read_arrays(path: Path) -> ArrayFile:
     except (IsADirectoryError, PermissionError) as error:
         raise InputError(f"cannot read {path}: {error.strerror}; check the path") from None
     except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
-        raise InputError(f"{path} is damaged or no .npz file; make it again") from error
+        raise InputError(f"{path} is damaged or no .npz file; make it again or give an .npz file") from error

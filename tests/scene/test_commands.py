@@ -51,7 +51,7 @@ def test_info_shows_floor_wall_and_who_comes(
     assert facts["floor"]["camera_height_m"] == pytest.approx(HEIGHT, abs=0.02)
     assert abs(facts["floor"]["pitch_deg"]) < 1.0
     assert facts["walls_m"] == [pytest.approx(3.6, abs=0.05)]
-    assert facts["people_in_frame"] == 2
+    assert facts["frame_looked_at"] == 2
     (found,) = facts["people"]
     assert found["distance_m"] == pytest.approx(2.5, abs=0.15)
     with Image.open(picture) as image:

@@ -12,7 +12,7 @@ from coordinator.results.evaluation import evaluate
 from coordinator.results.summary import read_summary
 from coordinator.results.track import read_track
 
-HEADS = ("recording", "frames", "tracked", "seconds", "joints off", "")
+HEADS = ("recording", "frames", "tracked", "seconds", "joint error", "")
 UNKNOWN = "-"
 
 
