@@ -128,6 +128,7 @@ def gepf(
     debug: Annotated[
         bool, typer.Option("--debug", help="Show where an error arose; so does GEPF_DEBUG=1.")
     ] = False,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
 ) -> None:
     """Track a body through depth images, following many pose hypotheses at once.
 
@@ -135,6 +136,11 @@ def gepf(
     """
     if debug:
         os.environ[DEBUG] = "1"
+    if version:
+        from importlib import metadata
+
+        typer.echo(f"gepf {metadata.version('gepf')}")
+        raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
     else:

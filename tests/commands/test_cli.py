@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -327,3 +328,9 @@ def test_export_writes_the_file_that_was_asked_for(tracked: Tracked, tmp_path: P
     tracked()
     assert main(["export", str(tmp_path / "out"), "--to", "csv", "--out", str(tmp_path / "x.csv")]) == 0
     assert (tmp_path / "x.csv").read_bytes() == (tmp_path / "out" / "poses.csv").read_bytes()
+
+
+def test_the_version_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """`gepf --version` prints what is installed, and does nothing else."""
+    assert main(["--version"]) == 0
+    assert re.fullmatch(r"gepf \d+\.\d+\.\d+\n", capsys.readouterr().out)
