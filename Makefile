@@ -20,7 +20,7 @@ demo: setup ## people who move fast, tracked with one particle and with many; ta
 	$(BIN)/gepf demo --out demo
 
 test: setup ## the tests, on two cores; kernels are compiled before
-	$(BIN)/python -m tests.support.warm_kernel
+	$(BIN)/python -m tests.support.kernel.warm_kernel
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 test-slow: setup ## the tests that take long

@@ -12,10 +12,10 @@ from rich.console import Console
 
 from benchmarks.choices import settings_with
 from benchmarks.forks import Crash, run_forked
-from benchmarks.report import Results, report
+from benchmarks.real_people.report import Results, report
+from benchmarks.real_people.tables import accuracy_cells, show
 from benchmarks.scores import score_recording
 from benchmarks.sequences import Recording, choose, find_recordings
-from benchmarks.tables import accuracy_cells, show
 from benchmarks.tracking import Tracked, prepare, track
 from common.settings import Settings
 from coordinator.files.atomic import write_atomically

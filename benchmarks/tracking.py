@@ -20,7 +20,7 @@ from coordinator.commands.track import choose_start
 from coordinator.results.summary import count_status
 from coordinator.sources import open_source
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.isolation import Isolation
+from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.search.sizes import GIRTHS
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner

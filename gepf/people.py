@@ -18,8 +18,8 @@ from coordinator.bodies.human.mpeg4 import HUMAN
 from coordinator.filters.methods import apply_method
 from coordinator.results.model_file import TrackedBody
 from coordinator.results.people import person_folder
-from coordinator.results.recorded import assemble, floor_up
-from coordinator.results.saving import save_run
+from coordinator.results.recording.recorded import assemble, floor_up
+from coordinator.results.recording.saving import save_run
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import follow_all

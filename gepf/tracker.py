@@ -25,8 +25,8 @@ from coordinator.filters.methods import apply_method
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.model_file import TrackedBody
-from coordinator.results.recorded import assemble, certainty_of, floor_up
-from coordinator.results.saving import save_run
+from coordinator.results.recording.recorded import assemble, certainty_of, floor_up
+from coordinator.results.recording.saving import save_run
 from coordinator.security.tls import TlsFiles, choose_security
 from coordinator.sources.arrays import camera_of, whole_depth
 from coordinator.sources.camera_file import DEFAULT_FPS

@@ -25,7 +25,7 @@ from benchmarks.sequences import Recording, find_people
 from benchmarks.tracking import prepare
 from common.errors import InputError
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.versions import versions
+from coordinator.results.configuration.versions import versions
 from coordinator.tracking.certainty.assessment import table
 from coordinator.tracking.certainty.fitted import DEVIATION, PROBABILITY
 

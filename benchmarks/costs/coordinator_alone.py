@@ -19,8 +19,8 @@ from common.refinement import Refined
 from common.settings import RefineSettings, preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.recorder import Recorder
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.results.recording.recorder import Recorder
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.tracker import Tracker
 
 SCATTER = 0.03  # radians and metres by which the pretended descent ends apart, so that there is work to merge

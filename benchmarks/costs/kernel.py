@@ -23,8 +23,8 @@ from benchmarks.costs.standing import CAMERA, Case, standing
 from benchmarks.costs.timing import machine, stay_on_one_core, take_turns
 from common.camera import Intrinsics
 from common.settings import RefineSettings, preset
-from coordinator.tracking.sensor_noise import SensorNoise
-from tests.support import plain_path
+from coordinator.tracking.observing.sensor_noise import SensorNoise
+from tests.support.kernel import plain_path
 from worker.kernel.job import refine
 
 POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS, SEED = 10_000, 3, 51, 3, 0

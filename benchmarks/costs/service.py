@@ -38,7 +38,7 @@ from common.settings import RefineSettings, preset
 from coordinator.pool.local_workers import COMMAND
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 from worker.lanes import Lanes
 from worker.side_by_side import SideBySide
 

@@ -13,7 +13,7 @@ from benchmarks.costs.standing import standing
 from common.settings import preset
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 POINTS = 5_000
 

@@ -13,7 +13,7 @@ from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.synthesis.scenes.scene import Scene
 from coordinator.synthesis.sequence import DEPTH_SCALE, render, to_units
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.synthesis.scenes.arm import MOVING
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from worker.kernel.packing import pack_parameters
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)

@@ -9,8 +9,8 @@ import msgspec
 from benchmarks.costs.timing import machine
 from benchmarks.paper.bound import Bound
 from benchmarks.paper.scores import RowScore
-from coordinator.results.versions import versions
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.results.configuration.versions import versions
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 
 class Bounds(msgspec.Struct, frozen=True):

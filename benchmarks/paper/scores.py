@@ -12,7 +12,7 @@ from benchmarks.paper.matrix import Row
 from benchmarks.paper.runs import Run
 from common.settings import Settings
 from coordinator.results.evaluation import LOST_M, Errors, lost_from, to_the_end
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame, SubjectFrame
-from coordinator.tracking.isolation import Isolated, Isolation
+from coordinator.tracking.observing.isolation import Isolated, Isolation
 
 Mask = NDArray[np.bool_]
 

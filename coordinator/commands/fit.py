@@ -26,7 +26,7 @@ from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import select_frames
-from coordinator.tracking.isolation import Isolation, PosedBody
+from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.starting.fitting import MEASURES, WHOLE_FIT, Fit, Fitter, Posed, Sweeps
 from coordinator.tracking.tracker import Tracker

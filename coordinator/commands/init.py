@@ -31,10 +31,10 @@ from coordinator.pictures.sheet import tile
 from coordinator.sources import open_source
 from coordinator.sources.given import parse_given
 from coordinator.sources.source import select_frames
-from coordinator.tracking.isolation import Isolation, PosedBody
+from coordinator.tracking.observing.isolation import Isolation, PosedBody
+from coordinator.tracking.observing.sensor_noise import assume_noise, measure_noise
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.verdict import Verdict, weigh
-from coordinator.tracking.sensor_noise import assume_noise, measure_noise
 from coordinator.tracking.starting.placing import FACING_DEG, ROUNDS, YAWS_DEG, place
 from coordinator.tracking.starting.start import given_start
 from coordinator.tracking.starting.start_file import read_start, require_known

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image
 
-from coordinator.scene.candidates import Candidate, candidates
+from coordinator.scene.people.candidates import Candidate, candidates
 from coordinator.scene.scene import Scene
 from coordinator.scene.view import SceneView
 from coordinator.sources import Source

@@ -17,10 +17,10 @@ from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.exports.csv import write_csv
 from coordinator.files.atomic import write_atomically
 from coordinator.pool.options import Pool
+from coordinator.results.configuration.run_configuration import AUTOMATIC, run_configuration
 from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracked_body
-from coordinator.results.recorded import Recorded
-from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
-from coordinator.results.run_configuration import AUTOMATIC, run_configuration
+from coordinator.results.recording.recorded import Recorded
+from coordinator.results.recording.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.summary import describe_failure, describe_status, mostly_tracked, summarise
 from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
@@ -28,8 +28,8 @@ from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
 from coordinator.sources.pictures.colour_folder import ColourFolder
 from coordinator.sources.source import select_frames
-from coordinator.tracking.isolation import Isolation
 from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker

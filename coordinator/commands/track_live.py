@@ -18,13 +18,13 @@ from coordinator.commands.results_stream import open_results
 from coordinator.commands.track import conclude, describe_pool, write_results
 from coordinator.commands.workers import Connect, ListeningRefiner
 from coordinator.files.names import HYPOTHESES_FILE
-from coordinator.results.recorded import Recorded
-from coordinator.results.recorder import Recorder
-from coordinator.results.run_configuration import AUTOMATIC, live_run_configuration
+from coordinator.results.configuration.run_configuration import AUTOMATIC, live_run_configuration
+from coordinator.results.recording.recorded import Recorded
+from coordinator.results.recording.recorder import Recorder
 from coordinator.results.track import filled, read_track
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
-from coordinator.tracking.isolation import Isolation, prepare
+from coordinator.tracking.observing.isolation import Isolation, prepare
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 

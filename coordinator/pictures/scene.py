@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from coordinator.pictures.shading import shade_depth
-from coordinator.scene.candidates import Candidate
-from coordinator.scene.room import PLANE, mark_room
+from coordinator.scene.people.candidates import Candidate
+from coordinator.scene.room.marks import PLANE, mark_room
 from coordinator.scene.view import SceneView
 
 FLOOR, WALL = (70, 150, 90), (80, 110, 170)  # tints

@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 from common.errors import ProtocolError
 from common.protocol import keys
 from common.protocol.messages import encode_request
-from coordinator.pool.events import (
+from coordinator.pool.dispatch.events import (
     Accept,
     Done,
     Ended,
@@ -28,9 +28,9 @@ from coordinator.pool.events import (
     WorkerJoined,
     WorkerLeft,
 )
+from coordinator.pool.dispatch.scheduler import Scheduler
 from coordinator.pool.refinement import Refinement
 from coordinator.pool.replies import Reply, read_refusal
-from coordinator.pool.scheduler import Scheduler
 from coordinator.pool.worker_registry import WorkerRegistry
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from common.errors import ProtocolError
 from common.protocol.messages import decode_refusal
-from coordinator.pool.events import Ended, Event, Refused, Unavailable
+from coordinator.pool.dispatch.events import Ended, Event, Refused, Unavailable
 
 
 @dataclass(frozen=True, slots=True)

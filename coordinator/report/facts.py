@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from coordinator.results.nested import flatten
+from coordinator.results.configuration.nested import flatten
 from coordinator.results.track import Track
 from coordinator.tracking.estimate import Status
 

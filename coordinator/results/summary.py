@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 
 from common.errors import InputError
-from coordinator.results.versions import versions
+from coordinator.results.configuration.versions import versions
 from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 
 if TYPE_CHECKING:  # it brings the compiler, which takes long to load
-    from coordinator.results.recorded import Recorded
+    from coordinator.results.recording.recorded import Recorded
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN
 from coordinator.scene.nearness import CELL, Nearness, square_at, surround
 from coordinator.scene.noise import margin_at
-from coordinator.scene.room import FOREGROUND, PLANE, UNMEASURED, Depth, Lens, mark_room
+from coordinator.scene.room.marks import FOREGROUND, PLANE, UNMEASURED, Depth, Lens, mark_room
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]

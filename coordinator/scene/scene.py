@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import SUBJECT, DepthFrame
-from coordinator.scene.background import Learned, given, learn, nothing_known
-from coordinator.scene.candidates import candidates
 from coordinator.scene.cutting import Cut
 from coordinator.scene.noise import DepthNoise, fit_noise
-from coordinator.scene.planes import NONE, Planes, find_planes, follow_planes, sample
+from coordinator.scene.people.candidates import candidates
+from coordinator.scene.room.background import Learned, given, learn, nothing_known
+from coordinator.scene.room.planes import NONE, Planes, find_planes, follow_planes, sample
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]

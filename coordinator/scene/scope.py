@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coordinator.scene.limits import Limits
-from coordinator.scene.person import Person
+from coordinator.scene.people.person import Person
 
 
 @dataclass(frozen=True, slots=True, eq=False)

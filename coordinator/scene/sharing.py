@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from coordinator.scene.cutting import CLOSE, REACH, STEP, Squares, Window, find_window
 from coordinator.scene.nearness import CELL, Nearness, square_at
 from coordinator.scene.noise import margin_at
-from coordinator.scene.room import FOREGROUND, Depth, Lens, mark_room
+from coordinator.scene.room.marks import FOREGROUND, Depth, Lens, mark_room
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from coordinator.scene.noise import DepthNoise
-from coordinator.scene.planes import Planes
+from coordinator.scene.room.planes import Planes
 
 Array = NDArray[np.float64]
 

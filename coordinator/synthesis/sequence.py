@@ -27,7 +27,7 @@ from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.synthesis.scenes.person import CAMERA_HEIGHT_M, person
 from coordinator.synthesis.scenes.roam import FRAMES, roam
 from coordinator.synthesis.scenes.scene import Scene
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 ROAM, PERSON = "roam", "person"
 MOST_FRAMES = 100_000

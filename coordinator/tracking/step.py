@@ -10,7 +10,7 @@ from coordinator.filters.belief import Belief
 from coordinator.filters.proposal import Proposal
 from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.estimate import Status
-from coordinator.tracking.isolation import Isolated
+from coordinator.tracking.observing.isolation import Isolated
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.seeker import Finding
 from coordinator.tracking.state import TrackerState

@@ -22,14 +22,16 @@ from coordinator.filters.belief import Belief
 from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
-from coordinator.scene.planes import Planes
+from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.assessment import conclude, judge_evidence, recall
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.certainty.evidence import Sighted, weigh_evidence
 from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
-from coordinator.tracking.isolation import Isolation, PosedBody
 from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.observing.isolation import Isolation, PosedBody
+from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
+from coordinator.tracking.observing.sighting import distance_of, see
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.company import has_company
@@ -39,8 +41,6 @@ from coordinator.tracking.search.settling import believe
 from coordinator.tracking.search.sizes import Size
 from coordinator.tracking.search.verdict import FEWEST, weigh
 from coordinator.tracking.search.watch import CHOOSY, DOUBTFUL, GIVEN, Watch
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.sighting import distance_of, see
 from coordinator.tracking.starting.asking import Asker
 from coordinator.tracking.starting.measuring import Measured
 from coordinator.tracking.starting.start import Start, given_start, no_start

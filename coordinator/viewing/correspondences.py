@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from common.camera import back_project
 from common.frame import DepthFrame
-from coordinator.tracking.isolation import Isolation, PosedBody
+from coordinator.tracking.observing.isolation import Isolation, PosedBody
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from coordinator.pictures.skeleton import bones
 from coordinator.pictures.style import STATUS
 from coordinator.results.track import Track
 from coordinator.sources import Source
-from coordinator.tracking.isolation import Isolation, PosedBody
+from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.viewing.correspondences import Correspondences, correspond
 from coordinator.viewing.spread import ellipsoids
 

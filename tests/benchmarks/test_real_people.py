@@ -15,8 +15,8 @@ from benchmarks.choices import settings_with
 from benchmarks.command_line import DATA
 from benchmarks.comparison import Comparison, compare, compare_people, compare_skinned
 from benchmarks.forks import Crash, run_forked
-from benchmarks.real_people import main
-from benchmarks.report import Results, divide, report
+from benchmarks.real_people.__main__ import main
+from benchmarks.real_people.report import Results, divide, report
 from benchmarks.scores import accuracy, score, score_joints
 from benchmarks.sequences import Recording, choose, find_recordings
 from benchmarks.tracking import Tracked

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from coordinator.cli import main
-from coordinator.results.log import Opening, append_records
+from coordinator.results.recording.log import Opening, append_records
 from tests.support.processes.programs import wait_until
 from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 from tests.support.processes.warm_processes import start

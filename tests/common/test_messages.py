@@ -31,7 +31,7 @@ from common.protocol.messages import (
 )
 from common.protocol.wire import MAX_BYTES, MAX_REASON, PROTOCOL
 from common.refinement import Refined
-from tests.support.kinds import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request
+from tests.support.messages.kinds import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request
 from worker.warm_up import tiny_frame, tiny_model
 
 

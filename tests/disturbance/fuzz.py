@@ -46,9 +46,9 @@ from common.transport.opening import open_worker
 from common.transport.publishers import FramePublisher
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.extremes import Extremes
-from tests.support.kinds import KINDS
-from tests.support.mutator import Mutator
+from tests.support.messages.extremes import Extremes
+from tests.support.messages.kinds import KINDS
+from tests.support.messages.mutator import Mutator
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import MODEL, POSES, expected, refined_bytes, serving
 from worker.kernel.job import refine

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from coordinator.pool.workload import WINDOW
+from coordinator.pool.dispatch.workload import WINDOW
 from tests.support.processes.network import Host, Network, NotAllowed, Weather
 from tests.support.processes.warm_processes import Workers, coordinate, start
 from tests.support.small_sequence import write_small_sequence
@@ -39,7 +39,7 @@ def route(address: str) -> None:
 
 def work_slowly(endpoint: str, name: str) -> None:
     """`gepf-worker`, with a long task in each batch; says when it has done one."""
-    from tests.support.warm_kernel import KERNEL
+    from tests.support.kernel.warm_kernel import KERNEL
     from worker.cli import Identity, exit_with, serve
     from worker.connection import Destination
     from worker.service import Kernel

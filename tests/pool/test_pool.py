@@ -24,8 +24,8 @@ from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.opening import open_coordinator, open_router, open_worker
 from common.transport.requests import WAITING_REQUESTS, Arrivals, Request
+from coordinator.pool.dispatch.scheduler import REFUSALS_LEAST
 from coordinator.pool.options import Pool
-from coordinator.pool.scheduler import REFUSALS_LEAST
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.serving import (

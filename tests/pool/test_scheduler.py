@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coordinator.pool.batches import LARGEST, split
-from coordinator.pool.events import (
+from coordinator.pool.dispatch.batches import LARGEST, split
+from coordinator.pool.dispatch.events import (
     Accept,
     Done,
     Ended,
@@ -26,8 +26,8 @@ from coordinator.pool.events import (
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.scheduler import LATE_LEAST, PAUSE, Scheduler
-from coordinator.pool.workload import REST, WINDOW
+from coordinator.pool.dispatch.scheduler import LATE_LEAST, PAUSE, Scheduler
+from coordinator.pool.dispatch.workload import REST, WINDOW
 
 Table = list[tuple[float, Event, list[Instruction]]]
 

@@ -21,9 +21,9 @@ from coordinator.exports.csv import write_csv
 from coordinator.exports.recorded import read_run
 from coordinator.files.atomic import write_atomically
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.log import frame_record, read_records
-from coordinator.results.recorded import Recorded, read_log
-from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
+from coordinator.results.recording.log import frame_record, read_records
+from coordinator.results.recording.recorded import Recorded, read_log
+from coordinator.results.recording.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.track import Track, read_track
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status

@@ -8,7 +8,7 @@ import pytest
 from common.activation import activate
 from common.kinematics import joint_positions
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.results.recorded import assemble
+from coordinator.results.recording.recorded import assemble
 from coordinator.results.uncertainty import ANGLE_MISFIT, UNSEEN
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import SUBJECT
-from coordinator.scene.background import DEEPER, FIRST, NEARER
 from coordinator.scene.cutting import cut_out
+from coordinator.scene.room.background import DEEPER, FIRST, NEARER
 from coordinator.scene.scene import Scene
 from tests.support.rooms import CABINET, Room
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.limits import Limits
-from coordinator.scene.person import Person
+from coordinator.scene.people.candidates import Candidate, candidates
+from coordinator.scene.people.person import Person
 from coordinator.scene.scene import Scene
 from tests.support.rooms import CABINET, TABLE, Room
 

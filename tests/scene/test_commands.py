@@ -19,7 +19,7 @@ from coordinator.commands.options.scope import choose_scope
 from coordinator.commands.options.track_arguments import SceneOptions
 from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
-from coordinator.tracking.isolation import Isolation, PosedBody
+from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from tests.support.people import STANDING, shown
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, Room, in_a_room
 

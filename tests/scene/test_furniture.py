@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coordinator.scene.furniture import furniture
+from coordinator.scene.room.furniture import furniture
 from tests.support.rooms import CABINET, Room
 
 BESIDE, FAR = (0.75, 2.3), (-0.5, 2.6)  # before the cabinet, and away from it

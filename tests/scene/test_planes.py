@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coordinator.scene.noise import fit_noise
-from coordinator.scene.planes import Planes, find_planes, follow_planes, sample
+from coordinator.scene.room.planes import Planes, find_planes, follow_planes, sample
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Box, Room
 
 PERSON = (-0.4, 2.6)

@@ -21,9 +21,9 @@ from coordinator.tracking.certainty.assessment import conclude, judge_evidence, 
 from coordinator.tracking.certainty.certainty import FLAGGED, PROBABLE, SUSPECTED, Certainty
 from coordinator.tracking.certainty.evidence import CLUES, Sighted, weigh_evidence
 from coordinator.tracking.certainty.regions import regions_of
+from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.status import explain_doubt, judge
-from coordinator.tracking.subject import isolate
 from tests.support.people import CAMERA, STANDING, frame_of
 
 Array = NDArray[np.float64]

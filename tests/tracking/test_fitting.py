@@ -25,6 +25,7 @@ from coordinator.cli import main, on_stderr
 from coordinator.commands.fit import explained_well, run_fit
 from coordinator.commands.options.arguments import FitOptions
 from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.starting.fitting import (
     FARTHEST,
     MEASURES,
@@ -36,7 +37,6 @@ from coordinator.tracking.starting.fitting import (
     change,
     rarity,
 )
-from coordinator.tracking.subject import isolate
 from gepf.direct import DirectRefiner
 from tests.support.small_sequence import write_small_sequence
 

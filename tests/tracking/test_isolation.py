@@ -7,7 +7,7 @@ import numpy as np
 from common.frame import HIDDEN, SUBJECT
 from coordinator.scene.limits import Limits
 from coordinator.scene.scope import Scope
-from coordinator.tracking.isolation import Isolation, prepare
+from coordinator.tracking.observing.isolation import Isolation, prepare
 from tests.support.rooms import TABLE, Room
 
 PERSON = (-0.4, 2.6)

@@ -25,7 +25,7 @@ from coordinator.synthesis.scenes.roam import roam
 from coordinator.synthesis.scenes.scene import Scene
 from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 from tests.support.refined import Direct
 
 ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"

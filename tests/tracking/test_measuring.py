@@ -16,9 +16,10 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.log import Began, Entry, append_records
-from coordinator.results.recorded import read_log
+from coordinator.results.recording.log import Began, Entry, append_records
+from coordinator.results.recording.recorded import read_log
 from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
     ENOUGH,
@@ -29,7 +30,6 @@ from coordinator.tracking.starting.measuring import (
     weigh_frame,
 )
 from coordinator.tracking.starting.start import Start
-from coordinator.tracking.subject import isolate
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown

@@ -9,9 +9,9 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
 from coordinator.filters.sighting import LONGEST_MOTION, USUAL_INTERVAL, Sighting
+from coordinator.tracking.observing.sighting import see
+from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.pace import pace_iterations
-from coordinator.tracking.sighting import see
-from coordinator.tracking.subject import isolate
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 

@@ -19,13 +19,13 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf.reading import read_urdf
 from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.search.candidates import look_straight, most_alike
 from coordinator.tracking.search.library import Library, any_turns, draw_any, draw_people, look_at
 from coordinator.tracking.search.search import QUICK, THOROUGH, Effort, Found, Search
 from coordinator.tracking.search.signature import BOUND, CELL, COLUMNS, EMPTY, ROWS, compare, sign
 from coordinator.tracking.search.sizes import Size, taller_and_shorter, vary
 from coordinator.tracking.search.stages import Standing, thin
-from coordinator.tracking.subject import isolate
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS, shown

@@ -21,7 +21,12 @@ from coordinator.scene.noise import DepthNoise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import arm
 from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise, outline_deviation
+from coordinator.tracking.observing.sensor_noise import (
+    SensorNoise,
+    assume_noise,
+    measure_noise,
+    outline_deviation,
+)
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
 DEFAULT = preset("default").refine

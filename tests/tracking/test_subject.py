@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from common.camera import Intrinsics, back_project
 from common.frame import DepthFrame
-from coordinator.tracking.subject import CLEARANCE, first_from, isolate
+from coordinator.tracking.observing.subject import CLEARANCE, first_from, isolate
 
 
 @settings(deadline=None, max_examples=30)

@@ -25,12 +25,12 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
+from coordinator.tracking.observing.subject import CLEARANCE, isolate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.search.verdict import weigh
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import judge
-from coordinator.tracking.subject import CLEARANCE, isolate
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner, DirectRequest
 from tests.support.people import (

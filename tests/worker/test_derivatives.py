@@ -13,7 +13,7 @@ from common.body import BodyModel
 from common.kinematics import difference, pose_vertices, step_axes
 from common.kinematics.rotations import euler_matrix
 from tests.support.bodies import moves, puppet
-from tests.support.finite_differences import tangents
+from tests.support.kernel.finite_differences import tangents
 from worker.kernel.robust import robust_cost, robust_weight
 from worker.kernel.solver.normal_equations import jacobian_matrix
 from worker.kernel.solver.priors import add_limit_prior, add_rest_prior, euler_rates

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.kinematics import dof_transforms, pose_vertices, retract
 from common.settings import RefineSettings
-from tests.support import plain_path
 from tests.support.bodies import puppet
-from tests.support.finite_differences import tangents
-from tests.support.kernel_cases import (
+from tests.support.kernel import plain_path
+from tests.support.kernel.finite_differences import tangents
+from tests.support.kernel.kernel_cases import (
     DEFAULT,
     PAPER,
     POINTS,

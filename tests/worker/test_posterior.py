@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from common.body import ROTATION, BodyModel
 from common.kinematics import retract
 from common.settings import RefineSettings
-from tests.support import plain_path
 from tests.support.bodies import puppet
-from tests.support.kernel_cases import DEFAULT, SETTINGS, TRUTH, subject
+from tests.support.kernel import plain_path
+from tests.support.kernel.kernel_cases import DEFAULT, SETTINGS, TRUTH, subject
 from worker.kernel.job import refine
 from worker.kernel.observation import observe
 from worker.kernel.solver.priors import LIMIT_SHARE

@@ -13,10 +13,10 @@ from numba.core.dispatcher import Dispatcher
 
 from common.camera import Intrinsics
 from common.kinematics import retract
-from coordinator.tracking.subject import isolate
-from tests.support import plain_path
+from coordinator.tracking.observing.subject import isolate
 from tests.support.bodies import person, puppet
-from tests.support.kernel_cases import (
+from tests.support.kernel import plain_path
+from tests.support.kernel.kernel_cases import (
     DEFAULT,
     PAPER,
     POINTS,

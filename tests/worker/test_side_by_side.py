@@ -11,7 +11,7 @@ import pytest
 from common.errors import ProtocolError
 from common.refinement import Refined
 from tests.support.bodies import hinges, puppet
-from tests.support.kernel_cases import DEFAULT, PAPER, starts, subject
+from tests.support.kernel.kernel_cases import DEFAULT, PAPER, starts, subject
 from worker.kernel.job import refine
 from worker.kernel.observation import BLOCK, observe
 from worker.lanes import Lanes

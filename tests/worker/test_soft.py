@@ -20,8 +20,8 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.tracking.sensor_noise import SensorNoise
-from coordinator.tracking.subject import isolate
+from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.observing.subject import isolate
 from worker.kernel.icp import sample_pose
 from worker.kernel.job import refine
 from worker.kernel.likelihood import mean_log_density

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from common.body import ROOT_DOFS, BodyModel
-from tests.support import plain_path
 from tests.support.bodies import person, puppet
-from tests.support.kernel_cases import (
+from tests.support.kernel import plain_path
+from tests.support.kernel.kernel_cases import (
     DEFAULT,
     POINTS,
     SETTINGS,

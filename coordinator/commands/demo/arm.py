@@ -23,7 +23,7 @@ from coordinator.results.track import read_track
 from coordinator.results.truth import read_truth
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.sequence import synthesise
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 NOISE = SensorNoise(depth=0.15, lateral=0.01)
 FRAMES = 110

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from coordinator.results.digest import PATH
-from coordinator.results.run_configuration import GIVEN
+from coordinator.results.configuration.digest import PATH
+from coordinator.results.configuration.run_configuration import GIVEN
 from coordinator.results.summary import read_summary
 from coordinator.sources import Source, open_source
 from coordinator.sources.given import Given

@@ -13,7 +13,7 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.commands.options.track_arguments import SceneOptions
 from coordinator.scene.limits import Limits
-from coordinator.scene.person import WAYS, Person
+from coordinator.scene.people.person import WAYS, Person
 from coordinator.scene.scope import Scope, up_in_picture
 from coordinator.sources import Source, open_source
 from coordinator.sources.pictures.depth_picture import read_depth

@@ -18,7 +18,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.isolation import Isolated
+from coordinator.tracking.observing.isolation import Isolated
 from coordinator.tracking.people.division import Divided, Division, Offer
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.state import TrackerState

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
-from coordinator.scene.background import AWAY
-from coordinator.scene.candidates import candidates
 from coordinator.scene.cutting import REACH, Cut, cut_mask, cut_out
 from coordinator.scene.nearness import Nearness, surround
+from coordinator.scene.people.candidates import candidates
+from coordinator.scene.room.background import AWAY
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
 from coordinator.scene.sharing import share, within
 from coordinator.scene.view import SceneView
-from coordinator.tracking.isolation import PosedBody
+from coordinator.tracking.observing.isolation import PosedBody
+from coordinator.tracking.observing.subject import subject_of
 from coordinator.tracking.search.company import EXPLAINED
-from coordinator.tracking.subject import subject_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

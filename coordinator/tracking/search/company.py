@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.nearness import surround
+from coordinator.scene.people.candidates import Candidate, candidates
 from coordinator.scene.sharing import within
 from coordinator.scene.view import SceneView
 

@@ -20,7 +20,7 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies
-from coordinator.scene.planes import Planes
+from coordinator.scene.room.planes import Planes
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.candidates import Alike, join, most_alike
 from coordinator.tracking.search.library import Library, any_library, people_library

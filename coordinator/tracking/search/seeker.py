@@ -18,7 +18,8 @@ from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings, preset
 from coordinator.bodies.tracked import Bodies
-from coordinator.scene.planes import Planes
+from coordinator.scene.room.planes import Planes
+from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.search import (
     QUICK,
@@ -40,7 +41,6 @@ from coordinator.tracking.search.verdict import (
     doubt_span,
     weigh,
 )
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.starting.start import Start, found_start, poses_of
 
 Array = NDArray[np.float64]

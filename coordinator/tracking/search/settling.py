@@ -11,9 +11,9 @@ from common.frame import SubjectFrame
 from common.settings import FilterSettings, RefineSettings
 from coordinator.filters import gradient_enhanced
 from coordinator.filters.gradient_enhanced import Hypotheses
+from coordinator.tracking.observing.sighting import see
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.stages import Standing, refine
-from coordinator.tracking.sighting import see
 
 SEED = 0  # of the rounds, whatever the run's: a search draws nothing from the tracker's generator
 

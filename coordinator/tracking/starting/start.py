@@ -12,8 +12,8 @@ from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
+from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.search.search import Found
-from coordinator.tracking.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 

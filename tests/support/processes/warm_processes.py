@@ -20,7 +20,7 @@ CONTEXT.set_forkserver_preload(
     [
         "tests.support.processes.bare_gepf",
         "tests.support.processes.instant_worker",
-        "tests.support.warm_kernel",
+        "tests.support.kernel.warm_kernel",
     ]
 )
 
@@ -47,7 +47,7 @@ def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
 
 def work(endpoints: tuple[str, ...], name: str, lanes: int = 1) -> None:
     """`gepf-worker`."""
-    from tests.support.warm_kernel import kernel_on
+    from tests.support.kernel.warm_kernel import kernel_on
     from worker.cli import Identity, exit_with, serve
     from worker.connection import Destination
 

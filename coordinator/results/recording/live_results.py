@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from coordinator.bodies.angles import angles_of
-from coordinator.results.recorded import assemble
+from coordinator.results.recording.recorded import assemble
 from coordinator.tracking.estimate import Estimate
 
 VERSION = 1

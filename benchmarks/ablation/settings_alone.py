@@ -27,7 +27,7 @@ from benchmarks.tracking import prepare, track
 from common.errors import InputError
 from common.settings import PRESETS, Settings
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.versions import versions
+from coordinator.results.configuration.versions import versions
 
 WHOLE = "all of preset default"
 

@@ -12,9 +12,9 @@ from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
 from common.settings import RefineSettings, preset
-from coordinator.tracking.subject import isolate
-from tests.support import plain_path
+from coordinator.tracking.observing.subject import isolate
 from tests.support.bodies import puppet
+from tests.support.kernel import plain_path
 from worker.kernel.observation import observe
 from worker.kernel.packing import pack_observation
 from worker.kernel.surface import order_vertices, pack_model

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.camera import back_project
 from coordinator.scene.noise import margin_at
-from coordinator.scene.room import Depth
+from coordinator.scene.room.marks import Depth
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]

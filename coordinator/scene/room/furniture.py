@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame
-from coordinator.scene.candidates import FLAT, foreground, spread_of
-from coordinator.scene.components import Component, components, largest_plane
+from coordinator.scene.people.candidates import FLAT, foreground, spread_of
+from coordinator.scene.people.components import Component, components, largest_plane
 from coordinator.scene.scene import Scene
 from coordinator.scene.view import SceneView
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.report import People, Report, Skinned
+from benchmarks.real_people.report import People, Report, Skinned
 from benchmarks.scores import Accuracy, Marks, Score
 from benchmarks.utd import ACTIONS
 

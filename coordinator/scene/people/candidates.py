@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.scene.components import Component, components, largest_plane, united
 from coordinator.scene.noise import LEAST
-from coordinator.scene.room import FOREGROUND, mark_room
+from coordinator.scene.people.components import Component, components, largest_plane, united
+from coordinator.scene.room.marks import FOREGROUND, mark_room
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]

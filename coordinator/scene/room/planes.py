@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
-from coordinator.scene.floor import is_surface, level_plane
 from coordinator.scene.noise import DepthNoise, margin_at
+from coordinator.scene.room.floor import is_surface, level_plane
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

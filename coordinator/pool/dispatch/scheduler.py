@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
-from coordinator.pool.batches import split
-from coordinator.pool.events import (
+from coordinator.pool.dispatch.batches import split
+from coordinator.pool.dispatch.events import (
     Accept,
     Done,
     Ended,
@@ -35,7 +35,7 @@ from coordinator.pool.events import (
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.workload import (
+from coordinator.pool.dispatch.workload import (
     PACES,
     WINDOW,
     Batch,

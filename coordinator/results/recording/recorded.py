@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from coordinator.bodies.angles import angles_of
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.log import Began, Entry, Opening, Resumed, read_records
-from coordinator.results.run_configuration import RunConfiguration
+from coordinator.results.configuration.run_configuration import RunConfiguration
+from coordinator.results.recording.log import Began, Entry, Opening, Resumed, read_records
 from coordinator.results.track import Track
 from coordinator.results.uncertainty import with_angles
-from coordinator.scene.planes import Planes
+from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate

@@ -11,12 +11,12 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
-from coordinator.scene.candidates import candidates
 from coordinator.scene.cutting import Cut, cut_mask, cut_out
+from coordinator.scene.people.candidates import candidates
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
 from coordinator.scene.view import SceneView
-from coordinator.tracking.subject import isolate, subject_of
+from coordinator.tracking.observing.subject import isolate, subject_of
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coordinator.scene.candidates import Candidate
+from coordinator.scene.people.candidates import Candidate
 from coordinator.scene.view import SceneView
 
 MOVED = 0.2  # least share of pixels before a background that is known, of somebody who moved

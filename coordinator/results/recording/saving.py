@@ -9,10 +9,10 @@ import msgspec
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.files.atomic import write_atomically
+from coordinator.results.configuration.versions import versions
 from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracked_body
 from coordinator.results.summary import STATUSES, SUMMARY_FILE
 from coordinator.results.track import TRACK_FILE, Track, write_track
-from coordinator.results.versions import versions
 
 
 def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) -> None:

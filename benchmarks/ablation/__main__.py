@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the table, keep the numbers."""
     chosen = parse(arguments)
     one_thread_each()
-    from benchmarks.settings_alone import Choice, measure
+    from benchmarks.ablation.settings_alone import Choice, measure
 
     return measured("ablation", measure, Choice(**vars(chosen)))
 

@@ -16,10 +16,10 @@ from common.errors import InputError
 from coordinator.files.atomic import sync_folder, write_atomically
 from coordinator.files.names import LOG_FILE
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.log import Began, Entry, Opening, Record, Resumed, append_records
+from coordinator.results.configuration.run_configuration import RunConfiguration, differences
 from coordinator.results.model_file import MODEL_FILE
-from coordinator.results.recorded import Recorded, assemble, read_log, up_of
-from coordinator.results.run_configuration import RunConfiguration, differences
+from coordinator.results.recording.log import Began, Entry, Opening, Record, Resumed, append_records
+from coordinator.results.recording.recorded import Recorded, assemble, read_log, up_of
 from coordinator.results.summary import SUMMARY_FILE
 from coordinator.results.track import TRACK_FILE, Track, write_track
 from coordinator.tracking.estimate import Estimate

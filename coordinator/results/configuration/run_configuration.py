@@ -12,9 +12,9 @@ import msgspec
 
 from common.frame import DepthFrame
 from common.settings import Settings
-from coordinator.results.digest import LETTERS, PATH, digest, digest_frame
-from coordinator.results.nested import flatten
-from coordinator.results.versions import versions
+from coordinator.results.configuration.digest import LETTERS, PATH, digest, digest_frame
+from coordinator.results.configuration.nested import flatten
+from coordinator.results.configuration.versions import versions
 from coordinator.scene.scope import Scope
 from coordinator.sources.given import NOTHING, Given
 

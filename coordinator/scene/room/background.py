@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from coordinator.scene.nearness import CELL, Nearness, square_at
 from coordinator.scene.noise import margin_at
-from coordinator.scene.room import TWO_SAMPLES, Depth, Lens
+from coordinator.scene.room.marks import TWO_SAMPLES, Depth, Lens
 
 DEEPER, NEARER = 3, 30  # frames
 FIRST = 5  # where nothing was known and what is seen hangs together with the body

@@ -1,0 +1,1 @@
+"""How well real people are tracked."""

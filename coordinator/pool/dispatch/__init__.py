@@ -1,0 +1,1 @@
+"""Who refines what: events in, instructions out; pure."""

@@ -1,0 +1,1 @@
+"""Who may be a person in a scene, and which of them is meant."""

@@ -1,0 +1,1 @@
+"""What stands still before the camera: floor, walls, background and furniture."""
