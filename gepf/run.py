@@ -162,7 +162,7 @@ class Run:
 
     def plot(self, names: Iterable[str] | None = None) -> Figure:
         """A figure of angles (`names`, or all) in degrees over seconds, each with its deviation."""
-        from coordinator.report.angles import plot_angles
+        from coordinator.pictures.angles import plot_angles
 
         chosen = self.angle_names if names is None else tuple(names)
         for name in chosen:

@@ -8,18 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, Template, select_autoescape
-from markupsafe import Markup
 
 from common.errors import InputError
 from coordinator.files.atomic import write_atomically
 from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
-from coordinator.report.angles import draw_angles, group_angles
+from coordinator.report.angles import draw_angles
 from coordinator.report.doubts import find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
 from coordinator.report.ranges import list_ranges
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.summary import read_summary
-from coordinator.results.track import Track, filled
+from coordinator.results.track import Track
 
 TEMPLATE = "page.html.j2"
 PICTURES = (ANIMATION_FILE, FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
@@ -64,10 +63,7 @@ def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
         leaps=find_leaps(track),
         ranges=list_ranges(track),
         pictures={name: embed(run / name) for name in PICTURES},
-        angles=[
-            (group, Markup(draw_angles(filled(track), names)))
-            for group, names in group_angles(track.angle_names or ())
-        ],
+        angles=draw_angles(track),
         stages=describe_stages(summary),
         settings=list_settings(summary.get("settings", {})),
         whole=json.dumps(summary, indent=2),

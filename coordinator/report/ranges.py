@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.report.angles import SIDES, group_angles
+from coordinator.report.groups import SIDES, group_angles
 from coordinator.results.track import Track
 
 

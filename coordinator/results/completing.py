@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from coordinator.bodies.angles import angles_of
 from coordinator.results.model_file import MODEL_FILE, read_tracked_body
 from coordinator.results.track import Track, read_track
-from coordinator.results.uncertainty import with_angles
 
 
 def read_track_with_angles(folder: Path) -> Track:
@@ -18,5 +16,8 @@ def read_track_with_angles(folder: Path) -> Track:
     track = read_track(folder)
     if track.angle is not None or not (folder / MODEL_FILE).exists():
         return track
+    from coordinator.bodies.angles import angles_of
+    from coordinator.results.uncertainty import with_angles
+
     body = read_tracked_body(folder)
     return with_angles(track, angles_of(body.model, body.held, track.up))

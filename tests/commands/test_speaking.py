@@ -125,7 +125,7 @@ def test_track_says_at_once_what_it_does(sequence: Path, tmp_path: Path) -> None
     ("command", "unused"),
     [
         (("export", "{run}", "--to", "csv", "--out", "{run}/x.csv"), ("numba", "matplotlib", "scipy.signal")),
-        (("report", "{run}/none"), ("numba", "matplotlib", "scipy")),
+        (("report", "{run}"), ("numba", "matplotlib", "scipy")),
         (("evaluate", "{run}", "--truth", "{run}/none.npz"), ("open3d", "matplotlib")),
         (("model", "dofs"), ("numba", "scipy")),
         (("pictures", "{run}/none"), ("matplotlib",)),
