@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-SECURITY, OUTPUT = "Security", "Output"
 FORMATS = (
     "Folder of PNG, TUM folder, stereo pairs, PLY or PCD clouds, Azure Kinect .mkv, ROS or RealSense bag, "
     "numpy .npz or .npy, UTD-MHAD .mat"
 )
 
+security_option = partial(typer.Option, rich_help_panel="Security")
+output_option = partial(typer.Option, rich_help_panel="Output")
+
 Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a file of gepf fit.")]
 Recording = Annotated[Path, typer.Argument(metavar="SEQ", help=f"{FORMATS}.")]
 Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Show no progress; errors stay.", rich_help_panel=OUTPUT)
-]
+Quiet = Annotated[bool, output_option("--quiet", "-q", help="Show no progress; errors stay.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +29,10 @@ class CameraOptions:
     """What a recording does not say of its camera, or says wrongly."""
 
     intrinsics: Annotated[
-        str | None,
-        typer.Option(metavar="fx,fy,cx,cy", help="The camera, pixels (default: as recorded)."),
+        str | None, typer.Option(metavar="fx,fy,cx,cy", help="The camera, pixels (default: as recorded).")
     ] = None
     depth_scale: Annotated[
-        float | None,
-        typer.Option(metavar="N", help="Units of depth per metre (default: as recorded)."),
+        float | None, typer.Option(metavar="N", help="Units of depth per metre (default: as recorded).")
     ] = None
 
 
@@ -45,24 +44,13 @@ class SecurityOptions:
     """How connections are protected."""
 
     tls_ca: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Certificate of who signs all certificates.", rich_help_panel=SECURITY
-        ),
+        Path | None, security_option(metavar="FILE", help="Certificate of who signs all certificates.")
     ] = None
-    tls_cert: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Our own certificate.", rich_help_panel=SECURITY)
-    ] = None
-    tls_key: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The certificate's key.", rich_help_panel=SECURITY)
-    ] = None
+    tls_cert: Annotated[Path | None, security_option(metavar="FILE", help="Our own certificate.")] = None
+    tls_key: Annotated[Path | None, security_option(metavar="FILE", help="The certificate's key.")] = None
     insecure: Annotated[
         bool,
-        typer.Option(
-            "--insecure",
-            help="Listen without encryption, to whoever connects, on any network.",
-            rich_help_panel=SECURITY,
-        ),
+        security_option("--insecure", help="Listen without encryption, to whoever connects, on any network."),
     ] = False
 
 
@@ -85,9 +73,7 @@ class FitOptions:
     ] = None
     camera: CameraOptions = RECORDED_CAMERA
     quiet: Quiet = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the measures, one JSON object.", rich_help_panel=OUTPUT)
-    ] = False
+    as_json: Annotated[bool, output_option("--json", help="Print the measures, one JSON object.")] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,13 +133,11 @@ class ExportOptions:
 
     run: Run
     form: Annotated[
-        str,
-        typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf, bap or json."),
+        str, typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf, bap or json.")
     ]
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
     smooth: Annotated[
-        float | None,
-        typer.Option(metavar="HZ", help="Low pass without delay, e.g. 6 (default: as tracked)."),
+        float | None, typer.Option(metavar="HZ", help="Low pass without delay, e.g. 6 (default: as tracked).")
     ] = None
     force: Force = False
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -10,14 +11,17 @@ import typer
 
 from coordinator.commands.options.arguments import (
     FORMATS,
-    OUTPUT,
     RECORDED_CAMERA,
     CameraOptions,
     Quiet,
     SecurityOptions,
+    output_option,
 )
 
-INPUT, SCENE, METHOD, WORKERS = "Input", "Scene", "Method", "Workers"
+input_option = partial(typer.Option, rich_help_panel="Input")
+scene_option = partial(typer.Option, rich_help_panel="Scene")
+method_option = partial(typer.Option, rich_help_panel="Method")
+worker_option = partial(typer.Option, rich_help_panel="Workers")
 
 RecordingsOrStream = Annotated[
     list[Path],
@@ -35,58 +39,38 @@ class InputOptions:
     sequences: RecordingsOrStream
     dof: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Move only these, hold the rest; joints: all but the root.",
-            rich_help_panel=INPUT,
-        ),
+        input_option(metavar="NAME,...", help="Move only these, hold the rest; joints: all but the root."),
     ] = None
     model: Annotated[
-        str,
-        typer.Option(
-            metavar="human|FILE",
-            help="Body to track: a URDF file, or one of gepf fit.",
-            rich_help_panel=INPUT,
-        ),
+        str, input_option(metavar="human|FILE", help="Body to track: a URDF file, or one of gepf fit.")
     ] = "human"
     init: Annotated[
         str | None,
-        typer.Option(
-            metavar="auto|FILE",
-            help="Pose to start from (default: SEQ/init.json, else auto).",
-            rich_help_panel=INPUT,
-        ),
+        input_option(metavar="auto|FILE", help="Pose to start from (default: SEQ/init.json, else auto)."),
     ] = None
     joint_states: Annotated[
         Path | None,
-        typer.Option(
+        input_option(
             metavar="FILE",
             help="What encoders say of the joints, a CSV with time_s or a ROS bag: where particles go.",
-            rich_help_panel=INPUT,
         ),
     ] = None
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.", rich_help_panel=INPUT)
-    ] = None
+    frames: Annotated[str | None, input_option(metavar="A:B", help="From frame A to before frame B.")] = None
     idle_timeout: Annotated[
         float | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Live input is over after so long without a frame (default: wait).",
-            rich_help_panel=INPUT,
+        input_option(
+            metavar="SECONDS", help="Live input is over after so long without a frame (default: wait)."
         ),
     ] = None
     rotate: Annotated[
         str,
-        typer.Option(
+        input_option(
             metavar="0|90|180|270|auto",
             help="Degrees clockwise that turn the picture upright (default: found).",
-            rich_help_panel=INPUT,
         ),
     ] = "auto"
     color: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Draw results over these colour frames.", rich_help_panel=INPUT),
+        Path | None, input_option(metavar="DIR", help="Draw results over these colour frames.")
     ] = None
     camera: CameraOptions = RECORDED_CAMERA
 
@@ -97,43 +81,30 @@ class SceneOptions:
 
     person: Annotated[
         str,
-        typer.Option(
+        scene_option(
             metavar="X,Y|nearest|largest|moving",
             help="Who is tracked, of several: at a pixel of the first frame, or so (default: the likeliest).",
-            rich_help_panel=SCENE,
         ),
     ] = "best"
     people: Annotated[
         int,
-        typer.Option(
+        scene_option(
             metavar="N",
             help="Track up to so many people at once, each into a folder of its own in --out: person1, ...",
-            rich_help_panel=SCENE,
         ),
     ] = 1
     background: Annotated[
         str | None,
-        typer.Option(
+        scene_option(
             metavar="FRAME|SEQ",
             help="The room without anybody: a frame's number, a depth PNG, or a sequence.",
-            rich_help_panel=SCENE,
         ),
     ] = None
-    near: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Nothing nearer counts, metres.", rich_help_panel=SCENE),
-    ] = None
-    far: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Nothing farther counts, metres.", rich_help_panel=SCENE),
-    ] = None
+    near: Annotated[float | None, scene_option(metavar="M", help="Nothing nearer counts, metres.")] = None
+    far: Annotated[float | None, scene_option(metavar="M", help="Nothing farther counts, metres.")] = None
     roi: Annotated[
         str | None,
-        typer.Option(
-            metavar="LEFT,TOP,RIGHT,BOTTOM",
-            help="Only this part of the picture counts, pixels.",
-            rich_help_panel=SCENE,
-        ),
+        scene_option(metavar="LEFT,TOP,RIGHT,BOTTOM", help="Only this part of the picture counts, pixels."),
     ] = None
 
 
@@ -142,57 +113,32 @@ class MethodOptions:
     """How it is tracked."""
 
     method: Annotated[
-        str,
-        typer.Option(
-            help="gepf (many hypotheses), gradient (one), condensation or annealed.", rich_help_panel=METHOD
-        ),
+        str, method_option(help="gepf (many hypotheses), gradient (one), condensation or annealed.")
     ] = "gepf"
-    preset: Annotated[
-        str, typer.Option(help="default, or paper (its constants).", rich_help_panel=METHOD)
-    ] = "default"
+    preset: Annotated[str, method_option(help="default, or paper (its constants).")] = "default"
     particles: Annotated[
         int | None,
-        typer.Option(
-            metavar="N",
-            help="Particles a frame; of annealed in each of its 10 layers.",
-            rich_help_panel=METHOD,
-        ),
+        method_option(metavar="N", help="Particles a frame; of annealed in each of its 10 layers."),
     ] = None
-    points: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Observed points a frame, at most.", rich_help_panel=METHOD),
-    ] = None
+    points: Annotated[int | None, method_option(metavar="N", help="Observed points a frame, at most.")] = None
     noise_depth: Annotated[
         float | None,
-        typer.Option(
-            metavar="M",
-            help="The camera's noise along depth (default: measured in the first frame).",
-            rich_help_panel=METHOD,
+        method_option(
+            metavar="M", help="The camera's noise along depth (default: measured in the first frame)."
         ),
     ] = None
-    noise_lateral: Annotated[
-        float | None, typer.Option(metavar="M", help="And across it.", rich_help_panel=METHOD)
-    ] = None
-    seed: Annotated[
-        int,
-        typer.Option(
-            help="Of all random numbers: the same seed gives the same bytes.", rich_help_panel=METHOD
-        ),
-    ] = 0
+    noise_lateral: Annotated[float | None, method_option(metavar="M", help="And across it.")] = None
+    seed: Annotated[int, method_option(help="Of all random numbers: the same seed gives the same bytes.")] = 0
     seeds: Annotated[
         str | None,
-        typer.Option(
-            metavar="A:B",
-            help="Track with each of the seeds A to before B, in folders within --out.",
-            rich_help_panel=METHOD,
+        method_option(
+            metavar="A:B", help="Track with each of the seeds A to before B, in folders within --out."
         ),
     ] = None
     deadline: Annotated[
         float | None,
-        typer.Option(
-            metavar="MS",
-            help="Finish a frame with the particles that are refined this long after it came.",
-            rich_help_panel=METHOD,
+        method_option(
+            metavar="MS", help="Finish a frame with the particles that are refined this long after it came."
         ),
     ] = None
 
@@ -203,41 +149,23 @@ class WorkerOptions:
 
     workers: Annotated[
         int | None,
-        typer.Option(
-            metavar="N",
-            help="Lanes of the local worker (default: one per core); 0 for none.",
-            rich_help_panel=WORKERS,
-        ),
+        worker_option(metavar="N", help="Lanes of the local worker (default: one per core); 0 for none."),
     ] = None
     at_once: Annotated[
         int | None,
-        typer.Option(
-            metavar="N",
-            help="Of several recordings, so many at once (default: what keeps the workers busy).",
-            rich_help_panel=WORKERS,
+        worker_option(
+            metavar="N", help="Of several recordings, so many at once (default: what keeps the workers busy)."
         ),
     ] = None
     listen: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ENDPOINT",
-            help="Let others' workers join, e.g. tls/0.0.0.0:7447.",
-            rich_help_panel=WORKERS,
-        ),
+        str | None, worker_option(metavar="ENDPOINT", help="Let others' workers join, e.g. tls/0.0.0.0:7447.")
     ] = None
     connect: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ENDPOINT", help="Join a router where others' workers are.", rich_help_panel=WORKERS
-        ),
+        str | None, worker_option(metavar="ENDPOINT", help="Join a router where others' workers are.")
     ] = None
     worker_timeout: Annotated[
         float | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Stop after so long without any worker (default: wait).",
-            rich_help_panel=WORKERS,
-        ),
+        worker_option(metavar="SECONDS", help="Stop after so long without any worker (default: wait)."),
     ] = None
 
 
@@ -245,40 +173,25 @@ class WorkerOptions:
 class OutputOptions:
     """Where results go."""
 
-    out: Annotated[
-        Path,
-        typer.Option(metavar="DIR", help="New folder for the results.", rich_help_panel=OUTPUT),
-    ]
+    out: Annotated[Path, output_option(metavar="DIR", help="New folder for the results.")]
     resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume", help="Go on with the run in --out, if there is one.", rich_help_panel=OUTPUT
-        ),
+        bool, output_option("--resume", help="Go on with the run in --out, if there is one.")
     ] = False
     pictures: Annotated[
         bool,
-        typer.Option(
-            "--pictures/--no-pictures",
-            help="Draw pictures at the end; gepf pictures draws them later.",
-            rich_help_panel=OUTPUT,
+        output_option(
+            "--pictures/--no-pictures", help="Draw pictures at the end; gepf pictures draws them later."
         ),
     ] = True
     results: Annotated[
-        str | None,
-        typer.Option(
-            "--publish", metavar="KEY", help="Publish results on this key meanwhile.", rich_help_panel=OUTPUT
-        ),
+        str | None, output_option("--publish", metavar="KEY", help="Publish results on this key meanwhile.")
     ] = None
     results_json: Annotated[
-        bool,
-        typer.Option(
-            "--publish-json", help="Publish them as JSON, not as MessagePack.", rich_help_panel=OUTPUT
-        ),
+        bool, output_option("--publish-json", help="Publish them as JSON, not as MessagePack.")
     ] = False
     quiet: Quiet = False
     as_json: Annotated[
-        bool,
-        typer.Option("--json", help="Print the summary at the end, one JSON object.", rich_help_panel=OUTPUT),
+        bool, output_option("--json", help="Print the summary at the end, one JSON object.")
     ] = False
 
 

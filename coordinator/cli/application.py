@@ -1,0 +1,105 @@
+"""The command `gepf`.
+
+What another program would read goes to stdout, all else to stderr. Exit codes: 0 done, 2 the user's input
+is at fault (one line on stderr), 3 done, but most frames were not tracked, 130 interrupted, 1 anything
+else. What takes long to load is imported by the command that needs it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from common.errors import GepfError, InputError
+from coordinator.cli import finished, hosts, sequences, tracking
+from coordinator.cli.surroundings import DONE, FAILED, INPUT_AT_FAULT, say
+from coordinator.commands.options.misuse import describe_misuse
+
+if TYPE_CHECKING:
+    from coordinator.commands.workers import Connect
+
+DEBUG = "GEPF_DEBUG"
+
+EXAMPLES = """A first run:
+
+gepf info recording/
+
+gepf track recording/ --out run/
+
+gepf report run/
+
+Options that are always the same can stand in gepf.toml, in a table for each command.
+"""
+
+app = typer.Typer(epilog=EXAMPLES)
+
+for family in (tracking, sequences, hosts, finished):
+    app.add_typer(family.app)
+
+
+def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = None) -> int:
+    """Run a command line and return its exit code. `connect` opens another pool than that of workers."""
+    logging.basicConfig(format="gepf: %(message)s", level=logging.WARNING)
+    try:
+        code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
+    except InputError as error:
+        return complain(error, INPUT_AT_FAULT)
+    except typer.TyperException as error:
+        return complain(error, error.exit_code, describe_misuse(error))
+    except GepfError as error:
+        return complain(error, FAILED)
+    except ModuleNotFoundError as error:
+        mend = f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
+        return complain(error, FAILED, mend)
+    except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
+        return complain(error, FAILED, f"{type(error).__name__}: {error} (gepf --debug shows where)")
+    if code == 128 + signal.SIGINT:
+        say("stopped")
+    return code if isinstance(code, int) else DONE
+
+
+def complain(error: Exception, code: int, message: str | None = None) -> int:
+    """Report an error in one line, after its trace if debugging, and return the exit code."""
+    if os.environ.get(DEBUG, "0") != "0":
+        traceback.print_exception(error)
+    say(str(error) if message is None else message)
+    return code
+
+
+@app.callback(invoke_without_command=True)
+def gepf(
+    context: typer.Context,
+    *,
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Options of the commands (default: gepf.toml, if it is here)."),
+    ] = None,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show where an error arose; so does GEPF_DEBUG=1.")
+    ] = False,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Track a body through depth images, following many pose hypotheses at once.
+
+    `gepf demo` shows what it does; `gepf track SEQ --out DIR` does it with your recording.
+    """
+    if debug:
+        os.environ[DEBUG] = "1"
+    if version:
+        from importlib import metadata
+
+        typer.echo(f"gepf {metadata.version('gepf')}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+    else:
+        from coordinator.commands.options.config_file import use_config
+
+        use_config(context, config)
