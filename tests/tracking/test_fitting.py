@@ -21,7 +21,8 @@ from coordinator.bodies.choice import choose_bodies, person
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.person_file import read_person, write_person
 from coordinator.bodies.tracked import name_pose
-from coordinator.cli import main, on_stderr
+from coordinator.cli import main
+from coordinator.cli.surroundings import on_stderr
 from coordinator.commands.fit import explained_well, run_fit
 from coordinator.commands.options.arguments import FitOptions
 from coordinator.synthesis.rendering import DepthRenderer
