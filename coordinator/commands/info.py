@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from PIL import Image
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.commands.scene_facts import describe_scene, look, picture_of
 from coordinator.sources import Source, find_format, open_source
 from coordinator.sources.given import NOTHING, Given
 
@@ -28,20 +28,58 @@ class Pictures:
 
 
 def run_info(sequence: Path, given: Given, pictures: Pictures, *, as_json: bool) -> None:
-    """Print facts about a sequence and its scene, and draw frames of it: into files, and on a terminal."""
+    """Print facts about a sequence and its scene, and draw frames of it: into files, and on a terminal.
+
+    What the recording says of itself is printed at once; to look at the scene takes longer.
+    """
     facts, middle = describe(sequence, given)
-    view, found = look(open_source(sequence, given))
-    facts |= describe_scene(view, found)
+    if not as_json:
+        print_facts(facts)
     if pictures.thumbnail is not None:
         save(thumbnail(middle), pictures.thumbnail)
-    if pictures.scene is not None:
-        save(picture_of(view, found), pictures.scene)
+    scene = describe_room(open_source(sequence, given), pictures.scene)
     if as_json:
-        sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
+        sys.stdout.write(msgspec.json.encode(facts | scene).decode() + "\n")
         return
-    sys.stdout.write("".join(f"{name:<15} {value}\n" for name, value in facts.items()))
+    print_facts(scene)
     if sys.stdout.isatty():
         draw_in_terminal(thumbnail(middle))
+
+
+def describe_room(source: Source, picture: Path | None) -> dict[str, object]:
+    """Facts about a sequence's scene by name, drawn into a picture if one is wanted."""
+    from coordinator.commands.scene_facts import describe_scene, look, picture_of
+
+    view, found = look(source)
+    if picture is not None:
+        save(picture_of(view, found), picture)
+    return describe_scene(view, found)
+
+
+def print_facts(facts: Mapping[str, object]) -> None:
+    """A line for each fact; for a list of things, one for each of them."""
+    for name, value in facts.items():
+        for number, line in enumerate(in_words(value)):
+            sys.stdout.write(f"{name if number == 0 else '':<15} {line}\n")
+    sys.stdout.flush()
+
+
+def in_words(value: object) -> list[str]:
+    """A fact as a person reads it: a line, or one for each thing of several."""
+    if isinstance(value, list) and value and isinstance(value[0], Mapping):
+        return [in_a_word(each) for each in value]
+    return [in_a_word(value)]
+
+
+def in_a_word(value: object) -> str:
+    """A single fact."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {in_a_word(each)}" for name, each in value.items())
+    if isinstance(value, list):
+        return " ".join(map(str, value)) or "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "unknown" if value is None else str(value)
 
 
 def save(picture: Image.Image, path: Path) -> None:

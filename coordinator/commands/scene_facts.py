@@ -11,19 +11,25 @@ from coordinator.scene.view import SceneView
 from coordinator.sources import Source
 
 LOOKED_AT = 60  # frames from the first on, among which somebody is waited for
-PROMISING = 0.25  # score from which on a candidate is worth to be shown
+PROMISING = 0.25  # score from which on a candidate is likely a person
 
 
 def look(source: Source) -> tuple[SceneView, list[Candidate]]:
-    """The first frame that shows somebody, or else the last that was looked at, and who may be a person."""
+    """The first frame that shows somebody, and who may be a person there, likeliest first.
+
+    Where no frame shows anybody who is likely one, that with the likeliest; with nobody at all, the last.
+    """
     scene = Scene(up=None if source.gravity is None else -source.gravity)
+    doubtful: tuple[SceneView, list[Candidate]] | None = None
     for number in source.numbers[:LOOKED_AT]:
         view = scene.see(source.frame(number))
-        found = [each for each in candidates(view) if each.score > PROMISING]
-        if found:
-            break
+        found = candidates(view)
+        if found and found[0].score > PROMISING:
+            return view, [each for each in found if each.score > PROMISING]
+        if found and (doubtful is None or found[0].score > doubtful[1][0].score):
+            doubtful = view, found[:1]
         scene.learn(view, None)
-    return view, found
+    return doubtful or (view, [])
 
 
 def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]:
@@ -43,14 +49,16 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
         "room": view.furnished,
         "noise_mm": round(1000.0 * float(view.noise.sigma(np.array([2.0]))[0]), 1),
-        "people": [describe_candidate(each) for each in found],
+        "people": [describe_candidate(each, first=n == 0) for n, each in enumerate(found)],
     }
 
 
-def describe_candidate(candidate: Candidate) -> dict[str, object]:
-    """Where a candidate is, and why it is one."""
+def describe_candidate(candidate: Candidate, *, first: bool) -> dict[str, object]:
+    """Where a candidate is, what it may be, and why."""
     rows, columns = np.nonzero(candidate.mask)
+    likely = first and candidate.score > PROMISING
     return {
+        "may_be": "a person" if likely else "a person or furniture",
         "pixel": [int(np.median(columns)), int(np.median(rows))],
         "distance_m": round(float(np.median(candidate.points[:, 2])), 2),
         "score": round(candidate.score, 2),

@@ -9,7 +9,7 @@ from pathlib import Path
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.console.progress import FrameMeter, Show
+from coordinator.commands.console.progress import FrameMeter, Show, counted
 from coordinator.commands.finished.pictures import draw_pictures
 from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
@@ -61,7 +61,7 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> boo
     bodies = choose_bodies(job.active, job.settings.preset, job.model)
     start = choose_start(job.init, source, bodies.dof_names)
     if job.joint_states is not None:
-        job.joint_states.require_any(bodies.dof_names)
+        job.joint_states.check_names(bodies.dof_names)
     truth = read_truth(source.truth) if source.truth else None
     colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
     first = source.frame(numbers[0])
@@ -90,8 +90,8 @@ def announce(run: Run) -> str:
     """What is about to be done."""
     job, camera = run.job, run.source.intrinsics
     size = f"{camera.width}x{camera.height}"
-    how = f"{job.settings.method}, {job.settings.filter.particles} particles"
-    return f"tracking {len(run.numbers)} frames ({size}) of {job.sequence} into {job.out}: {how}"
+    how = f"{job.settings.method}, {counted(job.settings.filter.particles, 'particle')}"
+    return f"tracking {counted(len(run.numbers), 'frame')} ({size}) of {job.sequence} into {job.out}: {how}"
 
 
 def describe_resume(run: Run) -> str:

@@ -23,8 +23,8 @@ class SharedPool:
     asked: Pool
 
     def of_a_run(self) -> Pool:
-        """The pool as one of the runs sees it: without workers of its own."""
-        return replace(self.asked, workers=0, listen=None, connect=self.endpoint)
+        """The pool as one of the runs sees it: without workers of its own, through a socket of this host."""
+        return replace(self.asked, workers=0, listen=None, connect=self.endpoint, security=None)
 
 
 @contextmanager

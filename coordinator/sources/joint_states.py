@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import logging
 from collections.abc import Collection
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,8 @@ from common.errors import InputError
 from coordinator.sources.ros_bag import NANOSECONDS, Bag, depth_topic, is_bag
 
 Array = NDArray[np.float64]
+
+logger = logging.getLogger(__name__)
 
 TIME, DEGREES = "time_s", "_deg"
 SOME = 12  # names in a message
@@ -40,13 +44,19 @@ class JointStates:
         content = "\n".join(self.names).encode() + self.times_s.tobytes() + self.values.tobytes()
         return hashlib.sha256(content).hexdigest()[:12]
 
-    def require_any(self, known: Collection[str]) -> None:
-        """InputError unless at least one joint is a degree of freedom of the body."""
-        if not set(self.names) & set(known):
+    def check_names(self, known: Collection[str]) -> None:
+        """InputError unless at least one joint is a degree of freedom of the body; a warning for others."""
+        foreign = [name for name in self.names if name not in known]
+        if len(foreign) == len(self.names):
             some = ", ".join(list(known)[:SOME])
             raise InputError(
                 f"the joint states are of {', '.join(self.names[:SOME])}, none of which the body has; "
                 f"name them as it does, such as {some}"
+            )
+        if foreign:
+            logger.warning(
+                "the joint states are of %s, too, which the body does not have; left out",
+                ", ".join(suggest(name, known) for name in foreign),
             )
 
     def at(self, time_s: float) -> Array:
@@ -54,6 +64,12 @@ class JointStates:
         if not self.times_s[0] <= time_s <= self.times_s[-1]:
             return np.full(len(self.names), np.nan)
         return np.array([np.interp(time_s, self.times_s, column) for column in self.values.T])
+
+
+def suggest(name: str, known: Collection[str]) -> str:
+    """A name that is not known, with the one that is most like it, if one is."""
+    alike = get_close_matches(name, known, n=1)
+    return f"{name} (is {alike[0]} meant?)" if alike else name
 
 
 def read_joint_states(path: Path) -> JointStates:

@@ -1,4 +1,4 @@
-"""Several recordings as one real process: what Ctrl-C leaves, and certificates that a batch cannot take."""
+"""Several recordings as one real process: what Ctrl-C leaves, and workers with certificates."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coordinator.cli import main
 from coordinator.results.track import read_track
+from tests.support.processes.certificates import free_port, make_folder
 from tests.support.processes.programs import wait_until
+from tests.support.processes.warm_processes import start, work_instantly
 from tests.support.small_sequence import write_small_sequence
 
+GEPF = (sys.executable, "-m", "coordinator.cli")
 FRAMES, NAMES = 400, ("a", "b", "c")
 
 
@@ -28,7 +30,7 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
     command = ["track", *(str(tmp_path / name) for name in NAMES), *options, "--workers", "1"]
     log = tmp_path / "runs" / NAMES[0] / "frames.log"
     with subprocess.Popen(
-        [sys.executable, "-m", "coordinator.cli", *command],
+        [*GEPF, *command],
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -41,7 +43,7 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
     assert 0 < len(read_track(tmp_path / "runs" / NAMES[0]).frame) < FRAMES
     some = ["--frames", "0:400"]
     again = subprocess.run(
-        [sys.executable, "-m", "coordinator.cli", *command, *some, "--resume", "-q"],
+        [*GEPF, *command, *some, "--resume", "-q"],
         check=False,
         timeout=300.0,
     )
@@ -51,22 +53,34 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
     assert len(tracks[0].frame) == FRAMES
 
 
-def test_a_batch_with_certificates_is_refused_with_the_remedy(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One line, before anything is started."""
-    made = tmp_path / "certificates"
-    assert main(["certificates", "--out", str(made), "--workers", "1"]) == 0
-    for name in NAMES[:2]:
-        write_small_sequence(tmp_path / name, 2)
-    names = {"ca": "ca.pem", "cert": "coordinator.pem", "key": "coordinator.key"}
-    tls = [word for option, file in names.items() for word in (f"--tls-{option}", str(made / file))]
-    recordings = [str(tmp_path / name) for name in NAMES[:2]]
-    listen = ["--listen", "tls/127.0.0.1:7463"]
-    capsys.readouterr()
-    assert main(["track", *recordings, "--out", str(tmp_path / "runs"), *listen, *tls]) == 2
-    assert "several recordings share no certificates yet" in capsys.readouterr().err
-    assert not (tmp_path / "runs").exists()
+def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
+    """Two recordings through one TLS listener: who shows a certificate works for both."""
+    made, place = make_folder(tmp_path / "certificates"), f"127.0.0.1:{free_port()}"
+    recordings = [tmp_path / name for name in NAMES[:2]]
+    for recording in recordings:
+        write_small_sequence(recording, 4)
+    options = [
+        "--no-pictures",
+        "--particles",
+        "4",
+        "--points",
+        "200",
+        "--workers",
+        "0",
+        "--worker-timeout",
+        "60",
+    ]
+    shown = ["--listen", f"tls/{place}", *made.options("coordinator")]
+    connect = ("--connect", f"tls/{place}")
+    command = [*GEPF, "track", *map(str, recordings), "--out", str(tmp_path / "runs"), *options, *shown]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as batch:
+        worker = start(work_instantly, *connect, "--name", "w0", *made.options("w0"), log=tmp_path / "worker")
+        _, said = batch.communicate(timeout=120.0)
+        worker.terminate()
+        worker.join()
+    assert batch.returncode in (0, 3), said
+    assert "w0 joined" in said
+    assert [len(read_track(tmp_path / "runs" / name).frame) for name in NAMES[:2]] == [4, 4]
 
 
 @pytest.mark.parametrize(("command", "name"), [("show", "body.png"), ("export", "body.urdf")])

@@ -121,6 +121,7 @@ def test_runs_are_compared_with_their_own_truths_alone(
     tmp_path: Path,
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     """--csv has a line a run; a truth beside other frames than those that were tracked is refused."""
     other = tmp_path / "other"
@@ -138,10 +139,37 @@ def test_runs_are_compared_with_their_own_truths_alone(
     assert [row.split(",")[:2] for row in rows] == [[str(run), "5"] for run in runs]
     assert main(["evaluate", str(runs[0])]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 5
+    assert "the truth holds joints alone" in caplog.text
     assert main(["evaluate", str(runs[0]), "--truth", str(other / "truth.npz")]) == 2
     assert "is the truth of other, but" in capsys.readouterr().err
     assert main(["evaluate", *map(str, runs)]) == 2
     assert "add --csv" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_traces")
+def test_a_run_without_truth_is_left_out_of_the_table_and_named(
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """The others are listed; where no run has a truth, that is the input's fault."""
+    known = tmp_path / "known"
+    shutil.copytree(sequence, known)
+    write_truth(known, ("pelvis",), np.tile([0.0, 0.0, 2.0], (5, 1, 1)))
+    runs = {known: tmp_path / "a", sequence: tmp_path / "b"}
+    for recording, run in runs.items():
+        assert main(["track", str(recording), "--out", str(run), "--no-pictures"], workers.connect) == 0
+    capsys.readouterr()
+    assert main(["evaluate", str(runs[sequence]), str(runs[known]), "--csv"]) == 0
+    _, *rows = capsys.readouterr().out.splitlines()
+    assert [row.split(",")[0] for row in rows] == [str(runs[known])]
+    assert f"left out: the sequence of {runs[sequence]} has no truth" in caplog.text
+    assert main(["evaluate", str(runs[sequence]), "--csv"]) == 2
+    assert (
+        "has no truth of this body, or is not where it was; give it with --truth" in capsys.readouterr().err
+    )
 
 
 def test_a_task_of_slurm_takes_the_line_of_its_number(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from coordinator.commands.console.progress import FrameMeter, PlainShow, describe, show_on
+from coordinator.commands.console.progress import FrameMeter, PlainShow, counted, describe, show_on
 from coordinator.tracking.estimate import Estimate
 
 
@@ -22,6 +22,8 @@ def test_a_frame_is_described_in_one_line() -> None:
     """Rate, hypotheses, residual in millimetres, status; and that nothing was seen."""
     assert describe(estimate(), 7.25) == "7.2 frames/s, 3 hypotheses, residual 12.3 mm, tracked"
     assert "residual nothing seen" in describe(estimate(float("nan")), 1.0)
+    assert describe(estimate(), None) == "3 hypotheses, residual 12.3 mm, tracked"
+    assert [counted(count, "frame") for count in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
 
 
 def test_the_rate_does_not_count_what_comes_before_the_first_frame() -> None:
@@ -69,3 +71,15 @@ def test_a_log_gets_lines_now_and_then_and_the_last_state() -> None:
         "frame 2 of 2",
     ]
     assert "\x1b" not in log.getvalue()
+
+
+def test_of_the_first_frame_alone_no_rate_is_told() -> None:
+    """It took as long as workers needed to start."""
+    log = io.StringIO()
+    show = PlainShow(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
+    with show.frames(2) as meter:
+        meter.advance(estimate())
+        meter.advance(estimate())
+    first, second = log.getvalue().splitlines()
+    assert "frames/s" not in first
+    assert "frames/s" in second

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import msgspec
@@ -15,6 +17,7 @@ from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
+from coordinator.commands import scene_facts
 from coordinator.commands.options.scope import choose_scope
 from coordinator.commands.options.track_arguments import SceneOptions
 from coordinator.scene.scope import Scope
@@ -58,6 +61,40 @@ def test_info_shows_floor_wall_and_who_comes(
         colours = np.asarray(image).astype(int)
     assert colours.shape == (CAMERA.height, CAMERA.width, 3)
     assert np.any((colours[..., 0] == 255) & (colours[..., 1] == 200))
+
+
+def test_lists_are_lines_of_words(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No brackets and quotes: camera, gravity, and one line for whoever may be a person."""
+    assert main(["info", str(recording)]) == 0
+    said = capsys.readouterr().out
+    assert not set("{}[]'") & set(said)
+    assert "fx " in said
+    (person,) = [line for line in said.splitlines() if "may_be" in line]
+    assert person.startswith("people ")
+    assert "may_be a person, " in person
+
+
+def test_who_is_doubtful_is_said_to_be(
+    recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where nobody reaches the score of a likely person, the best is shown all the same, as what it is."""
+    monkeypatch.setattr(scene_facts, "PROMISING", 1.1)
+    assert main(["info", str(recording), "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["people"]
+    assert found["may_be"] == "a person or furniture"
+
+
+def test_what_the_recording_says_of_itself_comes_before_the_scene(recording: Path) -> None:
+    """A process that reads the first facts before the libraries for scenes are loaded."""
+    code = (
+        "import sys; from coordinator.commands import info; from coordinator.sources.given import NOTHING;"
+        f"from pathlib import Path; facts, _ = info.describe(Path({str(recording)!r}), NOTHING);"
+        "info.print_facts(facts);"
+        "sys.exit(' '.join({'open3d', 'numba', 'matplotlib'} & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("format ")
 
 
 @pytest.mark.parametrize(

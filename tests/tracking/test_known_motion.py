@@ -163,3 +163,13 @@ def test_states_of_another_robot_are_refused(
     options = ["--model", str(ARM), "--joint-states", str(tmp_path / "joints.csv"), "-q"]
     assert main(["track", str(fast), *options, "--out", str(tmp_path / "run")]) == 2
     assert "joint states are of axis1, none of which the body has" in capsys.readouterr().err
+
+
+def test_states_that_the_body_does_not_have_are_named(caplog: pytest.LogCaptureFixture) -> None:
+    """A misspelt joint among good ones: a warning with the name that may be meant; another's fingers, too."""
+    times = np.array([0.0, 1.0])
+    known = read_urdf(ARM).dof_names
+    JointStates(("elbow", "wrist_bend"), times, np.zeros((2, 2))).check_names(known)
+    assert not caplog.text
+    JointStates(("elbow", "wrist_bent", "qqq"), times, np.zeros((2, 3))).check_names(known)
+    assert "are of wrist_bent (is wrist_bend meant?), qqq, too, which the body does not have" in caplog.text

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from common.errors import InputError
 from coordinator.commands.batch.process import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, Told, track_one
 from coordinator.commands.batch.table import tabulate
 from coordinator.commands.console.progress import Advance, Show
@@ -59,8 +58,6 @@ def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
 def run_pool(jobs: Sequence[Job], at_once: int | None, show: Show) -> list[Ended]:
     """Track all over one pool, as many at once as keep it busy; how each ended, in that order."""
     pool = jobs[0].pool
-    if pool.security is not None:
-        raise InputError("several recordings share no certificates yet; track each through a gepf router")
     limit = at_once or runs_at_once(pool.lanes)
     show.say(f"tracking {len(jobs)} recordings, {min(limit, len(jobs))} at once, into {jobs[0].out.parent}")
     with shared_pool(pool) as shared, show.steps("recordings") as advance:

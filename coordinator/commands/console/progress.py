@@ -81,7 +81,8 @@ class FrameMeter:
         self._last = self._clock()
         if self.done == self._before + 1:
             self._first = self._last
-        self.show(describe(estimate, self.rate) + note)
+        rate = self.rate if self.done > self._before + 1 else None
+        self.show(describe(estimate, rate) + note)
 
     def show(self, text: str) -> None:
         """Make the state known."""
@@ -90,14 +91,25 @@ class FrameMeter:
         """No more frames."""
 
 
-def describe(estimate: Estimate, rate: float) -> str:
-    """A frame's state in one short line."""
+def describe(estimate: Estimate, rate: float | None) -> str:
+    """A frame's state in one short line, after the frame rate where it is known."""
+    how_fast = "" if rate is None else f"{rate:.1f} frames/s, "
+    return how_fast + describe_state(estimate)
+
+
+def describe_state(estimate: Estimate) -> str:
+    """How many hypotheses there are, how well the likeliest fits, and the status."""
     count = len(estimate.hypothesis_weight)
     if not count:
-        return f"{rate:.1f} frames/s, {describe_waiting(estimate)}"
+        return describe_waiting(estimate)
     residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
     why = f" ({estimate.why})" if estimate.why and estimate.status != "tracked" else ""
-    return f"{rate:.1f} frames/s, {count} hypotheses, residual {residual}, {estimate.status}{why}"
+    return f"{counted(count, 'hypothesis', 'hypotheses')}, residual {residual}, {estimate.status}{why}"
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """A number with its noun."""
+    return f"{count} {one if count == 1 else several or one + 's'}"
 
 
 def describe_waiting(estimate: Estimate) -> str:

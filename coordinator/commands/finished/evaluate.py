@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -12,40 +13,58 @@ import msgspec
 from common.errors import InputError
 from coordinator.commands.finished.own_truth import own_truth_file, refuse_another_sequence
 from coordinator.results.evaluation import Evaluation, evaluate
-from coordinator.results.track import read_track
+from coordinator.results.track import Track, read_track
 from coordinator.results.truth import check_truth_of, read_truth
+
+logger = logging.getLogger(__name__)
 
 
 def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> None:
-    """Print the errors of runs. Raises InputError for what cannot be compared."""
+    """Print the errors of runs. Raises InputError for what cannot be compared.
+
+    A table leaves out runs without a truth, and names them, unless there is no other.
+    """
     if len(runs) > 1 and not as_csv:
         raise InputError("several runs are printed as a table; add --csv")
-    found = [evaluate_run(run, truth) for run in runs]
+    tracks = {run: read_track(run) for run in runs}
+    truths = {run: truth or own_truth_file(run) for run in runs}
+    without = [run for run in runs if truths[run] is None]
+    if len(without) == len(runs):
+        raise InputError(f"{say_without(without)}; give it with --truth")
+    if without:
+        logger.warning("left out: %s", say_without(without))
+    found = {
+        run: evaluate_run(run, tracks[run], of_run) for run, of_run in truths.items() if of_run is not None
+    }
+    if all(each.mean_angle_error_deg is None for each in found.values()):
+        logger.warning("the truth holds joints alone, no pose: errors of angles are not known")
     if as_csv:
-        write_table(runs, found)
+        write_table(found)
     else:
-        sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[0])).decode() + "\n")
+        sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[runs[0]])).decode() + "\n")
 
 
-def evaluate_run(run: Path, given: Path | None) -> Evaluation:
-    """Errors of one run against the truth that is given, else against its sequence's own."""
-    track = read_track(run)
-    truth = given or own_truth_file(run)
-    if truth is None:
-        raise InputError(
-            f"the sequence of {run} has no truth of this body, or is not where it was; give it with --truth"
-        )
+def say_without(runs: Sequence[Path]) -> str:
+    """That runs have no truth."""
+    named = ", ".join(map(str, runs))
+    if len(runs) == 1:
+        return f"the sequence of {named} has no truth of this body, or is not where it was"
+    return f"the sequences of {named} have no truth of these bodies, or are not where they were"
+
+
+def evaluate_run(run: Path, track: Track, truth: Path) -> Evaluation:
+    """Errors of one run against a truth, which must be that of its sequence."""
     check_truth_of(run, truth)
     refuse_another_sequence(run, truth)
     return evaluate(track, read_truth(truth))
 
 
-def write_table(runs: Sequence[Path], found: Sequence[Evaluation]) -> None:
+def write_table(found: Mapping[Path, Evaluation]) -> None:
     """One line a run: its folder and all errors but those by degree of freedom."""
-    rows = [flat(evaluation) for evaluation in found]
+    rows = {run: flat(evaluation) for run, evaluation in found.items()}
     writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(["run", *rows[0]])
-    for run, row in zip(runs, rows, strict=True):
+    writer.writerow(["run", *next(iter(rows.values()))])
+    for run, row in rows.items():
         writer.writerow([run, *("" if value is None else value for value in row.values())])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.console.progress import FrameMeter, Show
+from coordinator.commands.console.progress import FrameMeter, Show, counted
 from coordinator.commands.finished.pictures import draw_pictures
 from coordinator.commands.options.job import Job
 from coordinator.commands.people.group import Group, advance, open_all_results, open_group, put_all
@@ -87,7 +87,8 @@ def announce(run: PeopleRun) -> str:
     job, done = run.job, run.group.frames
     if done:
         return f"going on with frame {done} of {len(run.numbers)} in {job.out}"
-    return f"tracking {len(run.numbers)} frames of {job.sequence} into {job.out}: up to {job.people} people"
+    frames = counted(len(run.numbers), "frame")
+    return f"tracking {frames} of {job.sequence} into {job.out}: up to {job.people} people"
 
 
 def track_frames(run: PeopleRun, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:
