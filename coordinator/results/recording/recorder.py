@@ -87,10 +87,11 @@ class Recorder:
     ) -> None:
         """Give the folder free; without a frame, leave no trace of the run."""
         self._disk.shutdown()
-        if not self.frames or (self._finished and error is None):
+        empty = not self.frames and read_log(self.folder / LOG_FILE) is None  # an interrupt may precede counting
+        if empty or (self._finished and error is None):
             (self.folder / LOG_FILE).unlink(missing_ok=True)
         os.close(self._log)
-        if not self.frames:
+        if empty:
             _remove_empty(self._made)
 
     def append(
@@ -126,6 +127,7 @@ class Recorder:
         """Leave no trace of the run at the end, as if no frame had been recorded."""
         for name in (*RESULTS, MODEL_FILE):
             (self.folder / name).unlink(missing_ok=True)
+        os.ftruncate(self._log, 0)
         self.frames, self._made = 0, [self.folder]
 
     def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> Track:
