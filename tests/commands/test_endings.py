@@ -69,6 +69,19 @@ def test_a_signal_ends_it_well(place: Place, out: Path, tmp_path: Path, number: 
     assert (out / "track.npz").exists()
 
 
+def test_an_interrupt_as_the_first_frame_is_written_keeps_it(place: Place, out: Path, tmp_path: Path) -> None:
+    """Whatever moment between writing and counting the signal hits, the run can be gone on with."""
+    frames = out / "frames.log"
+    run = start(coordinate, place.sequence, out, place.endpoint, "--workers", "1", log=tmp_path / "log")
+    while not frames.exists() or not frames.stat().st_size:
+        assert run.is_alive()
+    assert run.pid is not None
+    os.kill(run.pid, signal.SIGINT)
+    run.join(30.0)
+    assert run.exitcode == 130
+    assert frames_of(out) >= 1
+
+
 def test_without_workers_it_says_so_and_waits(place: Place, out: Path, tmp_path: Path) -> None:
     """One line, and it goes on as soon as one comes, under the old name."""
     log = tmp_path / "log"
