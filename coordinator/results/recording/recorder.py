@@ -87,7 +87,8 @@ class Recorder:
     ) -> None:
         """Give the folder free; without a frame, leave no trace of the run."""
         self._disk.shutdown()
-        empty = not self.frames and read_log(self.folder / LOG_FILE) is None  # an interrupt may precede counting
+        # not by the count alone: an interrupt may come between writing and counting
+        empty = not self.frames and read_log(self.folder / LOG_FILE) is None
         if empty or (self._finished and error is None):
             (self.folder / LOG_FILE).unlink(missing_ok=True)
         os.close(self._log)
