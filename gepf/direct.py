@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body
 from worker.kernel.job import refine
 from worker.kernel.observation import Observation, observe
 
@@ -19,14 +19,14 @@ from worker.kernel.observation import Observation, observe
 class DirectRequest:
     """Particles that are refined when their result is asked for."""
 
-    model: BodyModel
+    body: Body
     observation: Observation
     poses: NDArray[np.float64]  # (N, D)
     settings: RefineSettings
 
     def result(self) -> Refined:
         """The particles after their descent."""
-        return refine(self.model, self.observation, self.poses, self.settings)
+        return refine(self.body, self.observation, self.poses, self.settings)
 
 
 class DirectRefiner:
@@ -42,8 +42,8 @@ class DirectRefiner:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """There is nobody to send it to."""
 
-    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> DirectRequest:
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> DirectRequest:
         """Poses (N, D), to be refined on the frame that was published last."""
         if self._observation is None:
             raise RuntimeError("publish a frame first")
-        return DirectRequest(model, self._observation, poses, settings)
+        return DirectRequest(body, self._observation, poses, settings)

@@ -30,6 +30,7 @@ from common.protocol.messages import (
 )
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body, Sized, Sizes
 from common.transport.bus import Bus
 from common.transport.requests import Request, Requests
 from worker.activity import Activity
@@ -42,7 +43,7 @@ FETCH_TIMEOUT = 2.0  # seconds
 log = logging.getLogger(__name__)
 
 O = TypeVar("O")  # noqa: E741 - what `observe` makes of a frame
-Refine = Callable[[BodyModel, O, NDArray[np.float64], RefineSettings], Refined]
+Refine = Callable[[Body, O, NDArray[np.float64], RefineSettings], Refined]
 
 
 def nothing(observation: object, settings: RefineSettings) -> None:
@@ -164,14 +165,10 @@ class Service(Generic[O]):
         Raises ProtocolError for a request that cannot be served, BusError if its frame or model is not found.
         """
         memory: RunMemory[O] = self._memory.of(request.run)
-        model = memory.models.find(request.model_hash, lambda: self._fetch_model(request))
-        if request.poses.shape[1] != len(model.dof_names):
-            raise ProtocolError(
-                f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
-            )
+        body = self._find_body(memory, request)
         observation = memory.observations.find(request.frame, lambda: self._observe(request))
         memory.settings = request.settings
-        refined = self._kernel.refine(model, observation, request.poses, request.settings)
+        refined = self._kernel.refine(body, observation, request.poses, request.settings)
         self.activity.refined(request.run, len(request.poses))
         return encode_refined(refined)
 
@@ -197,11 +194,28 @@ class Service(Generic[O]):
             keys.run_frame(request.run, request.frame), f"frame {request.frame} of run {request.run}"
         )
 
-    def _fetch_model(self, request: RefineRequest) -> BodyModel:
-        name = f"model {request.model_hash[:12]} of run {request.run}"
-        model = decode_model(self._fetch(keys.run_model(request.run, request.model_hash), name))
-        if model.hash != request.model_hash:
-            raise ProtocolError(f"asked for model {request.model_hash} and got {model.hash}")
+    def _find_body(self, memory: RunMemory[O], request: RefineRequest) -> Body:
+        """The body of a request's particles; from the run itself, if it is not known."""
+        model = self._find_model(memory, request.run, request.model_hash)
+        if request.poses.shape[1] != len(model.dof_names):
+            raise ProtocolError(
+                f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
+            )
+        of = request.of_sizes
+        if of is None:
+            return model
+        thick = self._find_model(memory, request.run, of.thick_hash)
+        bodies = memory.sizes.find((request.model_hash, of.thick_hash), lambda: Sizes(model, thick))
+        return Sized(bodies, of.sizes)
+
+    def _find_model(self, memory: RunMemory[O], run: str, model_hash: str) -> BodyModel:
+        return memory.models.find(model_hash, lambda: self._fetch_model(run, model_hash))
+
+    def _fetch_model(self, run: str, model_hash: str) -> BodyModel:
+        name = f"model {model_hash[:12]} of run {run}"
+        model = decode_model(self._fetch(keys.run_model(run, model_hash), name))
+        if model.hash != model_hash:
+            raise ProtocolError(f"asked for model {model_hash} and got {model.hash}")
         return model
 
     def _fetch(self, key: str, name: str) -> bytes:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import RefineSettings
-from worker.kernel.job import Job, abandon, finish, make_job, work_on
+from common.sizes import Body
+from worker.kernel.job import Job, abandon, finish, make_jobs, work_on
 from worker.kernel.observation import Observation
 from worker.kernel.packing import pack_observation
 from worker.kernel.workspace import Workspace, make_workspace, narrow
@@ -30,19 +30,20 @@ class SideBySide:
 
     def refine(
         self,
-        model: BodyModel,
+        body: Body,
         observation: Observation,
         poses: NDArray[np.float64],
         settings: RefineSettings,
     ) -> Refined:
         """Refine poses (N, D); arguments, results and errors as of `worker.kernel.job.refine`."""
-        job = make_job(model, observation, poses, settings)
+        jobs = make_jobs(body, observation, poses, settings)
 
         def work(lane: int) -> None:
-            work_on(job, self._kept[lane].fitting(job))
+            for job in jobs.each:
+                work_on(job, self._kept[lane].fitting(job))
 
-        self._lanes.run(work, len(poses), lambda: abandon(job))
-        return finish(job)
+        self._lanes.run(work, len(poses), lambda: abandon(jobs))
+        return finish(jobs)
 
 
 class KeptWorkspace:

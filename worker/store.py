@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 from common.body import BodyModel
 from common.settings import RefineSettings
+from common.sizes import Sizes
 
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
@@ -17,6 +18,7 @@ O = TypeVar("O")  # noqa: E741 - what is made of a frame
 RUNS = 16
 FRAMES_OF_RUN = 2
 MODELS_OF_RUN = 6
+SIZES_OF_RUN = 2
 
 
 class Recent(Generic[K, V]):
@@ -65,6 +67,7 @@ class RunMemory(Generic[O]):
         self.frames: Recent[int, bytes] = Recent(FRAMES_OF_RUN)  # encoded
         self.observations: Recent[int, O] = Recent(FRAMES_OF_RUN)
         self.models: Recent[str, BodyModel] = Recent(MODELS_OF_RUN)
+        self.sizes: Recent[tuple[str, str], Sizes] = Recent(SIZES_OF_RUN)  # by the hashes of both models
         self.unread: int | None = None  # the newest frame, if it was not observed yet
         self.settings: RefineSettings | None = None  # of the latest request
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.costs.standing import CAMERA, POSE, standing
-from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
 from common.protocol.messages import encode_frame
 from common.refinement import Refined
 from common.settings import RefineSettings, preset
+from common.sizes import Body
 from coordinator.bodies.choice import choose_bodies
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.recorder import Recorder
@@ -52,9 +52,9 @@ class InstantRefiner:
         """Encode it, too."""
         encode_frame(subject)
 
-    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
         """Poses (N, D), scattered."""
-        del model, settings
+        del body, settings
         self._valley = poses[:1] if self._valley is None else self._valley
         apart = self._rng.normal(scale=SCATTER, size=poses.shape)
         likelihood = -np.square(apart).sum(axis=1)

@@ -14,10 +14,10 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body
 from common.transport.opening import open_worker
 from worker.service import Kernel, Service
 
@@ -29,9 +29,9 @@ def waiting(seconds: float, lanes: int) -> Kernel[None]:
         del subject
 
     def refine(
-        model: BodyModel, observation: None, poses: NDArray[np.float64], settings: RefineSettings
+        body: Body, observation: None, poses: NDArray[np.float64], settings: RefineSettings
     ) -> Refined:
-        del model, observation, settings
+        del body, observation, settings
         if seconds > 0.0:
             time.sleep(seconds * math.ceil(len(poses) / lanes))
         return Refined(poses, -np.abs(poses).sum(axis=1), np.zeros(len(poses)))

@@ -17,10 +17,12 @@ from common.bounds import (
     LARGEST_PIXEL,
     LARGEST_POSE,
     LARGEST_SETTING,
+    LARGEST_SIZE,
     MAX_DOFS,
     MAX_ITERATIONS,
     MAX_PARTICLES,
     MAX_PIXELS,
+    MAX_SIZES,
     POSITIVE_SETTINGS,
     SMALLEST_POSITIVE,
 )
@@ -58,6 +60,16 @@ def check_poses(poses: NDArray[np.float64]) -> None:
     if not 0 < poses.shape[1] <= MAX_DOFS:
         raise ProtocolError(f"a pose has 1 to {MAX_DOFS} values, these {poses.shape[1]}")
     check_magnitude("poses", poses, LARGEST_POSE)
+
+
+def check_sizes(sizes: NDArray[np.float64]) -> None:
+    """ProtocolError unless these are few sizes (N, 2) of possible bodies."""
+    check_magnitude("sizes", sizes, LARGEST_SIZE)
+    if not sizes[:, 1].min() > 0.0:
+        raise ProtocolError("sizes hold a scale that is not above zero")
+    changes = np.count_nonzero(np.any(sizes[1:] != sizes[:-1], axis=1))
+    if changes >= MAX_SIZES:
+        raise ProtocolError(f"a batch has {MAX_SIZES} sizes at the most, this one {changes + 1}")
 
 
 def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> None:

@@ -6,7 +6,7 @@ Every decoder raises ProtocolError, and its message says what is wrong. Nothing 
 from __future__ import annotations
 
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,14 @@ from common.body import BodyModel
 from common.errors import ProtocolError
 from common.frame import HIDDEN, SUBJECT, DepthFrame, SubjectFrame
 from common.protocol.arrays import Dims, check_finite, check_indices, pack, unpack
-from common.protocol.checks import check_camera, check_model, check_poses, check_refined, check_settings
+from common.protocol.checks import (
+    check_camera,
+    check_model,
+    check_poses,
+    check_refined,
+    check_settings,
+    check_sizes,
+)
 from common.protocol.wire import (
     MAX_REASON,
     FrameMessage,
@@ -56,14 +63,29 @@ REFINED = dict.fromkeys(field.name for field in fields(Refined))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class OfSizes:
+    """The sizes (N, 2) of particles, between their model and another of the same body, thicker."""
+
+    thick_hash: str
+    sizes: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RefineRequest:
-    """One batch: refine `poses` (N, D) of a model on a frame of a run."""
+    """One batch: refine `poses` (N, D) of a model, or of that model in some sizes, on a frame of a run."""
 
     run: str
     frame: int
     model_hash: str
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
+    of_sizes: OfSizes | None = None
+
+    def batch(self, start: int, stop: int) -> RefineRequest:
+        """The request for particles start..stop-1."""
+        of = self.of_sizes
+        sizes = None if of is None else OfSizes(of.thick_hash, of.sizes[start:stop])
+        return replace(self, poses=self.poses[start:stop], of_sizes=sizes)
 
 
 def encode_frame(subject: SubjectFrame) -> bytes:
@@ -185,10 +207,13 @@ def decode_model(payload: bytes) -> BodyModel:
 
 def encode_request(request: RefineRequest) -> bytes:
     """A batch for one worker."""
+    of = request.of_sizes
     message = RequestMessage(
         run=request.run,
         frame=request.frame,
         model=request.model_hash,
+        thick=None if of is None else of.thick_hash,
+        sizes=None if of is None else pack(of.sizes),
         settings=request.settings,
         poses=pack(request.poses),
     )
@@ -201,7 +226,20 @@ def decode_request(payload: bytes) -> RefineRequest:
     poses = unpack("poses", message.poses, "<f8", ("N", "D"), {})
     check_poses(poses)
     check_settings(message.settings)
-    return RefineRequest(message.run, message.frame, message.model, message.settings, poses)
+    return RefineRequest(
+        message.run, message.frame, message.model, message.settings, poses, decode_sizes(message, len(poses))
+    )
+
+
+def decode_sizes(message: RequestMessage, particles: int) -> OfSizes | None:
+    """The sizes of so many particles in a request, if it has any."""
+    if message.thick is None and message.sizes is None:
+        return None
+    if message.thick is None or message.sizes is None:
+        raise ProtocolError("a request for sizes names a thicker model, and the sizes")
+    sizes = unpack("sizes", message.sizes, "<f8", (particles, 2), {})
+    check_sizes(sizes)
+    return OfSizes(message.thick, sizes)
 
 
 def encode_refined(refined: Refined) -> bytes:

@@ -15,7 +15,7 @@ from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
 
-PROTOCOL = 2
+PROTOCOL = 3
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_REASON = 1_000  # characters
 
@@ -84,6 +84,8 @@ class RequestMessage(Message, frozen=True, tag="request"):
     model: Hash
     settings: RefineSettings
     poses: Array
+    thick: Hash | None = None  # with sizes: the same body, thicker
+    sizes: Array | None = None
 
 
 class ReplyMessage(Message, frozen=True, tag="reply"):

@@ -152,7 +152,7 @@ class Exchange:
     def _send(self, send: Send) -> None:
         assert self._refinement is not None
         self._workers.asker(send.worker).ask(
-            encode_request(self._refinement.batch(send.start, send.stop)),
+            encode_request(self._refinement.request.batch(send.start, send.stop)),
             on_reply=lambda payload: self._inbox.put(Reply(send.ticket, payload, time.monotonic())),
             on_refusal=lambda payload: self._inbox.put(read_refusal(send.ticket, payload)),
             on_end=lambda: self._inbox.put(Ended(send.ticket)),

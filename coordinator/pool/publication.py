@@ -11,7 +11,7 @@ from common.protocol.messages import encode_frame, encode_model
 from common.transport.bus import Bus
 
 FRAMES_KEPT = 2
-MODELS_KEPT = 6  # the tracked one, and those that its size is compared with
+MODELS_KEPT = 6
 
 
 class Publication:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from common.protocol.messages import RefineRequest, decode_refined
 from common.refinement import Refined, concatenate, unanswered
@@ -27,10 +27,6 @@ class Refinement:
     def is_due(self, now: float) -> bool:
         """Whether to do with what has been answered; the first answer is waited for."""
         return bool(self._parts) and now >= self.due
-
-    def batch(self, start: int, stop: int) -> RefineRequest:
-        """The request for some of the particles."""
-        return replace(self.request, poses=self.request.poses[start:stop])
 
     def receive(self, ticket: int, payload: bytes, particles: int) -> None:
         """Keep a batch's answer until it is accepted; ProtocolError if it makes no sense."""

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.protocol import keys
-from common.protocol.messages import RefineRequest
+from common.protocol.messages import OfSizes, RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body
 from common.transport.opening import open_coordinator
 from common.transport.publishers import Publisher
 from coordinator.pool.exchange import Exchange
@@ -137,15 +138,22 @@ class ZenohRefiner:
         """Send the frame that is to be published next, so that workers have it in time."""
         self._publication.put_ahead(subject)
 
-    def submit(
-        self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings
-    ) -> PendingRefinement:
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> PendingRefinement:
         """Send poses (N, D) to the workers. A request whose result was not taken by then is given up."""
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         with self._clock.stage("refine"):
-            self._publication.offer(model)
-            asked = RefineRequest(self.run, self._publication.current, model.hash, settings, poses)
+            model, of_sizes = self._offer(body)
+            asked = RefineRequest(self.run, self._publication.current, model, settings, poses, of_sizes)
             refinement = Refinement(asked, self._due)
             self._exchange.begin(refinement)
         return PendingRefinement(self._exchange, refinement, self._clock)
+
+    def _offer(self, body: Body) -> tuple[str, OfSizes | None]:
+        """Have a body ready for who asks for it; give its hash, and what makes sizes of it."""
+        if isinstance(body, BodyModel):
+            self._publication.offer(body)
+            return body.hash, None
+        for model in (body.bodies.slim, body.bodies.thick):
+            self._publication.offer(model)
+        return body.bodies.slim.hash, OfSizes(body.bodies.thick.hash, body.sizes)

@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body
 
 
 class Pending(Protocol):
@@ -35,6 +35,6 @@ class Refiner(Protocol):
         """Let the workers have a frame that is to be published next; `submit` stays with the one before."""
         ...
 
-    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Pending:
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Pending:
         """Begin to refine poses (N, D). A request whose result was not taken by then is given up."""
         ...

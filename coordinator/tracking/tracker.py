@@ -319,7 +319,7 @@ class Tracker:
             if self._believes(finding):
                 self._start, self._belief = finding.start, self._begin_with(finding)
                 if self._settings.measure_person and self._asker.can_ask(self._start):
-                    self._measured = Measured.guessed(self._start.stature)
+                    self._measured = Measured.guessed(self._start.stature, self._start.girth)
                 self._watch = Watch(why=finding.verdict.why)
             else:
                 self._watch = self._watch.failed(finding.verdict.why, subject.pixels)
@@ -337,8 +337,8 @@ class Tracker:
             return
         joints = joint_positions(self.model, belief.poses[:RECORDED])
         if is_settled(self._watch, belief.weights[:RECORDED], joints) and not self.rules.is_soft:
-            shown = self._asker.ask(self._start, belief.poses[0], self.rules)
-            self._measured = self._measured.after(shown, (self._start.stature, self._start.girth), time_s)
+            shown = self._asker.ask(self._start, self._measured.about, belief.poses[0], self.rules)
+            self._measured = self._measured.after(shown, time_s)
 
     def _resize(self) -> None:
         """Give the body the size that is known by now, if it is time; hypotheses keep their poses."""
@@ -381,7 +381,8 @@ class Tracker:
         refine = self.rules
         if self._settings.pace_iterations:
             refine = pace_iterations(refine, proposal.interval)
-        return Request(proposal, self._refiner.submit(self.model, proposal.poses, refine))
+        body = self._asker.body_of(self._start, len(proposal.poses))
+        return Request(proposal, self._refiner.submit(body, proposal.poses, refine))
 
     def _update(self, request: Request, clock: Stopwatch) -> tuple[Belief, int]:
         """The belief after a frame, and of how many particles at the least; layers ask for more than once."""

@@ -17,6 +17,7 @@ from common.errors import InputError
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body
 from coordinator.cli import main
 from coordinator.commands.console.progress import Show, show_on
 from coordinator.commands.demo import person
@@ -45,10 +46,11 @@ class StillRefiner:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Have no use for it."""
 
-    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
         """No descent."""
         assert settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
-        assert model.dof_names[-1] == "r_elbow_flexion"
+        assert isinstance(body, BodyModel)
+        assert body.dof_names[-1] == "r_elbow_flexion"
         return Ready(
             Refined(poses.copy(), -np.arange(len(poses), dtype=np.float64), np.full(len(poses), 0.1))
         )

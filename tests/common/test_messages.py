@@ -19,6 +19,7 @@ from common.errors import ProtocolError
 from common.frame import EMPTY, SUBJECT, SubjectFrame
 from common.protocol import messages
 from common.protocol.messages import (
+    OfSizes,
     decode_frame,
     decode_model,
     decode_refined,
@@ -31,7 +32,15 @@ from common.protocol.messages import (
 )
 from common.protocol.wire import MAX_BYTES, MAX_REASON, PROTOCOL
 from common.refinement import Refined
-from tests.support.messages.kinds import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request
+from tests.support.messages.kinds import (
+    COUNT,
+    DOFS,
+    KINDS,
+    POSES,
+    tiny_refined,
+    tiny_request,
+    tiny_sized_request,
+)
 from worker.warm_up import tiny_frame, tiny_model
 
 
@@ -106,6 +115,40 @@ def test_request_survives(count: int, dofs: int, frame: int) -> None:
     assert same(request, decode_request(encode_request(request)))
 
 
+def test_sizes_survive_and_are_cut_with_their_particles() -> None:
+    """Which body the sizes are of arrives, and a batch has its own particles' sizes."""
+    request = tiny_sized_request()
+    assert same(request, decode_request(encode_request(request)))
+    assert request.of_sizes is not None
+    part = request.batch(1, 3).of_sizes
+    assert part is not None
+    np.testing.assert_array_equal(part.sizes, request.of_sizes.sizes[1:3])
+
+
+@pytest.mark.parametrize(
+    ("sizes", "reason"),
+    [
+        (np.array([[0.0, 1.0]]), "sizes has shape"),
+        (np.array([[0.0, 1.0], [np.nan, 1.0], [0.0, 1.0]]), "not finite"),
+        (np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 1.0]]), "not above zero"),
+        (np.array([[0.0, 1.0], [0.0, 1e3], [0.0, 1.0]]), "above 100"),
+    ],
+)
+def test_sizes_that_cannot_be_are_refused(sizes: NDArray[np.float64], reason: str) -> None:
+    """One for each particle, finite, and of a body that there may be."""
+    request = replace(tiny_sized_request(), of_sizes=OfSizes("0" * 64, sizes))
+    with pytest.raises(ProtocolError, match=reason):
+        decode_request(encode_request(request))
+
+
+def test_too_many_sizes_are_refused() -> None:
+    """Each would be a body to lay out."""
+    sizes = np.stack([np.zeros(100), np.linspace(1.0, 2.0, 100)], axis=1)
+    request = replace(tiny_sized_request(), poses=np.zeros((100, 6)), of_sizes=OfSizes("0" * 64, sizes))
+    with pytest.raises(ProtocolError, match="16 sizes at the most, this one 100"):
+        decode_request(encode_request(request))
+
+
 def test_reply_survives() -> None:
     """All fields of refined particles arrive as they were."""
     assert same(tiny_refined(), decode_refined(KINDS["reply"].payload, (COUNT, DOFS)))
@@ -167,7 +210,7 @@ def test_other_version_names_both(kind: str) -> None:
 def test_other_kind_is_refused(kind: str) -> None:
     """A message of another kind is not taken for the one that is expected."""
     other = "request" if kind == "refusal" else "refusal"
-    refuse(kind, KINDS[other].payload, f"not a .*{kind}.* message")
+    refuse(kind, KINDS[other].payload, f"not a .*{kind.removeprefix('sized-')}.* message")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -181,7 +224,7 @@ def test_every_truncation_is_refused(kind: str) -> None:
     """No beginning of a message passes for a message."""
     payload = KINDS[kind].payload
     for end in range(0, len(payload), max(1, len(payload) // 300)):
-        refuse(kind, payload[:end], f"not a .*{kind}.* message")
+        refuse(kind, payload[:end], f"not a .*{kind.removeprefix('sized-')}.* message")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -216,7 +259,7 @@ def test_mutations_end_in_our_error_or_pass(kind: str) -> None:
 )
 def test_rubbish_is_refused(kind: str, payload: bytes) -> None:
     """What is no message at all is refused."""
-    refuse(kind, payload, f"not a .*{kind}.* message")
+    refuse(kind, payload, f"not a .*{kind.removeprefix('sized-')}.* message")
 
 
 def test_too_large_is_refused_unread() -> None:

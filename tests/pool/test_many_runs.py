@@ -15,11 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.protocol import keys
 from common.protocol.messages import encode_request
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -158,10 +158,10 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
     """One asks for eight batches at once, then another asks for one: it is the second to be served."""
     served: list[float] = []
 
-    def slow(model: BodyModel, seen: float, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+    def slow(body: Body, seen: float, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
         served.append(round(1000 * (seen - 2.0)))
         time.sleep(0.05)
-        return refine(model, seen, poses, settings)
+        return refine(body, seen, poses, settings)
 
     options = Pool(workers=0, connect=endpoint, worker_timeout=10.0)
     with (

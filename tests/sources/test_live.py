@@ -19,13 +19,13 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from common.body import BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.messages import encode_live, encode_live_end
 from common.protocol.wire import PROTOCOL
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
 from coordinator.commands.run import NOT_TRACKED
@@ -137,7 +137,7 @@ class Still:
         self.seconds_per_particle = seconds_per_particle
 
     def refine(
-        self, _model: BodyModel, _seen: float, poses: NDArray[np.float64], _settings: RefineSettings
+        self, _body: Body, _seen: float, poses: NDArray[np.float64], _settings: RefineSettings
     ) -> Refined:
         """The same poses, all equally likely."""
         time.sleep(self.seconds_per_particle * len(poses))

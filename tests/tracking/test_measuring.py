@@ -46,12 +46,11 @@ def start_of(stature: float, girth: float) -> Start:
 
 def test_evidence_adds_up_to_the_least_squares_estimate() -> None:
     """Frames whose log likelihoods are parabolas give the maximum of their sum and of what is usual."""
-    peaks, curvature = np.log([[1.60, 1.1], [1.64, 1.15], [1.62, 1.08]]), np.array([2000.0, 300.0])
-    measured = first = Measured.guessed(1.62)
-    about = (1.61, 1.12)
+    peaks, curvature = np.log([[1.60, 1.1], [1.64, 1.12], [1.62, 1.08]]), np.array([2000.0, 300.0])
+    measured = first = Measured.guessed(1.62, 1.07)
     for n, peak in enumerate(peaks):
-        told = Shown(curvature * (peak - np.log(about)), curvature, 0.5)
-        measured = measured.after(told, about, 0.1 * n)
+        told = Shown(curvature * (peak - np.log(measured.about)), curvature, 0.5)
+        measured = measured.after(told, 0.1 * n)
     weight = 0.5 * curvature
     expected = (first.pull + (weight * peaks).sum(axis=0)) / (first.information + 3.0 * weight)
     np.testing.assert_allclose(np.log(measured.size), expected)
@@ -61,8 +60,8 @@ def test_evidence_adds_up_to_the_least_squares_estimate() -> None:
 def test_no_frame_may_ask_for_much() -> None:
     """A flat or hollow log likelihood counts as a weak one, with a bounded step."""
     told = Shown(np.array([1e5, -1e5]), np.array([-100.0, 0.0]), 1.0)
-    before = Measured.guessed(1.7)
-    after = before.after(told, (1.7, 1.0), 0.0)
+    before = Measured.guessed(1.7, 1.07)
+    after = before.after(told, 0.0)
     step = np.log(after.size) - np.log(before.size)
     assert np.all(np.abs(step) < LARGEST_STEP)
     assert np.all(after.information > before.information)
@@ -70,10 +69,10 @@ def test_no_frame_may_ask_for_much() -> None:
 
 def test_the_body_changes_a_few_times_and_then_no_more() -> None:
     """After 2, 4, 8, ... frames, and when enough was seen; those closer than 0.1 s are passed."""
-    measured, changed = Measured.guessed(1.7), []
+    measured, changed = Measured.guessed(1.7, 1.07), []
     for n in range(40):
         if measured.asks(n / 30.0):
-            measured = measured.after(Shown(np.zeros(2), np.ones(2), 1.0), (1.7, 1.0), n / 30.0)
+            measured = measured.after(Shown(np.zeros(2), np.ones(2), 1.0), n / 30.0)
             changed += [measured.frames] if measured.ripe else []
     assert changed == [2, 4, 8, 12]
     assert measured.done
@@ -104,13 +103,13 @@ def test_a_rendered_person_is_measured_from_a_wrong_guess(stature: float, girth:
     with DepthRenderer(CAMERA) as renderer:
         pictures = [renderer.depth(v, body.triangles) for v in pose_vertices(body, full)]
     refiner, start = DirectRefiner(), start_of(0.95 * stature, girth + 0.15)
-    asker, measured = Asker(BODIES, refiner), Measured.guessed(0.95 * stature)
+    asker, measured = Asker(BODIES, refiner), Measured.guessed(0.95 * stature, girth + 0.15)
     for n in range(6):
         subject = isolate(frame_of(n, pictures[n % 3]), None, 3000)
         assert subject is not None
         refiner.publish(subject)
-        told = asker.ask(start, poses[n % 3], RULES)
-        measured = measured.after(told, (start.stature, start.girth), 0.1 * n)
+        told = asker.ask(start, measured.about, poses[n % 3], RULES)
+        measured = measured.after(told, 0.1 * n)
         start = asker.resize(start, *measured.size)
     assert measured.size[0] == pytest.approx(stature, abs=0.015)
     assert measured.size[1] == pytest.approx(girth, abs=0.08)

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.camera import back_project
 from common.errors import InputError
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Refined
 from common.settings import RefineSettings, Settings
+from common.sizes import Body
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
@@ -194,13 +194,13 @@ class Watched(DirectRefiner):
         """The next frame is with the workers."""
         self.events.append(f"ahead {subject.frame.number}")
 
-    def submit(self, model: BodyModel, poses: Array, settings: RefineSettings) -> WatchedRequest:
+    def submit(self, body: Body, poses: Array, settings: RefineSettings) -> WatchedRequest:
         """The workers get busy."""
         if self._frame == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
-        request = super().submit(model, poses, settings)
-        return WatchedRequest(model, request.observation, poses, settings, self.events)
+        request = super().submit(body, poses, settings)
+        return WatchedRequest(body, request.observation, poses, settings, self.events)
 
 
 def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.bounds import check_work
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body, parts_of
 from worker.kernel.icp import refine_next, reject_diverged
 from worker.kernel.observation import Observation
 from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters
@@ -28,7 +28,7 @@ MOST_AT_ONCE = 16  # particles that a lane refines in one call, so that it can r
 
 
 class Job(NamedTuple):
-    """What lanes share."""
+    """Particles of one body, which lanes share."""
 
     skeleton: Skeleton
     surface: Surface
@@ -41,13 +41,20 @@ class Job(NamedTuple):
     counter: NDArray[np.int64]  # (1,) the next particle that nobody has taken
 
 
+class Jobs(NamedTuple):
+    """The particles of a request: a job for each of their bodies, which hold parts of what is refined."""
+
+    each: list[Job]
+    refined: Refined
+
+
 def refine(
-    model: BodyModel, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
+    body: Body, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
 ) -> Refined:
     """Refine particles, one after another.
 
     Args:
-        model: The body.
+        body: Of all particles, or of each.
         observation: The frame's observed points, camera frame, metres.
         poses: Particles (N, D) before their descent, metres and radians.
         settings: How to refine.
@@ -58,29 +65,36 @@ def refine(
     Raises:
         ProtocolError: The work would not end within any sensible time.
     """
-    job = make_job(model, observation, poses, settings)
-    work_on(job, make_workspace(job.skeleton, job.surface, job.observed))
-    return finish(job)
+    jobs = make_jobs(body, observation, poses, settings)
+    for job in jobs.each:
+        work_on(job, make_workspace(job.skeleton, job.surface, job.observed))
+    return finish(jobs)
 
 
-def make_job(
-    model: BodyModel, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
-) -> Job:
+def make_jobs(
+    body: Body, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
+) -> Jobs:
     """Pack the particles of a request; arguments and errors as of `refine`."""
-    check_work(settings, poses.shape, observation.count, len(model.vertices))
-    skeleton, surface = pack_model(model)
+    observed, parameters = pack_observation(observation, settings), pack_parameters(settings)
     before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
-    return Job(
-        skeleton,
-        surface,
-        pack_observation(observation, settings),
-        pack_parameters(settings),
-        before,
-        before.copy(),
-        np.empty(len(poses)),
-        np.empty(len(poses)),
-        np.zeros(1, dtype=np.int64),
-    )
+    refined = Refined(before.copy(), np.empty(len(poses)), np.empty(len(poses)))
+    jobs = []
+    for model, start, stop in parts_of(body, len(poses)):
+        check_work(settings, poses.shape, observation.count, len(model.vertices))
+        particles = slice(start, stop)
+        jobs.append(
+            Job(
+                *pack_model(model),
+                observed,
+                parameters,
+                before[particles],
+                refined.poses[particles],
+                refined.log_likelihood[particles],
+                refined.residual[particles],
+                np.zeros(1, dtype=np.int64),
+            )
+        )
+    return Jobs(jobs, refined)
 
 
 def work_on(job: Job, workspace: Workspace) -> None:
@@ -100,12 +114,14 @@ def work_on(job: Job, workspace: Workspace) -> None:
         pass
 
 
-def abandon(job: Job) -> None:
+def abandon(jobs: Jobs) -> None:
     """Have all lanes stop after the particle that they are at."""
-    job.counter[0] = len(job.poses)
+    for job in jobs.each:
+        job.counter[0] = len(job.poses)
 
 
-def finish(job: Job) -> Refined:
+def finish(jobs: Jobs) -> Refined:
     """What came out, when every lane has returned."""
-    reject_diverged(job.before, job.poses, job.log_likelihood, job.residual)
-    return Refined(job.poses, job.log_likelihood, job.residual)
+    for job in jobs.each:
+        reject_diverged(job.before, job.poses, job.log_likelihood, job.residual)
+    return jobs.refined

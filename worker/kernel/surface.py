@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
 from worker.kernel.search.neighbourhoods import neighbourhoods
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 LEAF = 8  # vertices that are ruled out together
 
@@ -96,12 +100,23 @@ def order_vertices(model: BodyModel) -> tuple[NDArray[np.int64], NDArray[np.int6
     return np.concatenate(order), np.concatenate(leaves)
 
 
-def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+@numba.njit(cache=True, nogil=True)
+def vertex_normals(vertices: Array, triangles: Indices) -> Array:
     """Normals (V, 3) at rest, the mean of the triangles' around a vertex by their area."""
-    a, b, c = vertices[triangles[:, 0]], vertices[triangles[:, 1]], vertices[triangles[:, 2]]
-    around = np.zeros_like(vertices)
-    for corner in triangles.T:
-        np.add.at(around, corner, np.cross(b - a, c - a))
-    length = np.linalg.norm(around, axis=1, keepdims=True)
-    normals: NDArray[np.float64] = np.divide(around, length, out=np.zeros_like(around), where=length > 0.0)
-    return normals
+    around = np.zeros(vertices.shape)
+    for corner in range(3):
+        for t in range(len(triangles)):
+            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            o = vertices[a]
+            ux, uy, uz = vertices[b, 0] - o[0], vertices[b, 1] - o[1], vertices[b, 2] - o[2]
+            vx, vy, vz = vertices[c, 0] - o[0], vertices[c, 1] - o[1], vertices[c, 2] - o[2]
+            n = triangles[t, corner]
+            around[n, 0] += uy * vz - uz * vy
+            around[n, 1] += uz * vx - ux * vz
+            around[n, 2] += ux * vy - uy * vx
+    for v in range(len(around)):
+        x, y, z = around[v]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            around[v, 0], around[v, 1], around[v, 2] = x / length, y / length, z / length
+    return around

@@ -6,65 +6,59 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import msgspec
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
 from common.settings import RefineSettings
+from common.sizes import Body, Sized, Sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, scaled
+from coordinator.bodies.tracked import Bodies
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.starting.measuring import Shown, uprightness, weigh_frame
 from coordinator.tracking.starting.start import Start
 
 Array = NDArray[np.float64]
+Measures = tuple[float, float]  # stature in metres, and girth
 
 STEP = 0.04  # of a measure, as a share
 THICKER = 0.1  # than usual, of the second body from which those of all girths are made
 BETWEEN = (1.0, 1.0 + THICKER)  # girths of these two
-ROUNDS = 4  # of ICP for each body
+ROUNDS = 3  # of ICP for each body
 CELL = 5.0 / (18.0 * np.sqrt(3.0))
 """Mean square distance of points of a surface from the nearest of its vertices, of the area of each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Variants:
-    """The tracked body, one larger, smaller, thicker and thinner, each with its mean square grain, m^2."""
+    """A body, one larger, smaller, thicker and thinner, each with its mean square grain, m^2."""
 
-    start: Start
-    bodies: tuple[BodyModel, ...]
+    about: Measures
+    body: Sized
     grains: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sizes:
-    """A person as tracked, in any size: the body is linear in girth, and all of it scales with stature."""
-
-    values: Mapping[str, float]  # of what does not move
-    usual: BodyModel  # of the reference's stature, and girth 1
-    thick: BodyModel  # the same with girth 1 + THICKER
-
-    def body(self, stature: float, girth: float) -> BodyModel:
-        """The body of this stature (m) and girth."""
-        share = (girth - 1.0) / THICKER
-
-        def between(usual: Array, thick: Array) -> Array:
-            moved: Array = usual + share * (thick - usual)
-            return moved
-
-        of_girth = replace(
-            self.usual,
-            vertices=between(self.usual.vertices, self.thick.vertices),
-            points=between(self.usual.points, self.thick.points),
-            joint_points=between(self.usual.joint_points, self.thick.joint_points),
-        )
-        return scaled(of_girth, stature / REFERENCE_STATURE)
 
 
 def sizes_of(bodies: Bodies, values: Mapping[str, float]) -> Sizes:
     """All sizes of a body of which what does not move is held at these values."""
     usual, thick = (bodies.tracked(REFERENCE_STATURE, girth, values)[0] for girth in BETWEEN)
-    return Sizes(values, usual, thick)
+    return Sizes(usual, thick)
+
+
+def size_of(stature: float, girth: float) -> tuple[float, float]:
+    """The share of the way from the usual girth to the thick one, and the scale."""
+    return (girth - 1.0) / THICKER, stature / REFERENCE_STATURE
+
+
+def vary(sizes: Sizes, about: Measures) -> Variants:
+    """The body of these measures and those beside it."""
+    stature, girth = about
+    larger, smaller = float(np.exp(STEP)), float(np.exp(-STEP))
+    beside = [(stature * larger, girth), (stature * smaller, girth)]
+    beside += [(stature, girth * larger), (stature, girth * smaller)]
+    varied = [size_of(*measures) for measures in (about, *beside)]
+    grains = np.array([grain(sizes.body(size)) for size in varied])
+    return Variants(about, Sized(sizes, np.array(varied)), grains)
 
 
 class Asker:
@@ -79,7 +73,9 @@ class Asker:
         self._bodies = bodies
         self._refiner = refiner
         self._variants: Variants | None = None
+        self._values: Mapping[str, float] | None = None  # of what does not move, in all sizes
         self._sizes: Sizes | None = None
+        self._resized: tuple[Start, Sized] | None = None  # last
 
     def prepare(self) -> None:
         """Make what the first question needs, so that no frame has to wait for it."""
@@ -91,39 +87,41 @@ class Asker:
         in_sizes = self._bodies.people and self._bodies.measures is None
         return in_sizes and set(ROOT_DOFS) <= set(start.model.dof_names)
 
-    def ask(self, start: Start, pose: Array, rules: RefineSettings) -> Shown:
-        """What the frame says, in which the body has about this pose (D,)."""
-        variants, settings = self._vary(start), msgspec.structs.replace(rules, icp_iterations=ROUNDS)
-        refined = [self._refiner.submit(body, pose[None], settings).result() for body in variants.bodies]
-        fits = np.array([one.log_likelihood[0] for one in refined])
-        fits += 0.5 * variants.grains / rules.likelihood_scale**2
-        here, (up, down) = fits[0], fits[1:].reshape(2, 2).T
-        weight = weigh_frame(uprightness(start.model, refined[0].poses[0]), here)
+    def ask(self, start: Start, about: Measures, pose: Array, rules: RefineSettings) -> Shown:
+        """What the frame says of a body of about these measures and this pose (D,)."""
+        variants, settings = self._vary(start, about), msgspec.structs.replace(rules, icp_iterations=ROUNDS)
+        poses = np.repeat(pose[None], len(variants.grains), axis=0)
+        refined = self._refiner.submit(variants.body, poses, settings).result()
+        fits = refined.log_likelihood + 0.5 * variants.grains / rules.likelihood_scale**2
+        here, (up, down) = float(fits[0]), fits[1:].reshape(2, 2).T
+        weight = weigh_frame(uprightness(start.model, refined.poses[0]), here)
         return Shown((up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2, weight)
 
     def resize(self, start: Start, stature: float, girth: float) -> Start:
         """The same start with a body of another size."""
-        model = self._sizes_of(start).body(stature, girth)
-        return replace(start, model=model, stature=stature, girth=girth)
+        sizes, size = self._sizes_of(start), size_of(stature, girth)
+        resized = replace(start, model=sizes.body(size), stature=stature, girth=girth)
+        self._resized = resized, Sized(sizes, np.array([size]))
+        return resized
+
+    def body_of(self, start: Start, particles: int) -> Body:
+        """The body of so many particles, as a refiner gets it most easily: as a size of what it knows."""
+        if self._resized is None or self._resized[0] is not start:
+            return start.model
+        sized = self._resized[1]
+        return replace(sized, sizes=np.repeat(sized.sizes, particles, axis=0))
 
     def _sizes_of(self, start: Start) -> Sizes:
         """All sizes of a body, made once for each pose of what does not move."""
-        if self._sizes is None or self._sizes.values is not start.values:
-            self._sizes = sizes_of(self._bodies, start.values)
+        if self._sizes is None or self._values is not start.values:
+            self._values, self._sizes = start.values, sizes_of(self._bodies, start.values)
         return self._sizes
 
-    def _vary(self, start: Start) -> Variants:
+    def _vary(self, start: Start, about: Measures) -> Variants:
         """The variants of a body, made once for each."""
-        if self._variants is None or self._variants.start is not start:
-            larger, smaller = float(np.exp(STEP)), float(np.exp(-STEP))
-            bodies = (
-                start.model,
-                scaled(start.model, larger),
-                scaled(start.model, smaller),
-                self._sizes_of(start).body(start.stature, start.girth * larger),
-                self._sizes_of(start).body(start.stature, start.girth * smaller),
-            )
-            self._variants = Variants(start, bodies, np.array([grain(body) for body in bodies]))
+        sizes = self._sizes_of(start)
+        if self._variants is None or self._variants.about != about or self._variants.body.bodies is not sizes:
+            self._variants = vary(sizes, about)
         return self._variants
 
 
@@ -132,6 +130,18 @@ def grain(model: BodyModel) -> float:
 
     By as much a body of few vertices is dearer than a smaller one of as many, however well it fits.
     """
-    a, b, c = (model.vertices[model.triangles[:, corner]] for corner in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    return float(CELL * area / len(model.vertices))
+    return float(CELL * area(model.vertices, model.triangles) / len(model.vertices))
+
+
+@numba.njit(cache=True, nogil=True)
+def area(vertices: Array, triangles: NDArray[np.int64]) -> float:
+    """Of a surface, square metres."""
+    total = 0.0
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        o = vertices[a]
+        ux, uy, uz = vertices[b, 0] - o[0], vertices[b, 1] - o[1], vertices[b, 2] - o[2]
+        vx, vy, vz = vertices[c, 0] - o[0], vertices[c, 1] - o[1], vertices[c, 2] - o[2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        total += 0.5 * np.sqrt(x * x + y * y + z * z)
+    return total

@@ -4,7 +4,8 @@ Each frame is asked how likely it is with the body a little larger, smaller, thi
 refined anew. Slope and curvature of the log likelihood in the logarithm of a measure are what the frame says
 of it; they add up, with what is usual before. Whoever stands upright shows stature: a frame counts less the
 more the body is bent, and the worse it is explained. Hypotheses keep their poses when the body changes,
-which is after 2, 4, 8, ... frames, until enough was seen.
+which is after 2, 4, 8, ... frames, until enough was seen. The sizes that frames are asked about stay the same
+until the person turns out to be of quite another one.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ DEVIATIONS = (0.1, 0.1)  # of stature about the first guess, and of girth about 
 ENOUGH = 12.0  # frames of an upright body
 LONGEST = 60  # frames that are asked at the most
 INTERVAL = 0.095  # seconds between them, at the least
+FAR = 0.02  # share by which the size may be off those that frames are asked about
 LEAST_CURVATURE = np.array([300.0, 30.0])  # of a frame
 LARGEST_STEP = 0.06  # that a frame may ask for, as a share
 UPRIGHT = (0.90, 0.96)  # head to ankle, as a share of a straight body's: bent, and straight
@@ -47,21 +49,28 @@ class Measured:
 
     information: Array
     pull: Array
+    about: tuple[float, float]  # stature and girth about which frames are asked
     frames: int = 0
     weight: float = 0.0
     time_s: float = -np.inf
 
     @classmethod
-    def guessed(cls, stature: float) -> Self:
-        """Before any frame was asked."""
+    def guessed(cls, stature: float, girth: float) -> Self:
+        """Before any frame was asked: about this stature, and about the usual girth, whatever was found."""
         information = 1.0 / np.square(DEVIATIONS)
-        return cls(information, information * np.log([stature, USUAL_GIRTH]))
+        return cls(information, information * np.log([stature, USUAL_GIRTH]), (stature, girth))
 
     @property
     def size(self) -> tuple[float, float]:
         """Stature in metres, and girth."""
         stature, girth = np.exp(self.pull / self.information).tolist()
         return stature, girth
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the size is quite another one than those that frames are asked about."""
+        off: Array = np.abs(self.pull / self.information - np.log(self.about))
+        return bool(np.any(off > FAR))
 
     @property
     def ripe(self) -> bool:
@@ -78,19 +87,20 @@ class Measured:
         """Whether the frame of this time is to be asked."""
         return not self.done and not 0.0 <= time_s - self.time_s < INTERVAL
 
-    def after(self, shown: Shown, size: tuple[float, float], time_s: float) -> Self:
-        """With what a frame says that was asked about a body of this size."""
+    def after(self, shown: Shown, time_s: float) -> Self:
+        """With what a frame says that was asked."""
         curvature = np.maximum(shown.curvature, LEAST_CURVATURE)
         step = np.clip(shown.slope / curvature, -LARGEST_STEP, LARGEST_STEP)
         information = shown.weight * curvature
-        return replace(
+        known = replace(
             self,
             information=self.information + information,
-            pull=self.pull + information * (np.log(size) + step),
+            pull=self.pull + information * (np.log(self.about) + step),
             frames=self.frames + 1,
             weight=self.weight + shown.weight,
             time_s=time_s,
         )
+        return replace(known, about=known.size) if known.is_far else known
 
 
 def uprightness(model: BodyModel, pose: Array) -> float:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from common.protocol import messages
 from common.protocol.messages import (
+    OfSizes,
     RefineRequest,
     decode_frame,
     decode_live,
@@ -37,6 +38,12 @@ def tiny_request() -> RefineRequest:
     return RefineRequest("run-1", 7, tiny_model().hash, RefineSettings(damping=0.25), POSES)
 
 
+def tiny_sized_request() -> RefineRequest:
+    """A request whose particles are of two sizes."""
+    sizes = np.array([[0.0, 1.0], [0.5, 1.1], [0.5, 1.1]])
+    return replace(tiny_request(), of_sizes=OfSizes("0" * 64, sizes))
+
+
 def tiny_refined() -> Refined:
     """A reply of the right shape, whatever fields it has."""
     letters = {"N": COUNT, "D": DOFS}
@@ -58,6 +65,7 @@ KINDS = {
     "live-end": Kind(encode_live_end(), decode_live),
     "model": Kind(encode_model(tiny_model()), decode_model),
     "request": Kind(encode_request(tiny_request()), decode_request),
+    "sized-request": Kind(encode_request(tiny_sized_request()), decode_request),
     "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
     "refusal": Kind(encode_refusal("no"), decode_refusal),
 }

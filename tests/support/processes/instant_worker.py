@@ -11,10 +11,10 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body, parts_of
 from common.transport.credentials import read_credentials
 from worker.cli import (
     Connect,
@@ -38,11 +38,13 @@ def observe(subject: SubjectFrame) -> float:
 
 
 def refine(
-    model: BodyModel, observation: float, poses: NDArray[np.float64], settings: RefineSettings, lanes: int = 1
+    body: Body, observation: float, poses: NDArray[np.float64], settings: RefineSettings, lanes: int = 1
 ) -> Refined:
     """Something that depends on all that a result may depend on, particle by particle."""
     time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * math.ceil(len(poses) / lanes))
-    moved = np.sin(poses * settings.damping + observation) + model.vertices.sum()
+    moved = np.sin(poses * settings.damping + observation)
+    for model, start, stop in parts_of(body, len(poses)):
+        moved[start:stop] += model.vertices.sum()
     return Refined(moved, -np.abs(moved).sum(axis=1), np.abs(moved - poses).mean(axis=1))
 
 

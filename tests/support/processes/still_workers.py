@@ -13,12 +13,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import SubjectFrame
 from common.kinematics import pose_vertices
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.sizes import Body, parts_of
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.commands.console.progress import Show
@@ -55,9 +55,9 @@ class StillWorkers:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Have no use for it."""
 
-    def submit(self, model: BodyModel, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
         """The same poses, all equally likely."""
-        assert poses.shape[1] == len(model.dof_names)
+        assert all(poses.shape[1] == len(part.model.dof_names) for part in parts_of(body, len(poses)))
         assert settings.gauss_newton_iterations > 0
         return Ready(Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01)))
 

@@ -1,0 +1,90 @@
+"""A body in any size: linear in girth between two bodies, and as a whole in stature."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.bounds import LARGEST_LENGTH
+from common.errors import ProtocolError
+
+Array = NDArray[np.float64]
+Size = tuple[float, float]  # share of the way from the slim body to the thick one, and scale
+
+BODIES_KEPT = 8  # of one body, in the sizes that were asked for last
+MOVED = ("vertices", "points", "joint_points")  # what differs between sizes
+
+
+class Sizes:
+    """All sizes of a body; those that were asked for last are kept.
+
+    Args:
+        slim: The body, of the usual girth.
+        thick: The same body, thicker: of it only what differs counts.
+
+    Raises:
+        ProtocolError: They are not the same body.
+    """
+
+    def __init__(self, slim: BodyModel, thick: BodyModel) -> None:
+        if any(getattr(slim, name).shape != getattr(thick, name).shape for name in MOVED):
+            raise ProtocolError("the thicker body is another one")
+        self.slim, self.thick = slim, thick
+        self._made: OrderedDict[Size, BodyModel] = OrderedDict()
+
+    def body(self, size: Size) -> BodyModel:
+        """The body of a size. ProtocolError if it is larger than anything may be."""
+        if size not in self._made:
+            self._made[size] = self._make(*size)
+        self._made.move_to_end(size)
+        while len(self._made) > BODIES_KEPT:
+            self._made.popitem(last=False)
+        return self._made[size]
+
+    def _make(self, share: float, scale: float) -> BodyModel:
+        moved = {}
+        for name in MOVED:
+            slim, thick = getattr(self.slim, name), getattr(self.thick, name)
+            moved[name] = (slim + share * (thick - slim)) * scale
+            if not np.abs(moved[name]).max(initial=0.0) <= LARGEST_LENGTH:
+                raise ProtocolError("the body is too large in this size")
+        return replace(self.slim, **moved)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sized:
+    """A body for each of N particles, of these sizes (N, 2)."""
+
+    bodies: Sizes
+    sizes: Array
+
+
+class Part(NamedTuple):
+    """Particles start..stop-1, which have the same body."""
+
+    model: BodyModel
+    start: int
+    stop: int
+
+
+Body = BodyModel | Sized
+"""What particles have: all the same body, or each a size of its own."""
+
+
+def parts_of(body: Body, particles: int) -> Iterator[Part]:
+    """The bodies of so many particles in their order, neighbours of the same size together."""
+    if isinstance(body, BodyModel):
+        yield Part(body, 0, particles)
+        return
+    changes = np.flatnonzero(np.any(body.sizes[1:] != body.sizes[:-1], axis=1)) + 1
+    ends = [0, *changes.tolist(), particles]
+    for start, stop in pairwise(ends):
+        share, scale = body.sizes[start].tolist()
+        yield Part(body.bodies.body((share, scale)), start, stop)
