@@ -437,7 +437,7 @@ def test_bodies_that_differ_make_no_sizes(endpoint: str) -> None:
 def with_one_vertex_more(model: BodyModel) -> BodyModel:
     """The same body with a vertex that no triangle uses."""
     twice = {name: np.concatenate([getattr(model, name), getattr(model, name)[:1]]) for name in SURFACE}
-    return replace(model, **twice)
+    return replace(model, **twice)  # type: ignore[arg-type]
 
 
 SURFACE = ("vertices", "skin_links", "skin_weights")
