@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.certainty.gather import Gathered
-from coordinator.tracking.certainty.assessment import recall
+from coordinator.tracking.certainty.assessment import add_left_over, recall
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.certainty.evidence import CLUES
 
@@ -35,7 +35,8 @@ class Functions:
         """Log odds and log deviation (F, J, 2) of a recording's joints, as the tracker has them."""
         within = averaged(one, self.low, self.high)
         both = (self.probability, self.deviation)
-        return np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
+        fitted = np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
+        return fitted + over_time(add_left_over(one.evidence), one.interval)
 
 
 def distances(gathered: Sequence[Gathered]) -> list[Array]:
@@ -49,8 +50,13 @@ def distances(gathered: Sequence[Gathered]) -> list[Array]:
 
 def averaged(one: Gathered, low: Array, high: Array) -> Array:
     """The evidence (F, J, K) within limits, averaged over the frames before."""
+    return over_time(np.clip(one.evidence, low, high), one.interval)
+
+
+def over_time(values: Array, intervals: Array) -> Array:
+    """Values (F, ...) averaged over the frames before, as the tracker does it, from intervals (F,)."""
     frames: list[Array] = []
-    for now, interval in zip(np.clip(one.evidence, low, high), one.interval, strict=True):
+    for now, interval in zip(values, intervals, strict=True):
         frames.append(recall(now, frames[-1] if frames else None, interval))
     return np.array(frames)
 
@@ -64,17 +70,25 @@ def fit(gathered: Sequence[Gathered]) -> Functions:
     off = np.concatenate([d[held] for d, held in zip(distances(gathered), holds, strict=True)])
     mean, scale = evidence.mean(axis=0), evidence.std(axis=0) + 1e-9
     standard = (evidence - mean) / scale
-    logistic = fit_logistic(standard, off > OFF)
-    linear = fit_deviation(standard, off, np.where(raw[:, CLUES.index("shown")] < 0.5, HIDDEN_WEIGHT, 1.0))
+    given = [
+        over_time(add_left_over(g.evidence), g.interval)[h] for g, h in zip(gathered, holds, strict=True)
+    ]
+    chance, spread = np.concatenate(given).T
+    logistic = fit_logistic(standard, off > OFF, chance)
+    linear = fit_deviation(
+        standard, off * np.exp(-spread), np.where(raw[:, CLUES.index("shown")] < 0.5, HIDDEN_WEIGHT, 1.0)
+    )
     return Functions(low, high, unstandardised(logistic, mean, scale), unstandardised(linear, mean, scale))
 
 
-def fit_logistic(evidence: Array, off: NDArray[np.bool_]) -> Array:
-    """Intercept and weights (K + 1,) of the log odds, by Newton's method."""
+def fit_logistic(evidence: Array, off: NDArray[np.bool_], given: Array) -> Array:
+    """Intercept and weights (K + 1,) of the log odds beside those given (n,), by Newton's method."""
     columns, ridge = with_intercept(evidence)
     found = np.zeros(columns.shape[1])
+    share = np.clip(off.mean(), 1e-3, 0.999)
+    found[0] = np.log(share / (1.0 - share)) - given.mean()  # from elsewhere it need not converge
     for _ in range(50):
-        chance = 1.0 / (1.0 + np.exp(-np.clip(columns @ found, -30.0, 30.0)))
+        chance = 1.0 / (1.0 + np.exp(-np.clip(columns @ found + given, -30.0, 30.0)))
         slope = columns.T @ (off - chance) - ridge @ found
         curvature = (columns * (chance * (1.0 - chance))[:, None]).T @ columns + ridge
         found += np.linalg.solve(curvature, slope)

@@ -82,7 +82,7 @@ def weigh_evidence(
         *per_limb(shares, limbs.of_joint, np.mean).T,
         off,
         per_limb(off[:, None], limbs.of_joint, np.max)[:, 0],
-        np.log(area_left(joints, seen, sighted) + LEAST["unexplained"]),
+        np.log(np.where(limbs.of_joint < 0, 0.0, area_left(joints, seen, sighted)) + LEAST["unexplained"]),
         spread,
         weak,
         per_limb(spread[:, None], limbs.of_joint, np.max)[:, 0],
@@ -150,12 +150,13 @@ def area_left(joints: Array, seen: Seen, sighted: Sighted) -> Array:
 
 @lru_cache(maxsize=16)
 def limbs_of(model: BodyModel) -> Limbs:
-    """The limbs of a body's joints; what nothing moves is the trunk's."""
+    """The limbs of a body's joints, -1 for what nothing moves; what slides is the trunk and no limb."""
     groups = find_limbs(model)
     dofs = model.link_dofs[model.joint_links]
-    of_joint = np.array([next((k for k, g in enumerate(groups) if dof in g), 0) for dof in dofs])
+    of_joint = np.array([next((k for k, g in enumerate(groups) if dof in g), -1) for dof in dofs])
+    of_limb = np.array([bool(np.all(model.kinds[g] == ROTATION)) for g in groups])[of_joint] & (of_joint >= 0)
     at_rest = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     begins = np.array([model.points[groups[k][0]] for k in of_joint])
-    lever = np.where(of_joint > 0, np.linalg.norm(at_rest - begins, axis=1), 0.0)
-    turns = [(model.kinds == ROTATION) & np.isin(np.arange(len(model.kinds)), groups[k]) for k in of_joint]
-    return Limbs(of_joint, lever, np.array(turns) & (of_joint > 0)[:, None])
+    lever = np.where(of_limb, np.linalg.norm(at_rest - begins, axis=1), 0.0)
+    turns = [np.isin(np.arange(len(model.kinds)), groups[k]) for k in of_joint]
+    return Limbs(of_joint, lever, np.array(turns) & of_limb[:, None])
