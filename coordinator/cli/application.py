@@ -19,7 +19,8 @@ import typer
 
 from common.errors import GepfError, InputError
 from coordinator.cli import finished, hosts, sequences, tracking
-from coordinator.cli.surroundings import DONE, FAILED, INPUT_AT_FAULT, say
+from coordinator.cli.surroundings import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, say
+from coordinator.commands.console.interrupts import INTERRUPTS, noted_interrupts
 from coordinator.commands.options.misuse import describe_misuse
 
 if TYPE_CHECKING:
@@ -48,7 +49,11 @@ def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = 
     """Run a command line and return its exit code. `connect` opens another pool than that of workers."""
     logging.basicConfig(format="gepf: %(message)s", level=logging.WARNING)
     try:
-        code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
+        with noted_interrupts(signal.SIGINT):
+            code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
+    except KeyboardInterrupt:
+        INTERRUPTS.forget()
+        code = INTERRUPTED
     except InputError as error:
         return complain(error, INPUT_AT_FAULT)
     except typer.TyperException as error:
@@ -60,7 +65,7 @@ def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = 
         return complain(error, FAILED, mend)
     except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
         return complain(error, FAILED, f"{type(error).__name__}: {error} (gepf --debug shows where)")
-    if code == 128 + signal.SIGINT:
+    if code == INTERRUPTED:
         say("stopped")
     return code if isinstance(code, int) else DONE
 

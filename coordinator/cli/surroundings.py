@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     from coordinator.commands.console.progress import Show
     from coordinator.commands.workers import Connect
 
-DONE, FAILED, INPUT_AT_FAULT = 0, 1, 2
+DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
 
 
 def say(message: str) -> None:

@@ -13,6 +13,7 @@ from PIL import Image
 
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.commands.console.interrupts import ended_at_once
 from coordinator.sources import Source, find_format, open_source
 from coordinator.sources.given import NOTHING, Given
 
@@ -48,8 +49,11 @@ def run_info(sequence: Path, given: Given, pictures: Pictures, *, as_json: bool)
 
 def describe_room(source: Source, picture: Path | None) -> dict[str, object]:
     """Facts about a sequence's scene by name, drawn into a picture if one is wanted."""
-    from coordinator.commands.scene_facts import describe_scene, look, picture_of
+    with ended_at_once():
+        from coordinator.commands.scene_facts import describe_scene, look, picture_of
+        from coordinator.scene.ransac import load_open3d
 
+        load_open3d()
     view, found = look(source)
     if picture is not None:
         save(picture_of(view, found), picture)

@@ -9,6 +9,7 @@ from pathlib import Path
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
+from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show, counted
 from coordinator.commands.finished.pictures import draw_pictures
 from coordinator.commands.options.job import Job
@@ -126,6 +127,7 @@ def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[Poole
             if results is not None:
                 results.put(estimate, tracker.model, tracker.start.held)
             recorder.append(estimate, state, refiner.statistics, meter.seconds)
+            INTERRUPTS.check()
 
 
 def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:

@@ -12,6 +12,7 @@ from common.protocol.keys import check_stream
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
+from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show
 from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
@@ -94,6 +95,7 @@ def until_interrupted(recorder: Recorder) -> Iterator[None]:
     except KeyboardInterrupt:
         if not recorder.frames:
             raise
+        INTERRUPTS.forget()
 
 
 def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[ListeningRefiner]) -> None:
@@ -111,6 +113,7 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
                 results.put(estimate, tracker.model, tracker.start.held)
             meter.advance(estimate, f", {run.frames.counts.skipped} frames skipped")
             run.recorder.append(estimate, tracker.state, refiner.statistics, meter.seconds)
+            INTERRUPTS.check()
 
 
 def finish(run: LiveRun, meter: FrameMeter, *, complete: bool) -> Recorded | None:

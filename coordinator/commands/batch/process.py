@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
 from common.errors import GepfError, InputError
+from coordinator.commands.console.interrupts import ENDING, noted_interrupts
 from coordinator.commands.console.progress import Advance, FrameMeter
 from coordinator.commands.options.job import Job
 from coordinator.commands.people.choice import track_recording
@@ -93,7 +94,8 @@ def track_one(job: Job, pipe: Connection) -> None:
 def code_of(job: Job, show: DistantShow) -> int:
     """Do the run; what ends it is the last line that it says."""
     try:
-        tracked = track_recording(job, show, connect_workers)
+        with noted_interrupts(*ENDING):
+            tracked = track_recording(job, show, connect_workers)
     except KeyboardInterrupt:
         return INTERRUPTED
     except GepfError as error:

@@ -1,8 +1,9 @@
-"""Ctrl-C while libraries work that take any exception for a fault of their own."""
+"""Ctrl-C while libraries load and work that take any exception for a fault of their own."""
 
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
@@ -26,15 +27,50 @@ class Interrupts:
         if self.noted:
             raise KeyboardInterrupt
 
+    def forget(self) -> None:
+        """What was asked for is being done."""
+        self.noted = False
+
+
+INTERRUPTS = Interrupts()
+"""Those of this process, as signals are."""
+
 
 @contextmanager
-def noted_interrupts() -> Iterator[Interrupts]:
-    """Have SIGINT and SIGTERM remembered; a context that ends well although there was one raises it."""
-    interrupts = Interrupts()
-    before = {number: signal.signal(number, interrupts.note) for number in ENDING}
+def noted_interrupts(*signals: signal.Signals) -> Iterator[Interrupts]:
+    """Have signals remembered; where there was one, the context ends with KeyboardInterrupt, however it ends.
+
+    Signals that are ignored stay so.
+    """
+    before = {number: signal.getsignal(number) for number in signals if is_heard(number)}
+    for number in before:
+        signal.signal(number, INTERRUPTS.note)
     try:
-        yield interrupts
+        yield INTERRUPTS
+    except Exception as error:
+        if INTERRUPTS.noted:
+            raise KeyboardInterrupt from error
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    interrupts.check()
+    INTERRUPTS.check()
+
+
+@contextmanager
+def ended_at_once() -> Iterator[None]:
+    """Let an interrupt end the process as the system does, while there is nothing to be kept."""
+    if not is_heard(signal.SIGINT):
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def is_heard(number: signal.Signals) -> bool:
+    """Whether a signal is not ignored, and this thread may say what it does."""
+    here = threading.current_thread() is threading.main_thread()
+    return here and signal.getsignal(number) is not signal.SIG_IGN

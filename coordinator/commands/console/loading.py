@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from threading import Timer
 from typing import TYPE_CHECKING
 
+from coordinator.commands.console.interrupts import ended_at_once
+
 if TYPE_CHECKING:
     from coordinator.commands.console.progress import Show
 
@@ -15,11 +17,15 @@ SOON = 0.3  # seconds
 
 @contextmanager
 def loading(show: Show, text: str) -> Iterator[None]:
-    """Say what is to be done, if the libraries that the context imports take longer than a moment."""
+    """Say what is to be done, if the libraries that the context imports take longer than a moment.
+
+    An interrupt meanwhile ends the process at once: some libraries take it for a fault of their own.
+    """
     timer = Timer(SOON, show.say, [text])
     timer.daemon = True
     timer.start()
     try:
-        yield
+        with ended_at_once():
+            yield
     finally:
         timer.cancel()

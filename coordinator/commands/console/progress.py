@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Protocol, Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from coordinator.commands.console.interrupts import INTERRUPTS
+
 if TYPE_CHECKING:
     from coordinator.tracking.estimate import Estimate
 
@@ -142,7 +144,12 @@ class TerminalShow(ConsoleShow):
         """A bar that goes away at the end."""
         with _bar(self._console, transient=True) as bar:
             task = bar.add_task(text, total=None)
-            yield lambda done, total: bar.update(task, completed=done, total=total)
+
+            def advance(done: int, total: int) -> None:
+                INTERRUPTS.check()
+                bar.update(task, completed=done, total=total)
+
+            yield advance
 
     def frames(self, total: int | None, done: int = 0) -> FrameMeter:
         """A bar with the run's state."""
@@ -163,6 +170,7 @@ class PlainShow(ConsoleShow):
 
         def advance(done: int, total: int) -> None:
             nonlocal last
+            INTERRUPTS.check()
             if time.monotonic() - last > self.quiet_seconds:
                 last = time.monotonic()
                 self.say(f"{text}: {done} of {total}")

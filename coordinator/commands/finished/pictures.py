@@ -8,7 +8,7 @@ from typing import Any
 
 from common.body import BodyModel
 from common.errors import InputError
-from coordinator.commands.console.interrupts import noted_interrupts
+from coordinator.commands.console.interrupts import ENDING, noted_interrupts
 from coordinator.commands.console.progress import Show
 from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import PicturesOptions
@@ -54,11 +54,7 @@ def draw_pictures(
     colours: ColourFolder | None,
 ) -> list[Path]:
     """Draw with a bar; an interrupt ends it at once, and the pictures before it stay as they were."""
-    with noted_interrupts() as interrupts, show.steps("drawing pictures") as advance:
+    with noted_interrupts(*ENDING), show.steps("drawing pictures") as advance:
         from coordinator.pictures.run import draw_run
 
-        def step(done: int, total: int) -> None:
-            interrupts.check()
-            advance(done, total)
-
-        return draw_run(source, model, track, out, truth, colours, step)
+        return draw_run(source, model, track, out, truth, colours, advance)

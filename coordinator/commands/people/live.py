@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 from common.errors import InputError
 from coordinator.bodies.choice import choose_bodies
+from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import Show
 from coordinator.commands.options.job import Job
 from coordinator.commands.people.group import Group, advance, open_all_results, open_group, put_all
@@ -69,4 +70,5 @@ def track_newest(
             put_all(results, crowd, outlets)
             advance(meter, results, f", {frames.counts.skipped} frames skipped")
             group.append(results, refiner.statistics, meter.seconds)
+            INTERRUPTS.check()
     return meter.rate

@@ -9,6 +9,7 @@ import numpy as np
 
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.tracked import Bodies
+from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show, counted
 from coordinator.commands.finished.pictures import draw_pictures
 from coordinator.commands.options.job import Job
@@ -101,6 +102,7 @@ def track_frames(run: PeopleRun, meter: FrameMeter, show: Show, connect: Connect
             advance(meter, results)
             put_all(results, crowd, outlets)
             group.append(results, refiner.statistics, meter.seconds)
+            INTERRUPTS.check()
 
 
 def finish(run: PeopleRun, meter: FrameMeter, show: Show) -> dict[int, Recorded]:

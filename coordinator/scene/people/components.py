@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from common.camera import back_project
 from coordinator.scene.noise import margin_at
+from coordinator.scene.ransac import segment_plane
 from coordinator.scene.room.marks import Depth
 from coordinator.scene.view import SceneView
 
@@ -150,17 +151,11 @@ def label(depth: Depth, foreground: Mask, growth: float, labels: NDArray[np.int3
 
 def largest_plane(points: Array, spread: float) -> tuple[Array, float]:
     """The plane (4,), n x + d = 0, with the most points (P, 3) within `spread` metres, and their share."""
-    from open3d.geometry import PointCloud
-    from open3d.utility import Vector3dVector, random
-
     if len(points) < LEAST_POINTS:
         return np.array([0.0, 0.0, 1.0, 0.0]), 1.0
     some = points[:: max(1, len(points) // SAMPLED)]
-    random.seed(0)
-    plane, on = PointCloud(Vector3dVector(some)).segment_plane(
-        spread, ransac_n=3, num_iterations=PLANE_ROUNDS, probability=1.0
-    )
-    return np.asarray(plane), len(on) / len(some)
+    plane, on = segment_plane(some, spread, PLANE_ROUNDS, seed=0)
+    return plane, on / len(some)
 
 
 LEAST_POINTS = 20

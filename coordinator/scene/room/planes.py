@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from coordinator.scene.noise import DepthNoise, margin_at
+from coordinator.scene.ransac import segment_plane
 from coordinator.scene.room.floor import is_surface, level_plane
 
 Array = NDArray[np.float64]
@@ -101,16 +102,11 @@ def small_floors(rays: Array, noise: DepthNoise, up: Array) -> list[Array]:
 
 def largest_planes(rays: Array, noise: DepthNoise) -> list[Array]:
     """Coefficients (3,) of the planes with the most points, each without the points of those before."""
-    from open3d.geometry import PointCloud
-    from open3d.utility import Vector3dVector, random
-
     rest = rays
     found: list[Array] = []
     while len(found) < MOST and len(rest) > max(50, SUPPORT * len(rays)):
-        random.seed(len(found))
         spread = float(np.median(inverse_margin(rest, noise)))
-        cloud = PointCloud(Vector3dVector(rest))
-        (a, b, c, d), _ = cloud.segment_plane(spread, ransac_n=3, num_iterations=ROUNDS, probability=1.0)
+        (a, b, c, d), _ = segment_plane(rest, spread, ROUNDS, seed=len(found))
         if abs(c) < STEEPEST:  # it holds the camera: no surface looks so
             break
         plane = refit(np.array([-a, -b, -d]) / c, rest, noise)

@@ -1,0 +1,136 @@
+"""Interrupts at awkward moments: while libraries load, and where one takes them for a fault of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from coordinator.cli import main
+from coordinator.commands.console.interrupts import INTERRUPTS, ended_at_once, noted_interrupts
+from coordinator.commands.console.progress import Show
+from coordinator.pool.options import Pool
+from coordinator.scene.ransac import held_interrupts
+from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.processes.warm_processes import start
+
+
+@pytest.fixture(autouse=True)
+def nothing_noted() -> None:
+    """As at the start of a process."""
+    INTERRUPTS.forget()
+
+
+def load_for_ever(begun: Path) -> None:
+    """A library whose loading takes any exception for a missing part."""
+    with ended_at_once():
+        begun.touch()
+        while True:
+            with suppress(BaseException):
+                time.sleep(60.0)
+
+
+def test_an_interrupt_while_libraries_load_ends_the_process_at_once(tmp_path: Path) -> None:
+    """Whatever the library swallows: by the signal, within a second."""
+    begun = tmp_path / "begun"
+    process = start(load_for_ever, begun, log=tmp_path / "log")
+    while not begun.exists():
+        time.sleep(0.01)
+    assert process.pid is not None
+    os.kill(process.pid, signal.SIGINT)
+    process.join(1.0)
+    assert process.exitcode == -signal.SIGINT
+
+
+def test_after_loading_interrupts_are_exceptions_again() -> None:
+    """And one that is ignored, as of a job in the background, stays so."""
+    with ended_at_once():
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with ended_at_once(), noted_interrupts(signal.SIGINT):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def end_as_open3d_does() -> None:
+    """An interrupt within its loading."""
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise ImportError("initialization failed") from None
+
+
+def swallow() -> None:
+    """An interrupt within a callback that lets nothing through."""
+    with suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("happens", [end_as_open3d_does, swallow])
+def test_what_was_swallowed_or_turned_into_a_fault_is_raised_at_the_end(happens: Callable[[], None]) -> None:
+    """As KeyboardInterrupt."""
+    with pytest.raises(KeyboardInterrupt), noted_interrupts(signal.SIGINT):
+        happens()
+
+
+def test_a_fault_without_an_interrupt_stays_what_it_is() -> None:
+    """Also after one that is being done."""
+    swallow()
+    with pytest.raises(ImportError), noted_interrupts(signal.SIGINT):
+        raise ImportError("really missing")
+
+
+def test_open3d_loads_to_its_end_before_an_interrupt_counts() -> None:
+    """The interrupt comes after the context, once."""
+    done: list[str] = []
+
+    def load() -> None:
+        with held_interrupts():
+            signal.raise_signal(signal.SIGINT)
+            done.append("loaded")
+
+    with pytest.raises(KeyboardInterrupt):
+        load()
+    assert done == ["loaded"]
+
+
+@pytest.mark.usefixtures("no_traces")
+def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
+    sequence: Path, tmp_path: Path, workers: StillWorkers, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 130, and what was tracked is kept."""
+
+    def connect_and_swallow(pool: Pool, show: Show) -> AbstractContextManager[Any]:
+        swallow()
+        return workers.connect(pool, show)
+
+    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], connect_and_swallow) == 130
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1] == "gepf: stopped"
+    assert lines[-2].startswith("ended early with 1 of 5 frames in ")
+
+
+@pytest.mark.usefixtures("no_traces")
+def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> None:
+    """The moment at which Open3D begins to load: never an exit code of its own."""
+    command = [sys.executable, "-m", "coordinator.cli", "info", str(sequence)]
+    for pause in (0.0, 0.2, 0.5):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(pause)
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30.0)
+        assert process.returncode in (130, -signal.SIGINT)
