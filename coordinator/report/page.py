@@ -15,6 +15,7 @@ from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPO
 from coordinator.report.angles import draw_angles
 from coordinator.report.doubts import find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
+from coordinator.report.groups import are_a_persons
 from coordinator.report.ranges import list_ranges
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.summary import read_summary
@@ -25,10 +26,13 @@ PICTURES = (ANIMATION_FILE, FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
 MEDIA = {".gif": "image/gif", ".png": "image/png", ".mp4": "video/mp4"}
 
 
-def write_report(run: Path, out: Path) -> None:
-    """Write the page about the run in this folder; InputError if it holds no finished run."""
+def write_report(run: Path, out: Path, back: str | None = None) -> None:
+    """Write the page about the run in this folder; InputError if it holds no finished run.
+
+    Of one of several people it leads `back` to the page of all.
+    """
     track = read_track_with_angles(run)
-    write_page(render(run, track, read_summary(run)), out)
+    write_page(render(run, track, read_summary(run), back), out)
 
 
 def write_page(page: str, out: Path) -> None:
@@ -50,10 +54,14 @@ def template(name: str) -> Template:
     return environment.get_template(name)
 
 
-def render(run: Path, track: Track, summary: dict[str, Any]) -> str:
+def render(run: Path, track: Track, summary: dict[str, Any], back: str | None = None) -> str:
     """The page's text."""
+    sequence = summary.get("sequence", run.name)
     return template(TEMPLATE).render(
-        title=summary.get("sequence", run.name),
+        title=f"{sequence}: {run.name}" if back else sequence,
+        back=back,
+        folder=run,
+        person=are_a_persons(track.angle_names or ()),
         summary=summary,
         facts=describe_run(track, summary),
         status=describe_status(track),

@@ -20,7 +20,7 @@ TEMPLATE, PAGE = "people.html.j2", "report.html"
 def write_people_report(run: Path, people: Sequence[Path], out: Path) -> None:
     """Write a page in each person's folder, and one about all that leads to them."""
     for person in people:
-        write_report(person, person / PAGE)
+        write_report(person, person / PAGE, os.path.relpath(out, person))
     summary = read_summary(run)
     shown = [show_person(person, out) for person in people]
     page = template(TEMPLATE).render(
@@ -37,6 +37,7 @@ def show_person(person: Path, out: Path) -> dict[str, object]:
     track, summary = read_track(person), read_summary(person)
     return {
         "name": person.name,
+        "folder": person,
         "page": os.path.relpath(person / PAGE, out.parent),
         "banner": find_banner(track, summary),
         "status": describe_status(track),

@@ -14,7 +14,9 @@ from PIL import Image
 from common.activation import activate
 from coordinator.bodies.angles import angles_of
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.urdf.reading import read_urdf
 from coordinator.cli import main
+from coordinator.report import write_report
 from coordinator.report.doubts import Doubt, Flag, find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.ranges import list_ranges
 from coordinator.results.track import Track
@@ -193,3 +195,24 @@ def test_ranges_are_those_of_the_known_frames() -> None:
     assert (round(reach.least), round(reach.greatest), round(reach.motion)) == (10, 40, 30)
     assert (reach.least_s, round(reach.greatest_s * 30.0), round(reach.fastest)) == (0.0, 1, 900)
     assert list_ranges(elbow_track([1.0], ["lost"])) == []
+
+
+def test_a_robot_has_no_sides(tmp_path: Path) -> None:
+    """Its joints stand in one column, and nobody says that its arms hang."""
+    model = read_urdf(Path(__file__).parents[2] / "examples" / "arm7.urdf")
+    write_run(tmp_path / "robot", model, swing(model, 3))
+    (tmp_path / "robot" / "summary.json").write_text(json.dumps(SUMMARY))
+    assert main(["report", str(tmp_path / "robot")]) == 0
+    words = Page((tmp_path / "robot" / "report.html").read_text()).words
+    assert "from … to (range)" in words
+    assert not any(word.startswith("right") or "arms hanging" in word for word in words)
+
+
+def test_a_page_of_one_of_several_says_who_it_is_and_leads_back(run: Path) -> None:
+    """By the folder's name; a run alone has no such link."""
+    write_report(run, run / "report.html", back="../report.html")
+    text = (run / "report.html").read_text()
+    assert "walk <b>&</b>: run" in Page(text).words
+    assert '<a href="../report.html">All people</a>' in text
+    write_report(run, run / "report.html")
+    assert "All people" not in (run / "report.html").read_text()
