@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from numpy.typing import ArrayLike
 
+from common.closing import Closing
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
@@ -23,11 +22,12 @@ from coordinator.results.recording.saving import save_run
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import follow_all
+from gepf.images import Images
 from gepf.named import Estimate, named
-from gepf.tracker import Images, Workers, open_refiner
+from gepf.refiners import Workers, open_refiner
 
 
-class PeopleTracker:
+class PeopleTracker(Closing):
     """Follows up to so many people through depth frames; all of them are found, with their measures.
 
     Args:
@@ -59,14 +59,6 @@ class PeopleTracker:
         self._images, self._frames = Images(camera, depth_scale), 0
         self._stack = ExitStack()
         self._crowd = Crowd(open_refiner(workers, self._stack), self._settings, bodies, people)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the workers that were started, and leave the pool."""

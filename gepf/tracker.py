@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from common.body import BodyModel
+from common.closing import Closing
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
@@ -22,31 +19,23 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.mpeg4 import HUMAN
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import apply_method
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.model_file import TrackedBody
 from coordinator.results.recording.recorded import assemble, certainty_of, floor_up
 from coordinator.results.recording.saving import save_run
-from coordinator.security.tls import TlsFiles, choose_security
-from coordinator.sources.arrays import camera_of, whole_depth
-from coordinator.sources.camera_file import DEFAULT_FPS
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.pipeline import follow
-from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.starting.start import given_start
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker as FrameTracker
-from gepf.direct import DirectRefiner
+from gepf.images import Images
 from gepf.named import Estimate, named
-
-log = logging.getLogger("gepf")
+from gepf.refiners import Workers, open_refiner
 
 Body = str | Path | Measures | BodyModel
-Workers = int | str | Pool
 Start = Mapping[str, float] | str | Path
 
 
-class Tracker:
+class Tracker(Closing):
     """Follows one body through depth frames.
 
     Args:
@@ -85,14 +74,6 @@ class Tracker:
             given_start(given, bodies)  # checked before any worker starts
         self._stack = ExitStack()
         self._tracker = FrameTracker(open_refiner(workers, self._stack), settings, bodies, given)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the workers that were started, and leave the pool."""
@@ -159,35 +140,6 @@ class Tracker:
         return named(estimate, start.model, start.held)
 
 
-@dataclass(frozen=True, slots=True)
-class Images:
-    """The camera of arrays: its matrix (3, 3), and units per metre of whole numbers."""
-
-    camera: ArrayLike | None
-    depth_scale: float | None
-
-    def frame(self, depth: DepthFrame | ArrayLike, number: int, time_s: float | None) -> DepthFrame:
-        """A frame as it is, or an array (H, W) as the frame of this number."""
-        if isinstance(depth, DepthFrame):
-            return depth
-        image = np.asarray(depth)
-        if self.camera is None:
-            raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
-        if image.ndim != 2 or 0 in image.shape:
-            raise InputError(f"depth has shape {image.shape}; give rows of columns (H, W)")
-        units, scale = whole_depth(image, self.depth_scale, "depth")
-        camera = camera_of(np.asarray(self.camera), image.shape[1], image.shape[0], "camera")
-        when = number / DEFAULT_FPS if time_s is None else time_s
-        return DepthFrame(number, when, units, scale, camera)
-
-
-def open_refiner(workers: Workers | None, stack: ExitStack) -> Refiner:
-    """Who refines, until the stack is closed."""
-    if workers is None:
-        return DirectRefiner()
-    return stack.enter_context(ZenohRefiner(choose_workers(workers), log.info))
-
-
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:
     """The bodies that `model` stands for."""
     match model:
@@ -197,16 +149,3 @@ def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: st
             return bodies_of(model, active)
         case _:
             return choose_bodies(active, preset_name, choose_model(str(model)))
-
-
-def choose_workers(workers: Workers) -> Pool:
-    """A pool from its short forms; InputError for one that nobody could join."""
-    match workers:
-        case Pool():
-            return workers
-        case str():
-            return Pool(0, connect=workers, security=choose_security(None, workers, TlsFiles()))
-        case _ if workers < 1:
-            raise InputError(f"workers={workers} would refine nothing; give None, 1 or more, or a Pool")
-        case _:
-            return Pool(workers)

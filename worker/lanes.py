@@ -6,14 +6,14 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
-from types import TracebackType
-from typing import Self
+
+from common.closing import Closing
 
 Work = Callable[[int], None]
 """What a lane does; called with the lane's number."""
 
 
-class Lanes:
+class Lanes(Closing):
     """A fixed number of lanes: the thread that calls, and threads of our own beside it.
 
     A context manager; the threads end with it. They are daemons, so that they never hold up an exit.
@@ -27,14 +27,6 @@ class Lanes:
         self._ended: SimpleQueue[BaseException | None] = SimpleQueue()
         for lane, orders in enumerate(self._orders, start=1):
             threading.Thread(target=self._obey, args=(lane, orders), name=f"lane-{lane}", daemon=True).start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Have the threads end when they have done what they do."""

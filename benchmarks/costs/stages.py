@@ -10,11 +10,12 @@ import numpy as np
 from benchmarks.costs.standing import Case
 from common.kinematics.chain import forward_kinematics
 from common.settings import RefineSettings
+from worker.kernel.icp import solver_parameters
 from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import pack_observation, pack_parameters
 from worker.kernel.search.warm_start import find_correspondences
-from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
-from worker.kernel.solver.priors import LIMIT_SHARE, clamp_to_limits
+from worker.kernel.solver.gauss_newton import minimise, over_relax
+from worker.kernel.solver.priors import clamp_to_limits
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_surface, repose_visible, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
@@ -48,15 +49,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
     packed, parameters = pack_observation(case.observation, settings), pack_parameters(settings)
     workspace = make_workspace(skeleton, surface, packed)
     pose, clock = case.start[0].copy(), Clock()
-    metric = np.array([1.0, 1.0, parameters.stretch**2])
-    solver = SolverParameters(
-        metric,
-        parameters.damping + parameters.damping_share * packed.count,
-        parameters.rest_weight * packed.count,
-        LIMIT_SHARE * packed.count,
-        parameters.gauss_newton_iterations,
-        parameters.keep_limits,
-    )
+    solver = solver_parameters(parameters, packed.count)
     if parameters.keep_limits:
         clamp_to_limits(skeleton, pose)
     last_count, visible, before = 0, workspace.visibility.visible, pose.copy()

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 import zenoh
 from zenoh import ext, handlers
 
+from common.closing import Closing
 from common.transport.publishers import FramePublisher, Publisher, number_of
 from common.transport.requests import Arrivals, Asker, Payload, Requests
 from common.transport.zenoh_errors import mapped
@@ -22,20 +21,12 @@ FRAMES_KEPT = 2  # for late joiners
 HEARTBEAT_S = 0.5
 
 
-class Bus:
+class Bus(Closing):
     """One session. Everything that is declared on it ends with it."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._declared: list[object] = []  # what ends when it is forgotten
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the session; the interpreter could not exit otherwise."""

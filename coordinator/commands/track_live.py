@@ -10,7 +10,6 @@ from pathlib import Path
 from common.errors import InputError
 from common.protocol.keys import check_stream
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show
@@ -50,8 +49,8 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bo
     came.
     """
     key = check_live(job)
-    bodies = choose_bodies(job.active, job.settings.preset)
-    start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), HUMAN_DOFS)
+    bodies = choose_bodies(job.active, job.settings.preset, job.model)
+    start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), bodies.dof_names)
     scope = job.scope.read(None, job.settings.rotate_deg)
     configuration = live_run_configuration(str(job.sequence), job.asked(bodies, start, scope))
     frames = LiveFrames(key, show.say, idle=job.idle_timeout)
@@ -79,6 +78,9 @@ def check_live(job: Job) -> str:
         ("--frames", job.frames is not None),
         ("--resume", job.resume),
         ("--color", job.colour is not None),
+        ("--joint-states", job.joint_states is not None),
+        ("--intrinsics", job.given.lens is not None),
+        ("--depth-scale", job.given.depth_scale is not None),
     ):
         if given:
             raise InputError(f"{option} is for recorded sequences; leave it out with live input")

@@ -8,20 +8,20 @@ Mesa); the segmentation pass renders one sample a pixel, at the centre.
 from __future__ import annotations
 
 import os
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
+from common.closing import Closing
 from common.errors import GepfError
 
 NEAR_M, FAR_M = 0.2, 20.0  # with a 24-bit buffer: 1.5 um at 2 m, 40 um at 10 m
 OPENGL_FROM_CAMERA = np.array([1.0, -1.0, -1.0])  # OpenGL looks along -z, with y up
 
 
-class DepthRenderer:
+class DepthRenderer(Closing):
     """Renders closed surfaces to depth images. Use it as a context manager, one at a time."""
 
     def __init__(self, camera: Intrinsics) -> None:
@@ -51,14 +51,6 @@ class DepthRenderer:
     def close(self) -> None:
         """Release the OpenGL context."""
         self._renderer.delete()
-
-    def __enter__(self) -> DepthRenderer:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def opengl_camera(pyrender: Any, camera: Intrinsics) -> Any:

@@ -13,7 +13,6 @@ import logging
 import re
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -50,7 +49,7 @@ from tests.support.messages.extremes import Extremes
 from tests.support.messages.kinds import KINDS
 from tests.support.messages.mutator import Mutator
 from tests.support.processes.instant_worker import KERNEL
-from tests.support.processes.serving import MODEL, POSES, expected, refined_bytes, serving
+from tests.support.processes.serving import MODEL, POSES, expected, refined_bytes, running, serving
 from worker.kernel.job import refine
 from worker.kernel.observation import observe
 from worker.service import Batch, Kernel, Service
@@ -304,7 +303,7 @@ def fuzz_coordinator(count: int, seed: int) -> Report:
         refiner = stack.enter_context(ZenohRefiner(Pool(workers=0, listen=place, worker_timeout=LONGEST)))
         for k, counter in enumerate(heard):
             bus = stack.enter_context(open_worker([place]))
-            stack.enter_context(running(Liar(bus, f"liar-{k}", seed + k, counter)))
+            stack.enter_context(running(Liar(bus, f"liar-{k}", seed + k, counter), LONGEST))
         stack.enter_context(serving(place, "honest"))
         refiner.wait_for(LIARS + 1)
         while (found := sum(c["lies"] + c["false refusals"] for c in heard)) < count:
@@ -317,19 +316,6 @@ def fuzz_coordinator(count: int, seed: int) -> Report:
         report.outcomes["counted as malformed"] = refiner.statistics.replies_malformed
         report.weigh()
     return report
-
-
-@contextmanager
-def running(service: Service[Any]) -> Iterator[None]:
-    """A service in a thread."""
-    thread = threading.Thread(target=service.run)
-    thread.start()
-    try:
-        yield
-    finally:
-        service.stop()
-        thread.join(LONGEST)
-        assert not thread.is_alive()
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -28,11 +27,11 @@ from common.settings import RefineSettings
 from common.sizes import Body
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
-from coordinator.commands.run import NOT_TRACKED
+from coordinator.results.recording.recorded import read_log
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
 from tests.support.processes.instant_worker import KERNEL
-from tests.support.processes.programs import INSTANT, wait_until
+from tests.support.processes.programs import started, wait_until
 from tests.support.processes.serving import MODEL, pool, serving
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
@@ -46,8 +45,11 @@ FOLDER_CAMERA = {
     "depth_scale": 1000,
 }
 PATIENT = 0.5  # seconds, on a machine that is busy; alone, 394 messages took 7 to 24 ms
-ENDED = (0, NOT_TRACKED)  # exit codes of a stream that was tracked to its end: a wall is nobody
-COMMAND = (sys.executable, "-m", "coordinator.cli")
+GEPF = (sys.executable, "-m", "coordinator.cli")
+WALL = """<robot name="wall"><link name="wall"><visual>
+<geometry><box size="2 2 0.1"/></geometry>
+</visual></link></robot>"""
+AT_TWO_METRES = np.array([0.0, 0.0, 2.05, 0.0, 0.0, 0.0])  # the wall's pose in every frame
 
 
 def image(number: int, depth: int = 2000) -> DepthFrame:
@@ -149,6 +151,16 @@ class Still:
         return Kernel(KERNEL.observe, self.refine)
 
 
+class Finder(Still):
+    """A worker that finds the wall, slowly."""
+
+    def refine(
+        self, model: BodyModel, seen: float, poses: NDArray[np.float64], settings: RefineSettings
+    ) -> Refined:
+        """Every particle where the wall is."""
+        return super().refine(model, seen, np.tile(AT_TWO_METRES, (len(poses), 1)), settings)
+
+
 @contextmanager
 def in_thread(act: Callable[[threading.Event], None]) -> Iterator[None]:
     """Something that goes on beside the body until it is stopped."""
@@ -164,7 +176,7 @@ def in_thread(act: Callable[[threading.Event], None]) -> Iterator[None]:
 
 @contextmanager
 def staged(
-    where: str, messages: list[bytes], rest: Callable[[threading.Event], object], worker: Still
+    where: str, messages: list[bytes], rest: Callable[[threading.Event], object], worker: Finder
 ) -> Iterator[None]:
     """A worker, and a camera that shows messages from when somebody listens, with a rest after each."""
 
@@ -177,40 +189,54 @@ def staged(
                 publisher.put_surely(message)
                 rest(stop)
 
+    with in_thread(publish), at_work(where, worker):
+        yield
+
+
+@contextmanager
+def at_work(where: str, worker: Finder) -> Iterator[None]:
+    """A worker that joins when somebody listens."""
+
     def work(stop: threading.Event) -> None:
         with serving(where, "w", worker.kernel):
             stop.wait()
 
-    with in_thread(publish), in_thread(work):
+    with in_thread(work):
         yield
 
 
 def until_recorded(out: Path) -> Callable[[threading.Event], None]:
     """A rest until one more frame has been recorded, or the run is over."""
+    shown = 0
 
-    def size() -> int | None:
+    def recorded() -> int:
         try:
-            return (out / "frames.log").stat().st_size
+            log = read_log(out / "frames.log")
         except FileNotFoundError:
-            return None
-
-    seen: int | None = 0
+            return shown
+        return len(log.estimates) if log else 0
 
     def rest(stop: threading.Event) -> None:
-        nonlocal seen
-        while size() == seen is not None and not stop.wait(0.01):
+        nonlocal shown
+        shown += 1
+        while recorded() < shown and not stop.wait(0.01):
             pass
-        seen = size()
 
     return rest
 
 
 def track_live(where: str, out: Path, *options: str) -> int:
-    """`gepf track` of the stream, without workers of its own."""
-    init = out.parent / "init.json"
-    init.write_text(json.dumps({"root_tz": 2.0}))
-    given = {"--out": out, "--workers": 0, "--listen": where, "--init": init, "--particles": 20}
+    """`gepf track` of the wall in the stream, without workers of its own."""
+    given = {"--out": out, "--workers": 0, "--listen": where, "--particles": 20, **wall(out.parent)}
     return main(["track", f"zenoh:{KEY}", *(str(part) for pair in given.items() for part in pair), *options])
+
+
+def wall(folder: Path) -> dict[str, Path]:
+    """The options for a wall at two metres, in files."""
+    model, init = folder / "wall.urdf", folder / "init.json"
+    model.write_text(WALL)
+    init.write_text(json.dumps({"root_tz": AT_TWO_METRES[2]}))
+    return {"--model": model, "--init": init}
 
 
 def summary_of(out: Path) -> dict[str, Any]:
@@ -222,8 +248,8 @@ def summary_of(out: Path) -> dict[str, Any]:
 def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
     """Every frame of a slow stream is in the results under its own number and time."""
     messages = [encode_live(image(number)) for number in (10, 11, 15)] + [encode_live_end()]
-    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Still()):
-        assert track_live(endpoint, tmp_path / "run") in ENDED
+    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Finder()):
+        assert track_live(endpoint, tmp_path / "run") == 0
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.frame.tolist() == [10, 11, 15]
     np.testing.assert_allclose(track.time_s, np.array([10, 11, 15]) / 30)
@@ -237,8 +263,8 @@ def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
 def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_path: Path) -> None:
     """With a worker that needs 0.2 s a frame, frames every 20 ms are skipped, counted, the last one kept."""
     messages = [encode_live(image(number)) for number in range(30)] + [encode_live_end()]
-    with staged(endpoint, messages, lambda stop: stop.wait(0.02), Still(0.01)):
-        assert track_live(endpoint, tmp_path / "run") in ENDED
+    with staged(endpoint, messages, lambda stop: stop.wait(0.02), Finder(0.01)):
+        assert track_live(endpoint, tmp_path / "run") == 0
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert summary["frames_received"] == 30
     assert summary["frames_skipped"] == 30 - len(track.frame) > 10
@@ -249,8 +275,8 @@ def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_pat
 def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_path: Path) -> None:
     """Of 20 particles at 10 ms each, some but not all are answered in time; results say how many."""
     messages = [encode_live(image(number)) for number in range(4)] + [encode_live_end()]
-    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Still(0.01)):
-        assert track_live(endpoint, tmp_path / "run", "--deadline", "130") in ENDED
+    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Finder(0.01)):
+        assert track_live(endpoint, tmp_path / "run", "--deadline", "130") == 0
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.particles_answered is not None
     assert np.all(track.particles_answered > 0)
@@ -311,8 +337,8 @@ def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) 
         messages = [*dark, *(encode_live(image(number)) for number in range(1, 20)), encode_live_end()]
         out = tmp_path / form / "run"
         out.parent.mkdir()
-        with staged(endpoint, messages, rest, Still()), in_thread(listen):
-            assert track_live(endpoint, out, "--publish", "robot/person", *option) in ENDED
+        with staged(endpoint, messages, rest, Finder()), in_thread(listen):
+            assert track_live(endpoint, out, "--publish", "robot/person", *option) == 0
             wait_until(lambda: b"estimates-end" in heard_[-1][1])  # noqa: B023
         decode = msgspec.json.decode if form == "json" else msgspec.msgpack.decode
         told = [(when, decode(payload)) for when, payload in heard_]
@@ -346,39 +372,27 @@ def recording(tmp_path: Path) -> Path:
     for number in range(40):
         Image.fromarray(image(number).depth).save(folder / "depth" / f"{number:06d}.png")
     (folder / "camera_intrinsic.json").write_text(json.dumps(FOLDER_CAMERA))
-    (tmp_path / "init.json").write_text(json.dumps({"root_tz": 2.0}))
     return folder
 
 
-@contextmanager
-def started(*arguments: str, command: tuple[str, ...] = COMMAND) -> Iterator[subprocess.Popen[str]]:
-    """A `gepf` process; killed if it is left running."""
-    with subprocess.Popen(
-        [*command, *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
 def tracking(where: str, tmp_path: Path) -> list[str]:
-    """`gepf track` of the stream on the workers of others."""
-    options = ["--workers", "0", "--listen", where, "--init", str(tmp_path / "init.json")]
+    """`gepf track` of the wall on the workers of others."""
+    given = {"--workers": 0, "--listen": where, **wall(tmp_path)}
+    options = [str(part) for pair in given.items() for part in pair]
     return ["track", f"zenoh:{KEY}", "--out", str(tmp_path / "run"), *options]
 
 
 @pytest.mark.slow
 def test_publisher_and_tracker_as_processes(endpoint: str, recording: Path, tmp_path: Path) -> None:
     """`gepf publish` shows a recorded folder in real time, and `gepf track` ends when it does."""
-    worker = started("--connect", endpoint, command=INSTANT)
-    with worker, started(*tracking(endpoint, tmp_path)) as tracker:
+    worker = at_work(endpoint, Finder())
+    with worker, started(*tracking(endpoint, tmp_path), command=GEPF) as tracker:
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "10"]
-        with started(*play) as publisher:
+        with started(*play, command=GEPF) as publisher:
             assert publisher.wait(60.0) == 0
             assert publisher.stderr is not None
             assert publisher.stderr.read().endswith(f"40 frames were published on {KEY}\n")
-        assert tracker.wait(60.0) in ENDED
+        assert tracker.wait(60.0) == 0
         assert tracker.stderr is not None
         assert " frames skipped\n" in tracker.stderr.read()
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
@@ -395,13 +409,12 @@ def test_publisher_and_tracker_start_in_either_order(
     play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "30", "--frames", "0:6"]
     commands = {"publisher": play, "tracker": [*tracking(endpoint, tmp_path), "--no-pictures"]}
     second = "tracker" if first == "publisher" else "publisher"
-    with started("--connect", endpoint, command=INSTANT), started(*commands[first]) as one:
+    with at_work(endpoint, Finder()), started(*commands[first], command=GEPF) as one:
         time.sleep(2.0)
         assert one.poll() is None
-        with started(*commands[second]) as other:
+        with started(*commands[second], command=GEPF) as other:
             codes = {first: one.wait(90.0), second: other.wait(90.0)}
-    assert codes["publisher"] == 0
-    assert codes["tracker"] == NOT_TRACKED  # a wall is nobody
+    assert codes == {"publisher": 0, "tracker": 0}
     assert read_track(tmp_path / "run").frame[-1] == 5
 
 
@@ -422,7 +435,7 @@ def test_a_recording_with_gaps_is_published_in_real_time(endpoint: str, recordin
         with in_thread(listen):
             listening.wait(10.0)
             play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, *options]
-            with started(*play) as publisher:
+            with started(*play, command=GEPF) as publisher:
                 assert publisher.wait(60.0) == 0
         assert len(came) == 4  # three frames and the end
         assert np.diff(came)[:2] == pytest.approx(gaps, abs=0.15)
@@ -431,14 +444,14 @@ def test_a_recording_with_gaps_is_published_in_real_time(endpoint: str, recordin
 @pytest.mark.slow
 def test_an_interrupt_ends_a_live_run_well(endpoint: str, recording: Path, tmp_path: Path) -> None:
     """Ctrl-C at the tracker is the stream's end: all files are written, and the exit code is 0."""
-    worker = started("--connect", endpoint, command=INSTANT)
-    with worker, started(*tracking(endpoint, tmp_path)) as tracker:
+    worker = at_work(endpoint, Finder())
+    with worker, started(*tracking(endpoint, tmp_path), command=GEPF) as tracker:
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
-        with started(*play):
+        with started(*play, command=GEPF):
             log = tmp_path / "run" / "frames.log"
             wait_until(lambda: log.exists() and log.stat().st_size > 20_000, 60.0)
             tracker.send_signal(signal.SIGINT)
-            assert tracker.wait(30.0) in ENDED
+            assert tracker.wait(30.0) == 0
     summary = summary_of(tmp_path / "run")
     assert summary["complete"]
     assert 0 < summary["frames"] < 40
@@ -448,10 +461,9 @@ def test_an_interrupt_ends_a_live_run_well(endpoint: str, recording: Path, tmp_p
 @pytest.mark.slow
 def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_path: Path) -> None:
     """Who gives up waiting gets exit code 130, as for every other run, and no folder."""
-    (tmp_path / "init.json").write_text("{}")
-    with started(*tracking(endpoint, tmp_path)) as tracker:
-        wait_until((tmp_path / "run" / "frames.log").exists, 60.0)
-        time.sleep(0.5)
+    with started(*tracking(endpoint, tmp_path), command=GEPF) as tracker:
+        assert tracker.stderr is not None
+        assert any(line.startswith("listening on") for line in tracker.stderr)
         tracker.send_signal(signal.SIGINT)
         assert tracker.wait(30.0) == 130
     assert not (tmp_path / "run").exists()
@@ -466,6 +478,10 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_p
             "--frames",
         ),
         (["track", "zenoh:a b", "--out", "x", "--listen", "tcp/127.0.0.1:1"], "such as camera/depth"),
+        (
+            ["track", f"zenoh:{KEY}", "--out", "x", "--listen", "tcp/127.0.0.1:1", "--depth-scale", "1000"],
+            "--depth-scale is for recorded sequences",
+        ),
         (["track", "x", "--out", "y", "--deadline", "0"], "give milliseconds above 0"),
         (["track", "x", "--out", "y", "--deadline", "nan"], "give milliseconds above 0"),
         (["track", "x", "--out", "y", "--deadline", "9", "--method", "annealed"], "leave --deadline out"),

@@ -80,15 +80,7 @@ def refine_particle(
     workspace: Workspace,
 ) -> tuple[float, float]:
     """Refine pose (D,) in place; returns its log likelihood and mean residual in metres."""
-    metric = np.array([1.0, 1.0, parameters.stretch * parameters.stretch])
-    solver = SolverParameters(
-        metric,
-        parameters.damping + parameters.damping_share * observed.count,
-        parameters.rest_weight * observed.count,
-        LIMIT_SHARE * observed.count,
-        parameters.gauss_newton_iterations,
-        parameters.keep_limits,
-    )
+    solver = solver_parameters(parameters, observed.count)
     if parameters.keep_limits:
         clamp_to_limits(skeleton, pose)
     transforms, view = workspace.transforms, workspace.visibility
@@ -116,6 +108,19 @@ def refine_particle(
                 pose, grid, skeleton, observed, parameters, workspace.soft, workspace.equations
             )
     return evaluate(pose, last_count, skeleton, surface, observed, parameters, workspace)  # 5
+
+
+@numba.njit(cache=True, nogil=True)
+def solver_parameters(parameters: KernelParameters, count: int) -> SolverParameters:
+    """What weighs beside `count` observed points in a Gauss-Newton step."""
+    return SolverParameters(
+        np.array([1.0, 1.0, parameters.stretch * parameters.stretch]),
+        parameters.damping + parameters.damping_share * count,
+        parameters.rest_weight * count,
+        LIMIT_SHARE * count,
+        parameters.gauss_newton_iterations,
+        parameters.keep_limits,
+    )
 
 
 @numba.njit(cache=True, nogil=True)

@@ -50,16 +50,21 @@ def serving(
     endpoint: str, name: str, kernel: Kernel[Any] = KERNEL, through: Callable[[Bus], Any] = lambda bus: bus
 ) -> Iterator[None]:
     """A worker in a thread, which reaches the bus `through` something."""
-    with open_worker([endpoint]) as bus:
-        service = Service(through(bus), name, kernel)
-        thread = threading.Thread(target=service.run)
-        thread.start()
-        try:
-            yield
-        finally:
-            service.stop()
-            thread.join(5.0)
-            assert not thread.is_alive()
+    with open_worker([endpoint]) as bus, running(Service(through(bus), name, kernel)):
+        yield
+
+
+@contextmanager
+def running(service: Service[Any], seconds: float = 5.0) -> Iterator[None]:
+    """A service in a thread, which must end within the time when it is stopped."""
+    thread = threading.Thread(target=service.run)
+    thread.start()
+    try:
+        yield
+    finally:
+        service.stop()
+        thread.join(seconds)
+        assert not thread.is_alive()
 
 
 def pool(endpoint: str, **options: Any) -> ZenohRefiner:
