@@ -155,10 +155,10 @@ class Finder(Still):
     """A worker that finds the wall, slowly."""
 
     def refine(
-        self, model: BodyModel, seen: float, poses: NDArray[np.float64], settings: RefineSettings
+        self, body: Body, seen: float, poses: NDArray[np.float64], settings: RefineSettings
     ) -> Refined:
         """Every particle where the wall is."""
-        return super().refine(model, seen, np.tile(AT_TWO_METRES, (len(poses), 1)), settings)
+        return super().refine(body, seen, np.tile(AT_TWO_METRES, (len(poses), 1)), settings)
 
 
 @contextmanager
