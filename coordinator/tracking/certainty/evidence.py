@@ -79,13 +79,13 @@ def weigh_evidence(
     turned = np.where(limbs.turns, pose**2, 0.0).sum(axis=1)
     columns = [
         *shares.T,
-        *per_limb(shares, limbs.of_joint, np.mean).T,
+        *mean_of_limb(shares, limbs.of_joint).T,
         off,
-        per_limb(off[:, None], limbs.of_joint, np.max)[:, 0],
+        most_of_limb(off, limbs.of_joint),
         np.log(np.where(limbs.of_joint < 0, 0.0, area_left(joints, seen, sighted)) + LEAST["unexplained"]),
         spread,
         weak,
-        per_limb(spread[:, None], limbs.of_joint, np.max)[:, 0],
+        most_of_limb(spread, limbs.of_joint),
         np.log(np.linalg.norm(joints - past, axis=1) + LEAST["moved"]),
         turned if is_person(model.dof_names) else np.full(len(joints), USUALLY_BENT),
         limbs.lever,
@@ -131,13 +131,29 @@ def spread_of(apart: Array, weights: Array) -> Array:
     return spread
 
 
-def per_limb(values: Array, of_joint: Indices, summary: object) -> Array:
-    """Values (J, K) of joints, each replaced by its limb's."""
-    out = np.empty_like(values)
-    for limb in np.unique(of_joint):
-        mine = of_joint == limb
-        out[mine] = summary(values[mine], axis=0)  # type: ignore[operator]
+@numba.njit(cache=True, nogil=True)
+def mean_of_limb(values: Array, of_joint: Indices) -> Array:
+    """Values (J, K) of joints, each replaced by its limb's mean."""
+    limbs = of_joint.max() + 2  # the last for those of no limb, -1
+    sums, counts = np.zeros((limbs, values.shape[1])), np.zeros(limbs)
+    for j in range(len(values)):
+        counts[of_joint[j]] += 1.0
+        for k in range(values.shape[1]):
+            sums[of_joint[j], k] += values[j, k]
+    out = np.empty(values.shape)
+    for j in range(len(values)):
+        for k in range(values.shape[1]):
+            out[j, k] = sums[of_joint[j], k] / counts[of_joint[j]]
     return out
+
+
+@numba.njit(cache=True, nogil=True)
+def most_of_limb(values: Array, of_joint: Indices) -> Array:
+    """Values (J,) of joints, each replaced by its limb's largest."""
+    most = np.full(of_joint.max() + 2, -np.inf)
+    for j in range(len(values)):
+        most[of_joint[j]] = max(most[of_joint[j]], values[j])
+    return most[of_joint]
 
 
 def area_left(joints: Array, seen: Seen, sighted: Sighted) -> Array:

@@ -30,15 +30,16 @@ class Regions(NamedTuple):
 def regions_of(model: BodyModel) -> Regions:
     """The region of each joint, by distance at rest."""
     at_rest = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
-    members = [region_of(model, j, at_rest[j]) for j in range(len(model.joint_names))]
+    around = links_around(model)
+    members = [region_of(model, around[link], at_rest[j]) for j, link in enumerate(model.joint_links)]
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in members)])
     vertices, weights = (np.concatenate(parts) for parts in zip(*members, strict=True))
     return Regions(starts.astype(np.int64), vertices, weights)
 
 
-def region_of(model: BodyModel, joint: int, place: Array) -> tuple[Indices, Array]:
-    """Vertices of a joint's links with their weights; the nearest has the weight 1."""
-    mine = np.flatnonzero(np.isin(model.skin_links[:, 0], links_of(model, joint)))
+def region_of(model: BodyModel, around: NDArray[np.bool_], place: Array) -> tuple[Indices, Array]:
+    """Vertices of some links (L,) with their weights about a place (3,); the nearest has the weight 1."""
+    mine = np.flatnonzero(around[model.skin_links[:, 0]])
     if not len(mine):
         mine = np.arange(len(model.vertices))
     squared = np.sum((model.vertices[mine] - place) ** 2, axis=1)
@@ -47,13 +48,16 @@ def region_of(model: BodyModel, joint: int, place: Array) -> tuple[Indices, Arra
     return mine[kept], weights[kept]
 
 
-def links_of(model: BodyModel, joint: int) -> Indices:
-    """The joint's own link and those that it hangs on or that hang on it, over links without surface."""
-    own = int(model.joint_links[joint])
+def links_around(model: BodyModel) -> NDArray[np.bool_]:
+    """Of each link (L, L): itself, what it hangs on and what hangs on it, over links without surface."""
     carried = np.unique(model.skin_links[:, 0])
-    above = [carrier(model, link, carried) for link in range(len(model.link_names))]
-    children = [link for link in carried if above[link] == own]
-    return np.array([own, above[own], *children])
+    around = np.eye(len(model.link_names), dtype=np.bool_)
+    for link in range(len(model.link_names)):
+        above = carrier(model, link, carried)
+        if above >= 0:
+            around[link, above] = True
+            around[above, link] |= link in carried
+    return around
 
 
 def carrier(model: BodyModel, link: int, carried: Indices) -> int:

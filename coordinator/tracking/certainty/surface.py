@@ -89,8 +89,11 @@ def face(posed: Array, triangles: Indices, normals: Array, facing: Array) -> Non
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def draw_depth(posed: Array, triangles: Indices) -> tuple[NDArray[np.float32], int, int, float]:
-    """Nearest depth (H, W) of the surface in cells, infinite where it is not; left, top and cells a unit."""
+def draw_depth(posed: Array, triangles: Indices, cells: Array) -> tuple[NDArray[np.float32], int, int, float]:
+    """Nearest depth (H, W) of the surface in cells, infinite where it is not; left, top and cells a unit.
+
+    Fills cells (V, 2) with the vertices' columns and rows in it.
+    """
     focal = float(np.mean(posed[:, 2])) / CELL
     left = top = np.inf
     right = bottom = -np.inf
@@ -98,48 +101,54 @@ def draw_depth(posed: Array, triangles: Indices) -> tuple[NDArray[np.float32], i
         z = max(posed[v, 2], CLOSEST)
         column, row = focal * posed[v, 0] / z, focal * posed[v, 1] / z
         left, right, top, bottom = min(left, column), max(right, column), min(top, row), max(bottom, row)
+        cells[v, 0], cells[v, 1] = column, row
     first, above = int(np.floor(left)), int(np.floor(top))
     width = max(1, min(LARGEST_SIDE, int(np.ceil(right)) - first + 1))
     height = max(1, min(LARGEST_SIDE, int(np.ceil(bottom)) - above + 1))
+    for v in range(len(posed)):
+        cells[v, 0] -= first
+        cells[v, 1] -= above
     depth = np.full((height, width), np.float32(np.inf))
     for t in range(len(triangles)):
-        draw_triangle(posed, triangles[t], focal, first, above, depth)
+        draw_triangle(posed, cells, triangles[t, 0], triangles[t, 1], triangles[t, 2], depth)
     return depth, first, above, focal
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def draw_triangle(
-    posed: Array, triangle: Indices, focal: float, left: int, top: int, depth: NDArray[np.float32]
-) -> None:
+def draw_triangle(posed: Array, cells: Array, a: int, b: int, c: int, depth: NDArray[np.float32]) -> None:
     """Draw a triangle that faces the camera into depth (H, W), wherever it covers the middle of a cell."""
-    a, b, c = triangle[0], triangle[1], triangle[2]
     za, zb, zc = posed[a, 2], posed[b, 2], posed[c, 2]
     if min(za, zb, zc) <= CLOSEST:
         return
-    ax, ay = focal * posed[a, 0] / za - left, focal * posed[a, 1] / za - top
-    bx, by = focal * posed[b, 0] / zb - left - ax, focal * posed[b, 1] / zb - top - ay
-    cx, cy = focal * posed[c, 0] / zc - left - ax, focal * posed[c, 1] / zc - top - ay
+    ax, ay = cells[a, 0], cells[a, 1]
+    bx, by = cells[b, 0] - ax, cells[b, 1] - ay
+    cx, cy = cells[c, 0] - ax, cells[c, 1] - ay
     if not bx * cy < by * cx:  # counter-clockwise from outside, y points down
         return
     first_column = max(0, int(np.ceil(ax + min(0.0, bx, cx))))
     last_column = min(depth.shape[1] - 1, int(np.floor(ax + max(0.0, bx, cx))))
     first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
     last_row = min(depth.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
+    if first_column > last_column or first_row > last_row:
+        return
     scale = 1.0 / (bx * cy - by * cx)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             x, y = column - ax, row - ay
             wb, wc = (x * cy - y * cx) * scale, (bx * y - by * x) * scale
-            here = np.float32(za + wb * (zb - za) + wc * (zc - za))
-            if min(wb, wc, 1.0 - wb - wc) >= -1e-9 and here < depth[row, column]:
-                depth[row, column] = here
+            if min(wb, wc, 1.0 - wb - wc) >= -1e-9:
+                here = np.float32(za + wb * (zb - za) + wc * (zc - za))
+                depth[row, column] = min(depth[row, column], here)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def compare(seen: Seen, triangles: Indices, picture: Picture) -> None:
     """Fill the states (V,) and distances `off` (V,) of a posed surface."""
-    nearest, left, top, focal = draw_depth(seen.posed, triangles)
+    cells = np.empty((len(seen.posed), 2))
+    nearest, left, top, focal = draw_depth(seen.posed, triangles, cells)
     fx, fy, cx, cy = picture.lens
+    left_edge, top_edge, right_edge, bottom_edge = picture.window
+    scale, stretch = picture.scale, picture.stretch
     for v in range(len(seen.posed)):
         x, y, z = seen.posed[v]
         seen.off[v] = 0.0
@@ -151,40 +160,42 @@ def compare(seen: Seen, triangles: Indices, picture: Picture) -> None:
         if inside and z > nearest[row, column] + BEHIND:
             seen.states[v] = COVERED
         else:
-            state, off = look(cx + fx * x / z, cy + fy * y / z, z, picture)
-            seen.states[v], seen.off[v] = state, off
+            u, w = cx + fx * x / z, cy + fy * y / z
+            if left_edge <= np.floor(u + 0.5) < right_edge and top_edge <= np.floor(w + 0.5) < bottom_edge:
+                state, off = look(u, w, z, fx * ASIDE / z, picture.depth, picture.kinds, scale, stretch)
+                seen.states[v], seen.off[v] = state, off
+            else:
+                seen.states[v] = UNKNOWN
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def look(u: float, w: float, z: float, picture: Picture) -> tuple[int, float]:
+def look(
+    u: float,
+    w: float,
+    z: float,
+    aside: float,
+    depth: NDArray[np.uint16],
+    kinds: States,
+    scale: float,
+    stretch: float,
+) -> tuple[int, float]:
     """The state of a vertex in sight at pixel (u, w) and z metres, and its distance from what is measured.
 
-    It is looked for in that pixel, and where it is not there in eight around it.
+    It is looked for in that pixel, and where it is not there in eight, so many pixels aside, around it.
     """
-    window, kinds = picture.window, picture.kinds
     column, row = int(np.floor(u + 0.5)), int(np.floor(w + 0.5))
-    if not (window[0] <= column < window[2] and window[1] <= row < window[3]):
-        return UNKNOWN, 0.0
     state, off = VIOLATED, np.inf
     if 0 <= row < kinds.shape[0] and 0 <= column < kinds.shape[1]:
-        off = distance_at(row, column, z, picture)
         if kinds[row, column] == SUBJECT:
+            off = float(depth[row, column] / scale - z) * stretch
             state = NEARER if off < 0.0 else VIOLATED
         elif kinds[row, column] != EMPTY:
             state = UNKNOWN
     if abs(off) > CLOSE:
-        aside = picture.lens[0] * ASIDE / z
         for k in range(9):
             r = int(np.floor(w + aside * (k // 3 - 1) + 0.5))
-            beside = distance_at(r, int(np.floor(u + aside * (k % 3 - 1) + 0.5)), z, picture)
-            off = beside if abs(beside) < abs(off) else off
+            c = int(np.floor(u + aside * (k % 3 - 1) + 0.5))
+            if 0 <= r < kinds.shape[0] and 0 <= c < kinds.shape[1] and kinds[r, c] == SUBJECT:
+                beside = float(depth[r, c] / scale - z) * stretch
+                off = beside if abs(beside) < abs(off) else off
     return (SHOWN, off) if abs(off) <= CLOSE else (state, 0.0)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def distance_at(row: int, column: int, z: float, picture: Picture) -> float:
-    """How far behind z metres the subject is measured at a pixel, in metres of the noise; else infinite."""
-    kinds = picture.kinds
-    if not (0 <= row < kinds.shape[0] and 0 <= column < kinds.shape[1]) or kinds[row, column] != SUBJECT:
-        return np.inf
-    return float(picture.depth[row, column] / picture.scale - z) * picture.stretch
