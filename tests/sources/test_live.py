@@ -46,16 +46,17 @@ FOLDER_CAMERA = {
 }
 PATIENT = 0.5  # seconds, on a machine that is busy; alone, 394 messages took 7 to 24 ms
 GEPF = (sys.executable, "-m", "coordinator.cli")
-WALL = """<robot name="wall"><link name="wall"><visual>
-<geometry><box size="2 2 0.1"/></geometry>
+PLATE = """<robot name="plate"><link name="plate"><visual>
+<geometry><box size="0.2 0.2 0.1"/></geometry>
 </visual></link></robot>"""
-AT_TWO_METRES = np.array([0.0, 0.0, 2.05, 0.0, 0.0, 0.0])  # the wall's pose in every frame
+AT_TWO_METRES = np.array([0.0, 0.0, 2.05, 0.0, 0.0, 0.0])  # the plate's pose in every frame
 
 
 def image(number: int, depth: int = 2000) -> DepthFrame:
-    """A wall, 32 by 32 pixels."""
-    filled = np.full((CAMERA.height, CAMERA.width), depth, dtype=np.uint16)
-    return DepthFrame(number, number / 30, filled, 1000.0, CAMERA)
+    """A plate in the middle of 32 by 32 pixels, and nothing around it."""
+    seen = np.zeros((CAMERA.height, CAMERA.width), dtype=np.uint16)
+    seen[8:24, 8:24] = depth
+    return DepthFrame(number, number / 30, seen, 1000.0, CAMERA)
 
 
 def heard(notice: float = 60.0) -> tuple[LiveFrames, list[str]]:
@@ -152,12 +153,12 @@ class Still:
 
 
 class Finder(Still):
-    """A worker that finds the wall, slowly."""
+    """A worker that finds the plate, slowly."""
 
     def refine(
         self, body: Body, seen: float, poses: NDArray[np.float64], settings: RefineSettings
     ) -> Refined:
-        """Every particle where the wall is."""
+        """Every particle where the plate is."""
         return super().refine(body, seen, np.tile(AT_TWO_METRES, (len(poses), 1)), settings)
 
 
@@ -226,15 +227,15 @@ def until_recorded(out: Path) -> Callable[[threading.Event], None]:
 
 
 def track_live(where: str, out: Path, *options: str) -> int:
-    """`gepf track` of the wall in the stream, without workers of its own."""
-    given = {"--out": out, "--workers": 0, "--listen": where, "--particles": 20, **wall(out.parent)}
+    """`gepf track` of the plate in the stream, without workers of its own."""
+    given = {"--out": out, "--workers": 0, "--listen": where, "--particles": 20, **plate(out.parent)}
     return main(["track", f"zenoh:{KEY}", *(str(part) for pair in given.items() for part in pair), *options])
 
 
-def wall(folder: Path) -> dict[str, Path]:
-    """The options for a wall at two metres, in files."""
-    model, init = folder / "wall.urdf", folder / "init.json"
-    model.write_text(WALL)
+def plate(folder: Path) -> dict[str, Path]:
+    """The options for a plate at two metres, in files."""
+    model, init = folder / "plate.urdf", folder / "init.json"
+    model.write_text(PLATE)
     init.write_text(json.dumps({"root_tz": AT_TWO_METRES[2]}))
     return {"--model": model, "--init": init}
 
@@ -366,8 +367,8 @@ def test_a_key_that_nobody_could_listen_to_is_refused(
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """Forty frames of a wall at two metres."""
-    folder = tmp_path / "wall"
+    """Forty frames of a plate at two metres."""
+    folder = tmp_path / "plate"
     (folder / "depth").mkdir(parents=True)
     for number in range(40):
         Image.fromarray(image(number).depth).save(folder / "depth" / f"{number:06d}.png")
@@ -376,8 +377,8 @@ def recording(tmp_path: Path) -> Path:
 
 
 def tracking(where: str, tmp_path: Path) -> list[str]:
-    """`gepf track` of the wall on the workers of others."""
-    given = {"--workers": 0, "--listen": where, **wall(tmp_path)}
+    """`gepf track` of the plate on the workers of others."""
+    given = {"--workers": 0, "--listen": where, **plate(tmp_path)}
     options = [str(part) for pair in given.items() for part in pair]
     return ["track", f"zenoh:{KEY}", "--out", str(tmp_path / "run"), *options]
 
@@ -487,12 +488,12 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_p
         (["track", "x", "--out", "y", "--deadline", "9", "--method", "annealed"], "leave --deadline out"),
         (["publish", "x", "--key", "a/*", "--connect", "tcp/127.0.0.1:1"], "such as camera/depth"),
         (["publish", "x", "--key", KEY, "--connect", "tcp/127.0.0.1:1", "--rate", "0"], "--rate 0"),
-        (["publish", "WALL", "--key", KEY], "nobody could receive this"),
+        (["publish", "PLATE", "--key", KEY], "nobody could receive this"),
     ],
 )
 def test_faults_are_reported_in_one_line(
     command: list[str], line: str, recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Options that cannot be done are refused before anything is made."""
-    assert main([str(recording) if part == "WALL" else part for part in command]) == 2
+    assert main([str(recording) if part == "PLATE" else part for part in command]) == 2
     assert line in capsys.readouterr().err
