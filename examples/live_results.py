@@ -14,7 +14,8 @@ import zenoh
 
 def main(endpoint: str, key: str) -> None:
     """A line a frame: where the right wrist is, and how far the right elbow is bent."""
-    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
+    wait = f'endpoints: ["{endpoint}"], timeout_ms: -1'  # for the tracker, if it is not there yet
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{{wait}}}}}')
     with zenoh.open(config) as session, session.declare_subscriber(key) as subscriber:
         for sample in subscriber:
             told = msgpack.unpackb(sample.payload.to_bytes())

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
@@ -82,12 +84,24 @@ def test_angles_go_on_past_half_a_turn() -> None:
     assert np.allclose(turns, -np.linspace(0.0, 6.0, 12))
 
 
-def test_the_example_listens(endpoint: str) -> None:
-    """As a process: it prints a line for each frame that it hears of, and ends with the stream."""
+@contextmanager
+def slept(seconds: float) -> Iterator[None]:
+    """A while before what follows in the same statement."""
+    time.sleep(seconds)
+    yield
+
+
+@pytest.mark.parametrize("head_start", [0.0, 1.5])
+def test_the_example_listens(endpoint: str, head_start: float) -> None:
+    """As a process: it prints a line for each frame that it hears of, and ends with the stream.
+
+    It may be there long before the tracker.
+    """
     command = [sys.executable, str(EXAMPLE), endpoint, "robot/person"]
     with (
-        open_coordinator((endpoint,), ()) as bus,
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as listener,
+        slept(head_start),
+        open_coordinator((endpoint,), ()) as bus,
     ):
         try:
             publisher = bus.publish("robot/person")
