@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.kinematics import difference, retract
+from common.kinematics import difference, joint_positions, retract
 from coordinator.filters.resampling import normalise
 
 Array = NDArray[np.float64]
+
+USUAL_SPEED = 1.8
+"""Metres a second, root mean square over the joints: how fast the reported pose usually moves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,3 +43,17 @@ def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
     apart = difference(model, np.broadcast_to(poses[:1], poses.shape), poses)
     mean: Array = retract(model, poses[:1], weights[None] @ apart)[0]
     return mean
+
+
+def likeliest_way_on(
+    model: BodyModel, last: Array, poses: Array, log_likelihood: Array, interval: float
+) -> Array:
+    """The pose (D,) of hypotheses (M, D) that is likeliest given a frame (M,) and the pose (D,) before it.
+
+    Hypotheses that explain the frames about equally well change places from one to the next; how far the
+    joints would have to move decides between them, and hardly between others.
+    """
+    joints = joint_positions(model, np.concatenate([last[None], poses]))
+    squares = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).sum(axis=-1) / max(1, joints.shape[1])
+    way_on: Array = poses[np.argmax(log_likelihood - 0.5 * squares / (USUAL_SPEED * interval) ** 2)]
+    return way_on

@@ -2,7 +2,8 @@
 
 Where the paper is silent: weights are the likelihoods of the merged hypotheses (it asks for equal weights
 within a group, not for their sum); a hypothesis moves on with the velocity that led from its ancestor to
-it; a lone particle keeps the covariance of its ancestor; the reported pose is the likeliest hypothesis.
+it; a lone particle keeps the covariance of its ancestor; the reported pose is the hypothesis that is
+likeliest given the frame and the motion from the last one.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from common.body import ROTATION, BodyModel
 from common.kinematics import difference
 from common.refinement import Refined
 from common.settings import FilterSettings
-from coordinator.filters.belief import Belief
+from coordinator.filters.belief import Belief, likeliest_way_on
 from coordinator.filters.covariance import estimate_covariances
 from coordinator.filters.exploration import (
     REACHING,
@@ -86,15 +87,16 @@ def update(
         ancestors, before, after = ancestors[answered], before[answered], after.take(answered)
     chosen, group = merge(model, after.poses, after.log_likelihood, np.deg2rad(settings.merge_angle_deg))  # 6
     parents = ancestors[chosen]
+    poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     covariances = estimate_covariances(  # 7
-        model, before, after.poses[chosen], group, past.covariances[parents], settings.covariance_reduction
+        model, before, poses, group, past.covariances[parents], settings.covariance_reduction
     )
     return Hypotheses(
-        poses=after.poses[chosen],
-        log_weights=after.log_likelihood[chosen],
+        poses=poses,
+        log_weights=log_likelihood,
         residual=after.residual[chosen],
-        velocities=difference(model, past.poses[parents], after.poses[chosen]) / proposal.interval,
-        reported=after.poses[chosen[0]],
+        velocities=difference(model, past.poses[parents], poses) / proposal.interval,
+        reported=likeliest_way_on(model, past.reported, poses, log_likelihood, proposal.interval),
         covariances=covariances,
     )
 

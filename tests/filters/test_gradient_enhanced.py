@@ -16,6 +16,7 @@ from common.body import ROTATION, TRANSLATION
 from common.kinematics import difference, retract
 from common.refinement import Refined, concatenate
 from common.settings import FilterSettings, preset
+from coordinator.filters.belief import likeliest_way_on
 from coordinator.filters.covariance import estimate_covariances
 from coordinator.filters.exploration import (
     ONE_LIMB,
@@ -457,3 +458,25 @@ def test_the_same_seed_gives_the_same_bytes(explores: bool) -> None:
     once = as_bytes(follow(toy, settings, 4, 5))
     assert as_bytes(follow(toy, settings, 4, 5)) == once
     assert as_bytes(follow(toy, settings, 5, 5)) != once
+
+
+@pytest.mark.parametrize(
+    ("better_by", "interval", "reported"),
+    [
+        (0.0, 1 / 30, 0),  # about equally likely: where it was
+        (0.5, 1 / 30, 0),
+        (20.0, 1 / 30, 1),  # much likelier: there, however far
+        (0.5, 1.0, 1),  # a second ago it may have been anywhere
+    ],
+)
+def test_the_report_goes_on_where_it_was_unless_another_is_much_likelier(
+    better_by: float, interval: float, reported: int
+) -> None:
+    """Two hypotheses, one near the last report, one with an arm elsewhere."""
+    model = puppet()
+    last = np.zeros(len(model.dof_names))
+    turning = int(np.flatnonzero(model.kinds == ROTATION)[0])
+    poses = np.stack([last, last])
+    poses[0, turning], poses[1, turning] = 0.02, 1.2
+    chosen = likeliest_way_on(model, last, poses, np.array([0.0, better_by]), interval)
+    assert np.array_equal(chosen, poses[reported])
