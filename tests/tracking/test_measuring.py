@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
@@ -151,6 +152,35 @@ def test_the_tracker_measures_whom_it_finds_and_resumes_amid(tmp_path: Path) -> 
         assert recorded is not None
         resumed = Tracker(DirectRefiner(), SETTINGS, BODIES, state=recorded.state)
         assert [as_bytes(resumed.track(frame)) for frame in frames[last + 1 :]] == said[last + 1 :]
+
+
+def carrying(frame: DepthFrame, thick_mm: int) -> DepthFrame:
+    """The frame of somebody who holds something before the belly, a third of the body high."""
+    rows = np.nonzero(frame.depth.any(axis=1))[0]
+    depth, height = frame.depth.copy(), rows[-1] - rows[0]
+    belly = depth[rows[0] + height // 4 : rows[0] + height * 11 // 20]
+    belly[belly > 0] -= thick_mm
+    return replace(frame, depth=depth)
+
+
+def test_a_badly_explained_person_is_recorded_and_resumed(tmp_path: Path) -> None:
+    """Frames that the body explains badly count in part; with them in its log a run goes on bit for bit."""
+    frames = [replace(frame, number=n, time_s=0.1 * n) for n, frame in enumerate(shown("standing").frames)]
+    frames = [frames[0], *(carrying(frame, 120) for frame in frames[1:4])]
+    whole, estimates, log = Tracker(DirectRefiner(), SETTINGS, BODIES), [], tmp_path / "log"
+    for frame in frames:
+        estimates.append(whole.track(frame))
+        if frame.number < 3:
+            with log.open("ab") as file:
+                entry = Entry(estimates[-1], whole.state.checkpoint, PoolStatistics(), 0.0)
+                append_records(file.fileno(), [Began(whole.start), entry])
+    measured, recorded = whole.state.checkpoint.measured, read_log(log)
+    assert measured is not None
+    assert measured.frames == len(frames)
+    assert 1.5 < measured.weight < 3.5  # one in full, three in part
+    assert recorded is not None
+    resumed = Tracker(DirectRefiner(), SETTINGS, BODIES, state=recorded.state)
+    assert as_bytes(resumed.track(frames[-1])) == as_bytes(estimates[-1])
 
 
 def test_a_size_that_is_known_or_not_wanted_stays() -> None:
