@@ -2,7 +2,8 @@
 
 Call it by `python -m tests.disturbance.chaos`.
 
-Every half second one of four workers, chosen at random, is
+As soon as a frame is recorded all four workers are frozen and killed with what they have. Then every half
+second one of them, chosen at random, is
 
 - killed, and started again under its name after a while,
 - frozen, briefly or for longer than the bus waits for it,
@@ -24,6 +25,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,7 @@ LANES = dict(zip(WORKERS, (1, 1, 2, 3), strict=True))
 FRAMES = 300
 BOUND = 300.0  # seconds for either run
 EVERY = 0.5  # seconds between two acts
+STUCK = 0.3  # seconds in which a frame is sent to workers that are all frozen
 SLICE = 0.1  # seconds, a tenth of which a slowed worker may work
 
 
@@ -49,14 +52,24 @@ class Chaos:
     _count: int = 0
 
     def act(self, now: float) -> None:
-        """Do something to a worker that is not being disturbed yet."""
+        """Do something to all workers at first, then to one that is not being disturbed yet."""
         victims = [name for name in WORKERS if name not in self._busy]
-        if victims:
+        if not self.acts:
+            self.ambush(now)
+        elif victims:
             name = self.rng.choice(victims)
             act = self.rng.choice([self.kill, self.freeze, self.slow, self.double])
             self.acts[act.__name__] += 1
             self._busy.add(name)
             act(name, now)
+
+    def ambush(self, now: float) -> None:
+        """Freeze all, so that the request that comes next stays with them, and kill them with it."""
+        self.acts["ambush"] += 1
+        for name in WORKERS:
+            self._busy.add(name)
+            self.workers.freeze(name)
+            self._at(now + STUCK, partial(self._renew, name), name)
 
     def catch_up(self, now: float) -> None:
         """Do what is due."""
@@ -83,14 +96,13 @@ class Chaos:
 
     def double(self, name: str, now: float) -> None:
         """Freeze one, start another of its name; both are killed and one is started later."""
-
-        def replace() -> None:
-            self.workers.kill(name)
-            self.workers.start(name)
-
         self.workers.freeze(name)
         self.workers.start(name)
-        self._at(now + 2.0, replace, name)
+        self._at(now + 2.0, partial(self._renew, name), name)
+
+    def _renew(self, name: str) -> None:
+        self.workers.kill(name)
+        self.workers.start(name)
 
     def _at(self, when: float, do: Callable[[], None], frees: str | None = None) -> None:
         def done() -> None:
@@ -112,7 +124,7 @@ def run(sequence: Path, out: Path, seed: int | None, bound: float) -> dict[str, 
                 workers.start(name)
             chaos = Chaos(workers, random.Random(seed))
             while process.is_alive() and time.monotonic() - began < bound:
-                disturb(chaos, seed is not None and (out / "frames.log").exists())
+                disturb(chaos, begun=seed is not None and has_frames(out / "frames.log"))
     finally:
         process.kill()
         process.join()
@@ -124,11 +136,16 @@ def run(sequence: Path, out: Path, seed: int | None, bound: float) -> dict[str, 
     }
 
 
-def disturb(chaos: Chaos, begun: bool) -> None:
-    """Half a second of it."""
+def has_frames(log: Path) -> bool:
+    """Whether a frame is recorded."""
+    return log.exists() and log.stat().st_size > 0
+
+
+def disturb(chaos: Chaos, *, begun: bool) -> None:
+    """Half a second of it, or a moment if nothing is to be disturbed yet."""
     if begun:
         chaos.act(time.monotonic())
-    until = time.monotonic() + EVERY
+    until = time.monotonic() + (EVERY if begun else 0.01)
     while time.monotonic() < until:
         chaos.catch_up(time.monotonic())
         time.sleep(0.005)
