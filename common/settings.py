@@ -66,7 +66,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: int = 0
     points: int = 10_000  # observed points at the most
     measure_noise: bool = True  # in the first frame; what `refine` assumes is the least
-    pace_iterations: bool = False  # more of them where frames are farther apart in time
+    pace_iterations: float = 0.0  # how fast they grow with the time between frames
     measure_person: bool = True  # stature and girth, from the first frames that show a person
     recover: bool = True  # look for the body where it is lost or in doubt
     rotate_deg: int | None = None  # turns the picture clockwise until a person is upright; None to find it
@@ -78,7 +78,7 @@ PRESETS = {
     "default": Settings(
         preset="default",
         points=4_000,
-        pace_iterations=True,
+        pace_iterations=2.0,
         refine=RefineSettings(
             icp_iterations=3,
             gauss_newton_iterations=2,

@@ -36,7 +36,7 @@ ROWS: dict[str, tuple[tuple[str, ...], int | None]] = {
     "one particle (--method gradient)": (("method=gradient",), None),
     "one particle, preset paper": (("preset=paper", "method=gradient"), None),
     "the same, paced and soft": (
-        ("preset=paper", "method=gradient", "pace_iterations=true", "soft_correspondences=true"),
+        ("preset=paper", "method=gradient", "pace_iterations=2", "soft_correspondences=true"),
         None,
     ),
 }

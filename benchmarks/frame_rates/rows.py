@@ -15,7 +15,7 @@ HARD_ACTIONS = (5, 12, 14, 15, 17, 21, 25, 26)
 """Fast motion, and limbs that hide each other."""
 
 STILL = "never moves"
-PAPERS_STEP = ("explore=false", "pace_iterations=false")
+PAPERS_STEP = ("explore=false", "pace_iterations=0")
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from common.errors import InputError
@@ -25,6 +25,7 @@ from coordinator.results.track import filled, read_track
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.tracking.observing.isolation import Isolation, prepare
+from coordinator.tracking.pace import keep_up
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 
@@ -48,7 +49,7 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bo
     Gives whether the body was tracked in most frames. Raises InputError if the stream ends before a frame
     came.
     """
-    key = check_live(job)
+    key, job = check_live(job), replace(job, settings=keep_up(job.settings))
     bodies = choose_bodies(job.active, job.settings.preset, job.model)
     start = None if job.init in (None, AUTOMATIC) else read_start(Path(job.init), bodies.dof_names)
     scope = job.scope.read(None, job.settings.rotate_deg)

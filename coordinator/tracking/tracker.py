@@ -378,9 +378,7 @@ class Tracker:
         return replace(begun, log_weights=standing.log_likelihood[:1], residual=standing.residual[:1])
 
     def _request(self, proposal: Proposal[Any]) -> Request:
-        refine = self.rules
-        if self._settings.pace_iterations:
-            refine = pace_iterations(refine, proposal.interval)
+        refine = pace_iterations(self.rules, proposal.interval, self._settings.pace_iterations)
         body = self._asker.body_of(self._start, len(proposal.poses))
         return Request(proposal, self._refiner.submit(body, proposal.poses, refine))
 

@@ -11,19 +11,21 @@ from common.settings import preset
 from coordinator.filters.sighting import LONGEST_MOTION, USUAL_INTERVAL, Sighting
 from coordinator.tracking.observing.sighting import see
 from coordinator.tracking.observing.subject import isolate
-from coordinator.tracking.pace import pace_iterations
+from coordinator.tracking.pace import keep_up, pace_iterations
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 
 
 @pytest.mark.parametrize(
-    ("interval", "iterations"), [(1 / 60, 3), (1 / 30, 3), (1 / 15, 6), (0.1, 9), (2.0, 9)]
+    ("interval", "iterations", "live"),
+    [(1 / 60, 3, 3), (1 / 30, 3, 3), (1 / 15, 9, 6), (0.1, 15, 9), (1 / 6, 27, 9), (2.0, 27, 9)],
 )
-def test_iterations_go_with_the_time_between_frames(interval: float, iterations: int) -> None:
-    """Three at 30 frames a second and more, three times as many at the most."""
-    refine = preset("default").refine
-    assert refine.icp_iterations == 3
-    assert pace_iterations(refine, interval).icp_iterations == iterations
+def test_iterations_go_with_the_time_between_frames(interval: float, iterations: int, live: int) -> None:
+    """Three at 30 frames a second and more, nine times as many at the most; live no more a second."""
+    settings = preset("default")
+    assert settings.refine.icp_iterations == 3
+    for each, many in ((settings, iterations), (keep_up(settings), live), (preset("paper"), 3)):
+        assert pace_iterations(each.refine, interval, each.pace_iterations).icp_iterations == many
 
 
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:

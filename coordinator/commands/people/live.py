@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from common.errors import InputError
 from coordinator.bodies.choice import choose_bodies
@@ -18,6 +18,7 @@ from coordinator.results.configuration.run_configuration import live_run_configu
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.tracking.observing.isolation import prepare
+from coordinator.tracking.pace import keep_up
 from coordinator.tracking.people.crowd import Crowd
 
 
@@ -27,7 +28,7 @@ def track_people_live(job: Job, show: Show, connect: Connect[ListeningRefiner]) 
     Gives whether all who were found were tracked most of the time. Raises InputError if the stream ends
     before a frame came.
     """
-    key = check_live(job)
+    key, job = check_live(job), replace(job, settings=keep_up(job.settings))
     scope = job.scope.read(None)
     asked = job.asked(choose_bodies(job.active, job.settings.preset), None, scope)
     frames = LiveFrames(key, show.say, idle=job.idle_timeout)
