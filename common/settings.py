@@ -47,11 +47,8 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     particles: int = 20  # of `annealed`: in each layer
     merge_angle_deg: float = 4.0  # d
-    covariance_reduction: float = 0.1  # each frame
-    initial_position_deviation: float = 0.02  # metres
     velocity_share: float = 1.0  # of a hypothesis' velocity that its particles start with
     explore: bool = False  # limb by limb, see coordinator/filters/exploration.py
-    limb_deviation_deg: float = 30.0
     diffusion_deg: float = 2.0  # of the baselines' motion model, each frame
     diffusion_position: float = 0.01  # metres
     layers: int = 10  # of `annealed`

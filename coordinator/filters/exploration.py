@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
-from common.settings import FilterSettings
 
 Array = NDArray[np.float64]
 Kinds = NDArray[np.int64]
@@ -23,6 +22,7 @@ PREDICTED, RESTING, ONE_LIMB, REACHING, SPREAD = range(5)  # kinds of proposals
 SHARES = np.array([0.15, 0.1, 0.1, 0.25, 0.4])  # of the particles
 GOLDEN = 0.6180339887498949  # any run of its multiples is spread evenly over the unit interval
 
+LIMB_DEVIATION = np.radians(30.0)  # by which a limb is thrown, in each of its joints, one standard deviation
 SLIDE_DEVIATION = 0.02  # metres by which a joint that slides is perturbed, one standard deviation
 SPREAD_DEVIATION = np.radians(4.0)  # of a joint, beside what the covariance gives: Eq. 7 has few directions
 ROOT_SPREAD = 0.6  # of that, of what carries the whole body
@@ -37,14 +37,12 @@ def choose_kinds(count: int, rng: np.random.Generator) -> Kinds:
     return kinds
 
 
-def perturb(
-    model: BodyModel, kinds: Kinds, noise: Array, settings: FilterSettings, rng: np.random.Generator
-) -> Array:
+def perturb(model: BodyModel, kinds: Kinds, noise: Array, rng: np.random.Generator) -> Array:
     """Noise (N, D) of particles by their kind (N,), from that of their covariances (N, D)."""
     limbs = limbs_of(model)
     standard = rng.standard_normal(noise.shape)
     limb = limbs[rng.integers(len(limbs), size=len(noise))]  # (N, D)
-    thrown = np.where(limb, limb_deviation(model, settings.limb_deviation_deg) * standard, 0.0)
+    thrown = np.where(limb, limb_deviation(model) * standard, 0.0)
     spread = noise + spread_deviation(model) * standard
     kind = kinds[:, None]
     perturbed: Array = np.where(kind == SPREAD, spread, np.where(kind == ONE_LIMB, thrown, 0.0))
@@ -52,9 +50,9 @@ def perturb(
 
 
 @lru_cache(maxsize=16)
-def limb_deviation(model: BodyModel, limb_deviation_deg: float) -> Array:
+def limb_deviation(model: BodyModel) -> Array:
     """Standard deviation (D,) of what a limb is perturbed by, radians and metres."""
-    return np.where(model.kinds == ROTATION, np.deg2rad(limb_deviation_deg), SLIDE_DEVIATION)
+    return np.where(model.kinds == ROTATION, LIMB_DEVIATION, SLIDE_DEVIATION)
 
 
 @lru_cache(maxsize=16)

@@ -35,6 +35,9 @@ from coordinator.filters.sighting import Sighting
 
 Array = NDArray[np.float64]
 
+REDUCTION = 0.1  # share by which step 7 shrinks every covariance each frame
+FIRST_POSITION_DEVIATION = 0.02  # metres, of where a joint that slides begins
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses(Belief):
@@ -46,7 +49,7 @@ class Hypotheses(Belief):
 def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses:
     """Step 1: one hypothesis at the initial pose (D,), its standard deviation the merging distance d."""
     deviation = np.where(
-        model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), settings.initial_position_deviation
+        model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), FIRST_POSITION_DEVIATION
     )
     return Hypotheses(
         poses=pose[None].copy(),
@@ -89,7 +92,7 @@ def update(
     parents = ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     covariances = estimate_covariances(  # 7
-        model, before, poses, group, past.covariances[parents], settings.covariance_reduction
+        model, before, poses, group, past.covariances[parents], REDUCTION
     )
     return Hypotheses(
         poses=poses,
@@ -142,7 +145,7 @@ def explore(
     if reaches is None:
         kinds[reaching] = SPREAD
     noise = draw_noise(past.covariances, ancestors, rng, kinds == SPREAD)
-    noise = perturb(model, kinds, noise, settings, rng)
+    noise = perturb(model, kinds, noise, rng)
     moving = np.where((kinds == RESTING)[:, None], at_rest[ancestors], motion[ancestors])
     particles = propagate(model, past.poses[ancestors], moving, noise)
     if reaches is not None:

@@ -223,7 +223,7 @@ def test_noise_is_as_the_kind_of_the_particle_says() -> None:
     """Spread particles go in all directions, one limb moves alone, and the others have no noise."""
     model, rng = puppet(), np.random.default_rng(0)
     kinds = np.repeat(np.arange(len(SHARES)), 6)
-    noise = perturb(model, kinds, np.zeros((len(kinds), 19)), FilterSettings(explore=True), rng)
+    noise = perturb(model, kinds, np.zeros((len(kinds), 19)), rng)
     limbs = [limb.tolist() for limb in find_limbs(model)]
     for kind, moved in zip(kinds, noise, strict=True):
         directions = np.flatnonzero(moved).tolist()
