@@ -72,7 +72,7 @@ def find_reaches(
 
     None where no limb could.
     """
-    layout = lay_out(model)
+    layout = layout_of(model)
     if not layout.limbs or not len(observed):
         return None
     points = observed[:: max(1, len(observed) // POINTS)]
@@ -135,7 +135,7 @@ def count_reached(limb: Limb, pose: Array, held: Array, points: Array) -> Array:
 
 
 @lru_cache(maxsize=16)
-def lay_out(model: BodyModel) -> Layout:
+def layout_of(model: BodyModel) -> Layout:
     """What of the body is looked at: vertices all over it, and each limb that ends in tips."""
     groups = find_limbs(model)
     carrier = model.link_dofs[model.skin_links[:, 0]]  # of each vertex, -1 where nothing moves it

@@ -81,7 +81,7 @@ def describe_status(estimates: Sequence[Estimate]) -> str:
 
 
 def describe_failure(estimates: Sequence[Estimate]) -> str:
-    """What to say of a run of which most frames are not tracked, and why, where that can be told."""
+    """What to say of a run of which most frames are not tracked, and why, where that is known."""
     doubts = count_doubts(estimates)
     why = f": {next(iter(doubts))}" if doubts else ""
     return f"most frames are not tracked ({describe_status(estimates)}){why}"

@@ -1,4 +1,4 @@
-"""How a body has moved between two frames as its encoders tell: the mean of the filter's motion prior."""
+"""How a body has moved between two frames as its encoders report: the mean of the filter's motion prior."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class Tracker:
         start: Values of degrees of freedom in the first frame, metres and radians; None to find the body.
         state: Go on from here, where another tracker of the same settings left off.
         isolation: Cuts the body out of the frames; None for the usual way.
-        known: How joints move, as encoders tell it.
+        known: How joints move, as encoders report it.
         choosy: Wait for a frame that shows the body well, for some searches: it is not the only one there.
     """
 

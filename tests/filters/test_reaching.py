@@ -7,7 +7,7 @@ import pytest
 
 from common.kinematics import pose_vertices
 from coordinator.filters.explaining import NEAR
-from coordinator.filters.reaching import find_reaches, lay_out
+from coordinator.filters.reaching import find_reaches, layout_of
 from tests.support.bodies import hinges, puppet
 
 MODEL = puppet()
@@ -58,7 +58,7 @@ def test_nothing_seen_nothing_reached() -> None:
     """Without points, or without a limb that hangs on something, no way is tried."""
     nothing = np.empty((0, 3))
     assert find_reaches(MODEL, raised(), nothing, 8, np.random.default_rng(0)) is None
-    assert not lay_out(hinges()).limbs
+    assert not layout_of(hinges()).limbs
 
 
 def test_the_same_seed_reaches_the_same() -> None:
@@ -71,10 +71,10 @@ def test_the_same_seed_reaches_the_same() -> None:
         np.testing.assert_array_equal(first, second)
 
 
-@pytest.mark.parametrize("limb", range(len(lay_out(MODEL).limbs)))
+@pytest.mark.parametrize("limb", range(len(layout_of(MODEL).limbs)))
 def test_only_tips_are_limbs(limb: int) -> None:
     """Nothing hangs on a limb's degrees of freedom but its own; the trunk is none."""
-    dofs = lay_out(MODEL).limbs[limb].dofs
+    dofs = layout_of(MODEL).limbs[limb].dofs
     carried = [j for j, parent in enumerate(MODEL.parents) if parent in dofs]
     assert set(carried) <= set(dofs.tolist())
     assert MODEL.parents[dofs[0]] >= 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -56,11 +58,17 @@ def test_a_data_frame_holds_the_csv(run: gepf.Run) -> None:
     assert len(table) == 30
 
 
-def test_without_pandas_one_line_says_so(run: gepf.Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A missing package is the user's to install."""
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(gepf.InputError, match="needs the package pandas; pip install pandas"):
-        run.to_dataframe()
+def test_without_pandas_one_line_says_so(run: gepf.Run, tmp_path: Path) -> None:
+    """A missing package is the user's to install; a process in which pandas cannot be found."""
+    (tmp_path / "pandas.py").write_text("raise ModuleNotFoundError(name='pandas')")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    code = f"import gepf; gepf.load({str(run.folder)!r}).to_dataframe()"
+    environment = {**os.environ, "PYTHONPATH": path}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.endswith("needs the package pandas; pip install pandas\n")
 
 
 def test_exports_by_suffix(run: gepf.Run, tmp_path: Path) -> None:

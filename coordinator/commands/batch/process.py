@@ -25,7 +25,7 @@ NOT_TRACKED = 3  # done, but most frames were not
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Report:
     """What a run has to say: a line, or how many of its frames are done."""
 
     line: str = ""
@@ -41,11 +41,11 @@ class DistantShow:
 
     def say(self, text: str) -> None:
         """Send a line."""
-        self.send(Told(line=text))
+        self.send(Report(line=text))
 
     def warn(self, text: str) -> None:
         """Send a line, as any other."""
-        self.send(Told(line=text))
+        self.send(Report(line=text))
 
     @contextmanager
     def steps(self, text: str) -> Iterator[Advance]:
@@ -57,10 +57,10 @@ class DistantShow:
         """A meter that sends how far it is."""
         return DistantMeter(total, done, self)
 
-    def send(self, told: Told) -> None:
+    def send(self, report: Report) -> None:
         """Send, if somebody still listens."""
         try:
-            self._pipe.send(told)
+            self._pipe.send(report)
         except OSError:
             return
 
@@ -75,7 +75,7 @@ class DistantMeter(FrameMeter):
     def show(self, text: str) -> None:
         """Send the count."""
         del text
-        self._show.send(Told(done=self.done, total=self.total or 0))
+        self._show.send(Report(done=self.done, total=self.total or 0))
 
 
 def track_one(job: Job, pipe: Connection) -> None:

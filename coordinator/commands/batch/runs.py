@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from coordinator.commands.batch.process import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, Told, track_one
+from coordinator.commands.batch.process import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, Report, track_one
 from coordinator.commands.batch.table import tabulate
 from coordinator.commands.console.progress import Advance, Show
 from coordinator.commands.options.job import Job
@@ -111,13 +111,13 @@ def listen(running: Sequence[Running], show: Show) -> list[Running]:
     return ended
 
 
-def note(run: Running, told: Told, show: Show) -> None:
+def note(run: Running, report: Report, show: Show) -> None:
     """Keep what a run says, and pass its lines on under its name."""
-    if told.line:
-        run.lines.append(told.line)
-        show.say(f"{run.job.out.name}: {told.line}")
+    if report.line:
+        run.lines.append(report.line)
+        show.say(f"{run.job.out.name}: {report.line}")
     else:
-        run.done = told.done
+        run.done = report.done
 
 
 def conclude(run: Running, show: Show) -> Ended:

@@ -49,8 +49,8 @@ class LiveResults:
         estimated_at = self._clock()
         angles = angles_of(model, held)
         track = assemble(model, [estimate], held=held)
-        told = angles.measure(track.pose)
-        self._last = told[0] if self._last is None else angles.near(told, self._last)[0]
+        measured = angles.measure(track.pose)
+        self._last = measured[0] if self._last is None else angles.near(measured, self._last)[0]
         self._outlet.put(
             self._encode(
                 {
