@@ -27,9 +27,10 @@ class ArrayFile:
         return self._take(key)
 
     def names(self, key: str) -> tuple[str, ...]:
-        """A one-dimensional array of distinct texts."""
+        """A one-dimensional array of distinct texts; an empty one may be of any type."""
         array = self._take(key)
-        if array.ndim != 1 or array.dtype.kind != "U" or len(set(array.tolist())) < len(array):
+        texts = array.dtype.kind == "U" or not array.size
+        if array.ndim != 1 or not texts or len(set(array.tolist())) < len(array):
             raise InputError(f"{self.path}: '{key}' must be a list of distinct names; write the file again")
         return tuple(array.tolist())
 

@@ -263,3 +263,11 @@ def test_a_track_is_read_from_a_runs_folder_only(tmp_path: Path) -> None:
         write_track(make_track(pose=np.full((FRAMES, 3), np.nan)), file)
     with pytest.raises(InputError, match="not finite"):
         read_track(tmp_path)
+
+
+def test_a_body_without_angles_is_read_back(tmp_path: Path) -> None:
+    """What only moves to and fro has none: an empty list of names, not a damaged one."""
+    none = np.empty((FRAMES, 0))
+    with (tmp_path / "track.npz").open("wb") as file:
+        write_track(make_track(angle_names=(), angle=none, angle_deviation=none), file)
+    assert read_track(tmp_path).angle_names == ()
