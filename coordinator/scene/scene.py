@@ -83,10 +83,11 @@ class Scene:
         learned = NOTHING
         if self._furnished:
             near, doubtful = cut.near if cut else None, somebodys(view, cut)
-            fresh = self._background is None
             known = self._background or nothing_known(*view.depth.shape)
+            was_known = known.depth.ravel() > 0.0
             learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
-            if not fresh and len(learned.pixels) > MOVED * np.count_nonzero(view.depth):
+            changed = np.count_nonzero(was_known[learned.pixels])
+            if changed > MOVED * np.count_nonzero(view.depth):
                 known = nothing_known(*view.depth.shape)
                 learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
                 learned = known.only(np.arange(view.depth.size, dtype=np.uint32))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -92,6 +94,23 @@ def test_an_empty_room_that_is_given_is_known() -> None:
     view = scene.see(room.see(PERSON).frame)
     assert view.furnished
     np.testing.assert_array_equal(view.background, room.see(None).frame.metres())
+
+
+def test_a_part_of_the_room_that_is_given_is_kept_with_the_rest() -> None:
+    """Where only a cabinet is known before, a first frame that shows all the room does not void that."""
+    room = Room((CABINET,), noise=0.001)
+    empty = room.see(None).frame.metres()
+    cabinet = empty < Room().see(None).frame.metres() - 0.2
+    leg = cabinet & (np.arange(empty.shape[1]) == np.median(np.nonzero(cabinet)[1]))
+    shown = np.where(leg, empty - np.float32(0.3), empty)
+    scene = Scene(np.where(cabinet, empty, np.float32(0.0)))
+    frame = room.see(None).frame
+    for number in range(3):
+        units = np.rint(1000.0 * shown).astype(np.uint16)
+        view = scene.see(replace(frame, number=number, depth=units))
+        scene.learn(view, cut_out(view, room.surface(PERSON)))
+    np.testing.assert_array_equal(known(scene)[leg], empty[leg])
+    assert np.mean(known(scene) > 0.0) > 0.8
 
 
 def test_a_camera_that_was_moved_forgets() -> None:
