@@ -80,6 +80,22 @@ def cut_out(
     return Cut(window, kinds, near)
 
 
+def share_shown(view: SceneView, cut: Cut, surface: Array) -> float:
+    """The subject's pixels, as a share of those in which the points (V, 3) would be seen and are not hidden."""
+    fx, fy, cx, cy = view.lens
+    left, top, _, _ = cut.window
+    rows, columns = -(-cut.kinds.shape[0] // BLOCK), -(-cut.kinds.shape[1] // BLOCK)
+    ahead = surface[surface[:, 2] > CELL]
+    across = ((cx - left + fx * ahead[:, 0] / ahead[:, 2]) // BLOCK).astype(np.int64)
+    down = ((cy - top + fy * ahead[:, 1] / ahead[:, 2]) // BLOCK).astype(np.int64)
+    inside = (across >= 0) & (across < columns) & (down >= 0) & (down < rows)
+    blocks = np.zeros((rows, columns), dtype=np.bool_)
+    blocks[down[inside], across[inside]] = True
+    expected = np.kron(blocks, np.ones((BLOCK, BLOCK), dtype=np.bool_))
+    expected = expected[: cut.kinds.shape[0], : cut.kinds.shape[1]] & (cut.kinds != HIDDEN)
+    return float(np.count_nonzero(cut.kinds == SUBJECT) / max(1, np.count_nonzero(expected)))
+
+
 def cut_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Cut:
     """The same of somebody whose pixels (H, W) are known, of whom there is no posed body yet."""
     around = view.depth[mask]

@@ -229,6 +229,8 @@ class Tracker:
             if submitted.first:
                 found = found.at_rest()  # the way from a guess is no motion
             self._belief = self._decide(found, submitted.rival)
+            if submitted.sighted is not None:
+                self._watch = self._watch.shown(submitted.sighted.subject.pixels)
             with submitted.clock.stage("measure"):
                 self._measure(self._belief, submitted.frame.time_s)
         return Tracked(
@@ -278,13 +280,12 @@ class Tracker:
 
     def _look_about(self, cut: CutOut) -> CutOut:
         """The frame with whoever is seen elsewhere, if next to nothing is where the body was."""
-        near = cut.isolated.subject
-        few = near is None or len(near.picked) < min(FEWEST, self._settings.points)
-        if self._belief is None or not few or not self._recovers:
+        near = 0 if cut.isolated.subject is None else cut.isolated.subject.pixels
+        if self._belief is None or not self._recovers or near >= self._watch.fewest(self._settings.points):
             return cut
         with cut.clock.stage("isolate"):
             found = self._isolation.anybody(cut.frame, cut.isolated.view)
-        if found is None:
+        if found is None or found.pixels <= near:
             return cut
         self._watch = self._watch.saw_nobody()
         return replace(cut, isolated=replace(cut.isolated, subject=found))

@@ -11,7 +11,7 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
-from coordinator.scene.cutting import Cut, cut_mask, cut_out
+from coordinator.scene.cutting import Cut, cut_mask, cut_out, share_shown
 from coordinator.scene.people.candidates import candidates
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
@@ -19,6 +19,8 @@ from coordinator.scene.view import SceneView
 from coordinator.tracking.observing.subject import isolate, subject_of
 
 Array = NDArray[np.float64]
+
+SHOWN = 0.2  # share of the posed body that is seen from which on it tells what is the room's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +72,8 @@ class Isolation:
             return Isolated(isolate(frame, box, self._points), view, self._scene.learn(view, None))
         cut = self._somebody(view) if body is None else cut_out(view, body.surface)
         subject = None if cut is None else subject_of(frame, cut, self._points)
-        return Isolated(subject, view, self._scene.learn(view, None if body is None else cut))
+        there = body is not None and cut is not None and share_shown(view, cut, body.surface) > SHOWN
+        return Isolated(subject, view, self._scene.learn(view, cut if there else None))
 
     def anybody(self, frame: DepthFrame, view: SceneView) -> SubjectFrame | None:
         """Whoever is the likeliest in a frame that was cut already, in which the body is not where it was."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from coordinator.scene.cutting import REACH
-from coordinator.tracking.search.verdict import UNEXPLAINED, Verdict
+from coordinator.tracking.search.verdict import FEWEST, UNEXPLAINED, Verdict
 
 LOST = 1.3  # strain from which on a body that was tracked is not: those who are stay below 1.2
 PATIENCE = 2  # frames in a row that may be badly explained before the body is looked for
@@ -16,6 +16,7 @@ DOUBTFUL = 0.85  # strain from which on it is held against a search every so man
 EVERY = 10
 TIGHT, SETTLED = 0.12, 8  # metres from a body that was just found, and for how many frames
 REMEMBERED = 60
+LEFT = 0.35  # share of the body's pixels that is next to nothing, if somebody is seen elsewhere
 COMPANY = "somebody else is in contact, or was near: --people 2 tracks both"
 CHOOSY = 6  # searches in which only what explains the frame well is believed
 
@@ -37,6 +38,7 @@ class Watch:
     why: str = ""
     tried: int = 0  # pixels of whoever was searched in vain last
     company: int = 0  # frames for which it is remembered that somebody else was near
+    seen: int = 0  # pixels of the body in the last frame that it explained
 
     @property
     def reach(self) -> float:
@@ -48,6 +50,14 @@ class Watch:
         """Whether to look elsewhere, though the body seems to be where it is."""
         doubtful = self.strain > DOUBTFUL and self.tracked % EVERY == 0
         return self.seeks or self.tracked in CHECKS or doubtful
+
+    def fewest(self, points: int) -> float:
+        """Pixels where the body was from which on it may be there still, if so many points are picked."""
+        return max(min(FEWEST, points), LEFT * self.seen)
+
+    def shown(self, pixels: int) -> Self:
+        """After a frame in which so many pixels were taken for the body's."""
+        return self if self.seeks or self.unexplained else replace(self, seen=pixels)
 
     def saw_nobody(self) -> Self:
         """After a frame that shows nobody, or not where the body was."""
@@ -71,7 +81,9 @@ class Watch:
         company = max(0, self.company - 1)
         if verdict.strain <= (1.0 if self.seeks else LOST):
             tracked = 0 if anew else self.tracked + 1
-            return type(self)(tracked=tracked, strain=verdict.strain, why=verdict.why, company=company)
+            return type(self)(
+                tracked=tracked, strain=verdict.strain, why=verdict.why, company=company, seen=self.seen
+            )
         unexplained = self.unexplained + 1
         return replace(
             self,
