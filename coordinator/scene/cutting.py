@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN
+from coordinator.scene.extent import BLOCK, reach_back
 from coordinator.scene.nearness import CELL, Nearness, square_at, surround
 from coordinator.scene.noise import margin_at
 from coordinator.scene.room.marks import FOREGROUND, PLANE, UNMEASURED, Depth, Lens, mark_room
@@ -31,7 +32,6 @@ LEAST_PIXELS = 6  # of a patch that hangs together
 LEAST_CAME = (
     0.25  # share of what was not there before, in a patch that is not close: furniture's edges flicker
 )
-BLOCK = 8  # pixels a side, for each of which it is known how far back the body reaches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,22 +78,6 @@ def cut_out(
         grow(depth, growth, kinds)
         tell_kinds(depth, reach_back(surface, lens, depth.shape), not view.furnished, kinds)
     return Cut(window, kinds, near)
-
-
-def share_shown(view: SceneView, cut: Cut, surface: Array) -> float:
-    """The subject's pixels, as a share of those in which the points (V, 3) would be seen and are not hidden."""
-    fx, fy, cx, cy = view.lens
-    left, top, _, _ = cut.window
-    rows, columns = -(-cut.kinds.shape[0] // BLOCK), -(-cut.kinds.shape[1] // BLOCK)
-    ahead = surface[surface[:, 2] > CELL]
-    across = ((cx - left + fx * ahead[:, 0] / ahead[:, 2]) // BLOCK).astype(np.int64)
-    down = ((cy - top + fy * ahead[:, 1] / ahead[:, 2]) // BLOCK).astype(np.int64)
-    inside = (across >= 0) & (across < columns) & (down >= 0) & (down < rows)
-    blocks = np.zeros((rows, columns), dtype=np.bool_)
-    blocks[down[inside], across[inside]] = True
-    expected = np.kron(blocks, np.ones((BLOCK, BLOCK), dtype=np.bool_))
-    expected = expected[: cut.kinds.shape[0], : cut.kinds.shape[1]] & (cut.kinds != HIDDEN)
-    return float(np.count_nonzero(cut.kinds == SUBJECT) / max(1, np.count_nonzero(expected)))
 
 
 def cut_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Cut:
@@ -240,44 +224,6 @@ def flood(
                 stack[count] = r * columns + c
                 count += 1
     return count
-
-
-def reach_back(surface: Array, lens: Lens, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """How far back the points (V, 3) reach in each block of pixels, and in those around; metres."""
-    rows, columns = -(-shape[0] // BLOCK), -(-shape[1] // BLOCK)
-    back = np.zeros((rows, columns), dtype=np.float32)
-    fill_back(np.ascontiguousarray(surface, dtype=np.float64), lens, back)
-    return back
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def fill_back(surface: Array, lens: Lens, back: Depth) -> None:
-    """Fill back (R, C) with the greatest z of the points (V, 3) in each block, or in those nearest to it."""
-    fx, fy, cx, cy = lens
-    rows, columns = back.shape
-    for n in range(len(surface)):
-        z = surface[n, 2]
-        if z > CELL:
-            c, r = int((cx + fx * surface[n, 0] / z) // BLOCK), int((cy + fy * surface[n, 1] / z) // BLOCK)
-            if 0 <= r < rows and 0 <= c < columns:
-                back[r, c] = max(back[r, c], z)
-    while spread_back(back.copy(), back):
-        pass
-
-
-@numba.njit(cache=True, nogil=True)
-def spread_back(before: Depth, back: Depth) -> bool:
-    """Fill what is 0 in back (R, C) with the greatest of its neighbours; gives whether more is to do."""
-    rows, columns = back.shape
-    filled = missing = False
-    for r in range(rows):
-        for c in range(columns):
-            if before[r, c] > 0.0:
-                continue
-            around = before[max(0, r - 1) : r + 2, max(0, c - 1) : c + 2]
-            back[r, c] = around.max()
-            filled, missing = filled or back[r, c] > 0.0, missing or back[r, c] == 0.0
-    return filled and missing
 
 
 @numba.njit(cache=True, nogil=True)

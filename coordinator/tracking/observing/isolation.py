@@ -11,7 +11,8 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
-from coordinator.scene.cutting import Cut, cut_mask, cut_out, share_shown
+from coordinator.scene.cutting import Cut, cut_mask, cut_out
+from coordinator.scene.extent import share_shown
 from coordinator.scene.people.candidates import candidates
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
@@ -72,8 +73,15 @@ class Isolation:
             return Isolated(isolate(frame, box, self._points), view, self._scene.learn(view, None))
         cut = self._somebody(view) if body is None else cut_out(view, body.surface)
         subject = None if cut is None else subject_of(frame, cut, self._points)
-        there = body is not None and cut is not None and share_shown(view, cut, body.surface) > SHOWN
+        there = body is not None and cut is not None and self._shows(view, cut, body)
         return Isolated(subject, view, self._scene.learn(view, cut if there else None))
+
+    @staticmethod
+    def _shows(view: SceneView, cut: Cut, body: PosedBody) -> bool:
+        """Whether so much of a body is where it is posed that what is beside it is the room's."""
+        left, top, _, _ = cut.window
+        fx, fy, cx, cy = view.lens
+        return share_shown(cut.kinds, (fx, fy, cx - left, cy - top), body.surface) > SHOWN
 
     def anybody(self, frame: DepthFrame, view: SceneView) -> SubjectFrame | None:
         """Whoever is the likeliest in a frame that was cut already, in which the body is not where it was."""

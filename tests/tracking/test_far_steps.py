@@ -1,0 +1,55 @@
+"""Who walks far between two frames, as a slow camera sees it, is looked for in the same frame."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.search.verdict import Verdict
+from coordinator.tracking.search.watch import Watch
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+from tests.support.people import CAMERA, SETTINGS, STANDING, Shown, frame_of, known
+from tests.support.rooms import along
+
+WALL = 4.2  # metres away
+START = {**STANDING, "l_elbow_flexion": 1.2, "r_elbow_flexion": 1.2}
+STEPS = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.3, 0.45), (0.3, 0.45))  # metres aside and away
+
+
+@cache
+def stepping() -> Shown:
+    """A person in a room who stands still, and in the fourth frame stands elsewhere."""
+    model = human(1.82)
+    places = [(START["root_tx"] + x, START["root_tz"] + z) for x, z in STEPS]
+    poses = np.array([name_pose(model, {**START, "root_tx": x, "root_tz": z}) for x, z in places])
+    with DepthRenderer(CAMERA) as renderer:
+        pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
+    down = np.broadcast_to(((np.arange(CAMERA.height) - CAMERA.cy) / CAMERA.fy)[:, None], pictures[0].shape)
+    room = np.minimum(along(max(float((down * each).max()) for each in pictures) + 0.01, down), WALL)
+    frames = [frame_of(n, np.where(each > 0.0, each, room)) for n, each in enumerate(pictures)]
+    return Shown(frames, joint_positions(model, poses))
+
+
+def test_who_steps_far_is_found_in_that_frame() -> None:
+    """Found there at once, though some of it is left near where the body was; and in the frame after it."""
+    frames, joints = stepping()
+    followed = Tracker(DirectRefiner(), SETTINGS, known(), START)
+    for frame, truth in zip(frames, joints, strict=True):
+        estimate = followed.track(frame)
+        assert estimate.status in ("tracked", "ambiguous")
+        assert np.linalg.norm(estimate.joint_positions - truth, axis=-1).mean() < 0.05
+
+
+def test_next_to_nothing_is_less_than_a_third_of_what_was_seen() -> None:
+    """What is seen of a body that nothing explains does not count; at first there is a fixed number."""
+    seen = Watch().shown(10_000)
+    assert Watch().fewest(4_000) < 200.0
+    assert 3_000.0 < seen.fewest(4_000) < 4_000.0
+    assert seen.saw_nobody().shown(500) == seen.saw_nobody()
+    assert seen.followed(Verdict(2.0), anew=False).shown(500).seen == 10_000
