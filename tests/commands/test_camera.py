@@ -84,4 +84,6 @@ def test_who_is_cropped_is_found(tmp_path: Path, top: int, bottom: int) -> None:
     row = CAMERA.cy + CAMERA.fy * joints[..., 1] / joints[..., 2]
     inside = (row >= top) & (row < bottom)
     assert all(o[i].mean() < 0.08 for o, i in zip(off, inside, strict=True))
-    assert run.track.joint_seen[~inside].mean() < 0.5 * run.track.joint_seen[inside].mean()
+    seen = run.track.joint_seen
+    assert seen is not None
+    assert seen[~inside].mean() < 0.5 * seen[inside].mean()
