@@ -13,7 +13,8 @@ from coordinator.tracking.certainty.certainty import Certainty
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 
 UNKNOWN = ("lost", "searching", "absent")
-"""Status of frames whose pose is only the last that was known, or not a number if there was none yet."""
+"""Status of frames whose pose is not to be believed: the last that was known, the best guess where the
+body is looked for, or not a number if there was none yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

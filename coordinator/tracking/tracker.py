@@ -31,7 +31,7 @@ from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.observing.sighting import distance_of, see
+from coordinator.tracking.observing.sighting import distance_of, see, some_points
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.company import has_company
@@ -52,6 +52,7 @@ from coordinator.tracking.stopwatch import Stopwatch
 Array = NDArray[np.float64]
 
 SURELY = 1.0  # log likelihood by which what is found elsewhere must explain a frame better
+STEP = 1.0  # metres that a body may go between two frames
 RECORDED = 100  # hypotheses of a frame at the most, the likeliest
 
 
@@ -287,8 +288,15 @@ class Tracker:
             found = self._isolation.anybody(cut.frame, cut.isolated.view)
         if found is None or found.pixels <= near:
             return cut
+        if near >= min(FEWEST, self._settings.points) and not self._within_a_step(found):
+            return cut
         self._watch = self._watch.saw_nobody()
         return replace(cut, isolated=replace(cut.isolated, subject=found))
+
+    def _within_a_step(self, found: SubjectFrame) -> bool:
+        """Whether somebody is where the body may have gone since the last frame."""
+        middle = np.median(some_points(found), axis=0)
+        return bool(np.linalg.norm(middle - self.last_seen) < STEP)
 
     def _look(self, subject: SubjectFrame, planes: Planes) -> Finding | None:
         """Find the body, if there is none yet, or where else it may be, if that is in doubt."""

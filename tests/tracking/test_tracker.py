@@ -282,15 +282,23 @@ def test_an_empty_frame_shows_nobody_and_it_goes_on() -> None:
 
 @pytest.mark.parametrize(("settings", "status"), [(FOLLOWING, "lost"), (SETTINGS, "searching")])
 def test_somebody_elsewhere_is_not_followed(settings: Settings, status: Status) -> None:
-    """When all depth is far from the body, nobody is said to be tracked there, looked for or not."""
+    """When all depth is far from the body, nobody is said to be tracked there.
+
+    Where it is not looked for, the pose is the last one; where it is, the best guess of all there is, not
+    believed as yet: nothing is said of how sure its joints are.
+    """
     frames, _ = shown("standing")
     followed = tracker(settings)
     before = followed.track(frames[0])
     away = frame_of(1, np.where(frames[1].depth > 0, frames[1].metres() + 2.5, 0.0))
     estimate = followed.track(away)
     assert estimate.status == status
+    assert estimate.certainty is not None
+    assert np.isnan(estimate.certainty.off_probability).all()
     if settings is FOLLOWING:
         np.testing.assert_array_equal(estimate.pose, before.pose)
+    else:
+        np.testing.assert_array_equal(estimate.pose, estimate.hypothesis_pose[0])
 
 
 def test_nobody_is_there_until_somebody_comes() -> None:
