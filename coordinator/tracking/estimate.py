@@ -16,6 +16,8 @@ UNKNOWN = ("lost", "searching", "absent")
 """Status of frames whose pose is not to be believed: the last that was known, the best guess where the
 body is looked for, or not a number if there was none yet."""
 
+RECORDED = 100  # hypotheses of an estimate at the most, the likeliest
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:

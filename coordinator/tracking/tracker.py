@@ -19,33 +19,28 @@ from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
-from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method
 from coordinator.filters.proposal import Proposal
 from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.certainty.assessment import conclude, judge_evidence, recall
-from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
-from coordinator.tracking.certainty.evidence import Sighted, weigh_evidence
-from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
+from coordinator.tracking.certainty.evidence import Sighted
+from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.observing.sighting import distance_of, see, some_points
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.reporting import Reporter
 from coordinator.tracking.search.company import has_company
 from coordinator.tracking.search.search import ways_of
 from coordinator.tracking.search.seeker import Finding, Seeker
-from coordinator.tracking.search.settling import believe
-from coordinator.tracking.search.sizes import Size
+from coordinator.tracking.search.settling import begin_with
 from coordinator.tracking.search.verdict import FEWEST, weigh
-from coordinator.tracking.search.watch import CHOOSY, DOUBTFUL, GIVEN, Watch
-from coordinator.tracking.starting.asking import Asker
-from coordinator.tracking.starting.measuring import Measured
+from coordinator.tracking.search.watch import CHOOSY, GIVEN, Watch
+from coordinator.tracking.starting.person_size import PersonSize
 from coordinator.tracking.starting.start import Start, given_start, no_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
-from coordinator.tracking.status import explain_doubt, is_settled, judge
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
 
@@ -53,7 +48,6 @@ Array = NDArray[np.float64]
 
 SURELY = 1.0  # log likelihood by which what is found elsewhere must explain a frame better
 STEP = 1.0  # metres that a body may go between two frames
-RECORDED = 100  # hypotheses of a frame at the most, the likeliest
 
 
 class Tracker:
@@ -90,8 +84,7 @@ class Tracker:
         self._choosy = choosy
         self._start = no_start(bodies) if start is None else given_start(start, bodies)
         self._seeker = Seeker(bodies, refiner, settings.refine, ways_of(settings.rotate_deg))
-        self._asker = Asker(bodies, refiner)
-        self._measured: Measured | None = None  # of the person's size; None where it is not sought
+        self._size = PersonSize(bodies, refiner)
         self._rng = np.random.default_rng(settings.seed)
         self._belief: Belief | None = None
         self._watch = Watch() if start is None else GIVEN
@@ -101,14 +94,14 @@ class Tracker:
         self._distance = 0.0  # metres, of what the frame at hand shows
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
         self._isolation = isolation or Isolation(settings.points)
-        self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
+        self._reporter = Reporter()
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
         if state is not None:
             self._scene = state.checkpoint.scene
             self._isolation.recall(self._scene)
             self._around, self._watch = state.checkpoint.around, state.checkpoint.watch
-            self._time_s, self._measured = state.checkpoint.time_s, state.checkpoint.measured
-            self._verdict = state.checkpoint.verdict
+            self._time_s, self._size.measured = state.checkpoint.time_s, state.checkpoint.measured
+            self._reporter = Reporter(state.checkpoint.verdict)
             self._rng = load_generator(state.checkpoint.generator)
             self._start = state.start
             if state.checkpoint.belief:
@@ -128,9 +121,9 @@ class Tracker:
     def state(self) -> TrackerState:
         """All that the next frame goes on from."""
         checkpoint = take_checkpoint(
-            self._belief, self._around, self._time_s, self._rng, self._scene, self._watch, self._measured
+            self._belief, self._around, self._time_s, self._rng, self._scene, self._watch, self._size.measured
         )
-        checkpoint = replace(checkpoint, verdict=self._verdict)
+        checkpoint = replace(checkpoint, verdict=self._reporter.verdict)
         return TrackerState(self._start, checkpoint)
 
     @property
@@ -164,7 +157,7 @@ class Tracker:
         """Make what a first search and the person's size need, where they are looked for."""
         if not self._given:
             self._seeker.prepare()
-            self._asker.prepare()
+            self._size.prepare()
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame, or look for it."""
@@ -179,7 +172,7 @@ class Tracker:
         """The same for a frame out of which the body was cut by somebody else."""
         frame = cut.frame
         first, clock, subject = self._belief is None, cut.clock, cut.isolated.subject
-        self._resize()
+        self._start = self._size.give(self._start)
         self._scene = cut.isolated.change
         if subject is None:
             elsewhere = self._around is not None and bool(frame.depth.any())
@@ -233,51 +226,18 @@ class Tracker:
             if submitted.sighted is not None:
                 self._watch = self._watch.shown(submitted.sighted.subject.pixels)
             with submitted.clock.stage("measure"):
-                self._measure(self._belief, submitted.frame.time_s)
+                self._size.ask(self._start, self._belief, self._watch, self.rules, submitted.frame.time_s)
         return Tracked(
             submitted.frame, self.state, self._belief, status, answered, submitted.sighted, submitted.clock
         )
 
     def report(self, tracked: Tracked) -> Estimate:
         """What was found in a frame that was collected; at any time after that, in the frames' order."""
-        with tracked.clock.stage("report"):
-            watch, model = tracked.state.checkpoint.watch, tracked.state.start.model
-            belief = tracked.belief
-            reported = tracked.state.start.pose if belief is None else belief.reported
-            weights = np.empty(0) if belief is None else belief.weights[:RECORDED]
-            shown = reported[None][:0] if belief is None else belief.poses[:RECORDED]
-            joints = joint_positions(model, np.concatenate([reported[None], shown]))
-            certainty = self._assess(tracked, reported, shown, weights)
-            status = tracked.status or judge(watch, weights, joints[1:], certainty)
-        return Estimate(
-            frame=tracked.frame.number,
-            time_s=tracked.frame.time_s,
-            status=status,
-            pose=reported,
-            joint_positions=joints[0],
-            hypothesis_pose=shown,
-            hypothesis_weight=weights / weights.sum() if len(weights) else weights,
-            residual=np.nan if belief is None else float(belief.residual[0]),
-            particles_answered=tracked.answered,
-            why=watch.why or explain_doubt(model.joint_names, certainty),
-            stage_seconds=tracked.clock.seconds,
-            certainty=unknown_certainty(len(model.joint_names)) if status in UNKNOWN else certainty,
-        )
-
-    def _assess(self, tracked: Tracked, pose: Array, hypotheses: Array, weights: Array) -> Certainty:
-        """How sure each joint of a reported pose is, by what the frame shows."""
-        model = tracked.state.start.model
-        if tracked.sighted is None:
-            self._verdict = None
-            return unknown_certainty(len(model.joint_names))
-        evidence = weigh_evidence(model, pose, hypotheses, weights, tracked.sighted)
-        self._verdict = recall(judge_evidence(evidence), self._verdict, tracked.sighted.interval)
-        return conclude(evidence, self._verdict)
+        return self._reporter.report(tracked)
 
     def state_after(self, tracked: Tracked) -> TrackerState:
         """All that is known after a frame, once it is reported."""
-        checkpoint = replace(tracked.state.checkpoint, verdict=self._verdict)
-        return replace(tracked.state, checkpoint=checkpoint)
+        return self._reporter.state_after(tracked)
 
     def _look_about(self, cut: CutOut) -> CutOut:
         """The frame with whoever is seen elsewhere, if next to nothing is where the body was."""
@@ -325,36 +285,14 @@ class Tracker:
             self._watch = self._watch.waited()
         else:
             finding = self._seeker.find(subject, noise, planes)
-            if self._believes(finding):
+            eager = not self._choosy or self._watch.failures >= CHOOSY
+            if finding.verdict.stands if eager else finding.convinces:
                 self._start, self._belief = finding.start, self._begin_with(finding)
-                if self._settings.measure_person and self._asker.can_ask(self._start):
-                    self._measured = Measured.guessed(self._start.stature, self._start.girth)
+                if self._settings.measure_person:
+                    self._size.guess(self._start)
                 self._watch = Watch(why=finding.verdict.why)
             else:
                 self._watch = self._watch.failed(finding.verdict.why, subject.pixels)
-
-    def _believes(self, finding: Finding) -> bool:
-        """Whether to begin with what was found; who is choosy waits for a while for a better frame."""
-        if not self._choosy or self._watch.failures >= CHOOSY:
-            return finding.verdict.stands
-        size = Size(finding.start.stature, finding.start.girth)
-        return finding.verdict.strain <= DOUBTFUL and not size.extreme
-
-    def _measure(self, belief: Belief, time_s: float) -> None:
-        """Ask the frame that was collected about the person's size, if it can say something."""
-        if self._measured is None or not self._measured.asks(time_s):
-            return
-        joints = joint_positions(self.model, belief.poses[:RECORDED])
-        if is_settled(self._watch, belief.weights[:RECORDED], joints) and not self.rules.is_soft:
-            shown = self._asker.ask(self._start, self._measured.about, belief.poses[0], self.rules)
-            self._measured = self._measured.after(shown, time_s)
-
-    def _resize(self) -> None:
-        """Give the body the size that is known by now, if it is time; hypotheses keep their poses."""
-        if self._measured is None or not self._measured.ripe:
-            return
-        if self._measured.size != (self._start.stature, self._start.girth):
-            self._start = self._asker.resize(self._start, *self._measured.size)
 
     @property
     def _recovers(self) -> bool:
@@ -379,16 +317,12 @@ class Tracker:
         return followed
 
     def _begin_with(self, finding: Finding) -> Belief:
-        """The belief in what was found: all of it, if the method can have several hypotheses."""
-        standing, model = finding.standing, finding.start.model
-        begun = self._method.begin(model, standing.poses[0], self._settings.filter)
-        if isinstance(begun, Hypotheses) and self._settings.filter.particles > 1:
-            return believe(model, standing, self._settings.filter)
-        return replace(begun, log_weights=standing.log_likelihood[:1], residual=standing.residual[:1])
+        """The belief in what was found."""
+        return begin_with(self._method, finding.start.model, finding.standing, self._settings.filter)
 
     def _request(self, proposal: Proposal[Any]) -> Request:
         refine = pace_iterations(self.rules, proposal.interval, self._settings.pace_iterations)
-        body = self._asker.body_of(self._start, len(proposal.poses))
+        body = self._size.body_of(self._start, len(proposal.poses))
         return Request(proposal, self._refiner.submit(body, proposal.poses, refine))
 
     def _update(self, request: Request, clock: Stopwatch) -> tuple[Belief, int]:

@@ -17,7 +17,8 @@ from coordinator.bodies.tracked import pose_by_name
 from coordinator.commands.options.choices import choose_settings
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import MOVING, arm
-from coordinator.tracking.tracker import RECORDED, Tracker
+from coordinator.tracking.estimate import RECORDED
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)

@@ -41,6 +41,7 @@ from coordinator.tracking.search.verdict import (
     doubt_span,
     weigh,
 )
+from coordinator.tracking.search.watch import DOUBTFUL
 from coordinator.tracking.starting.start import Start, found_start, poses_of
 
 Array = NDArray[np.float64]
@@ -57,6 +58,12 @@ class Finding:
     start: Start
     standing: Standing
     verdict: Verdict
+
+    @property
+    def convinces(self) -> bool:
+        """Whether it explains the frame well, by a body of no extreme size."""
+        size = Size(self.start.stature, self.start.girth)
+        return self.verdict.strain <= DOUBTFUL and not size.extreme
 
 
 class Seeker:

@@ -1,4 +1,4 @@
-"""The last of a search: a few rounds of the filter itself on one frame, from all candidates that are left."""
+"""The last of a search: a few rounds of the filter itself on one frame, and the belief to begin with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.settings import FilterSettings, RefineSettings
 from coordinator.filters import gradient_enhanced
+from coordinator.filters.belief import Belief
 from coordinator.filters.gradient_enhanced import Hypotheses
+from coordinator.filters.methods import Method
 from coordinator.tracking.observing.sighting import see
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.stages import Standing, refine
@@ -47,3 +49,11 @@ def believe(model: BodyModel, standing: Standing, settings: FilterSettings) -> H
         velocities=np.zeros_like(standing.poses),
         covariances=np.repeat(first.covariances, len(standing.poses), axis=0),
     )
+
+
+def begin_with(method: Method, model: BodyModel, standing: Standing, settings: FilterSettings) -> Belief:
+    """The belief in candidates (M): in all of them, if the method can have several hypotheses."""
+    begun = method.begin(model, standing.poses[0], settings)
+    if isinstance(begun, Hypotheses) and settings.particles > 1:
+        return believe(model, standing, settings)
+    return replace(begun, log_weights=standing.log_likelihood[:1], residual=standing.residual[:1])

@@ -1,0 +1,60 @@
+"""The size of the tracked person: asked of the frames that can say something, given to the body."""
+
+from __future__ import annotations
+
+from common.kinematics import joint_positions
+from common.settings import RefineSettings
+from common.sizes import Body
+from coordinator.bodies.tracked import Bodies
+from coordinator.filters.belief import Belief
+from coordinator.tracking.estimate import RECORDED
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.search.watch import Watch
+from coordinator.tracking.starting.asking import Asker
+from coordinator.tracking.starting.measuring import Measured
+from coordinator.tracking.starting.start import Start
+from coordinator.tracking.status import is_settled
+
+
+class PersonSize:
+    """What is known of the size, and the body of that size.
+
+    Args:
+        bodies: People of any size.
+        refiner: Has the pose refined for bodies of several sizes.
+        measured: What is known already; None where the size is not sought.
+    """
+
+    def __init__(self, bodies: Bodies, refiner: Refiner, measured: Measured | None = None) -> None:
+        self._asker = Asker(bodies, refiner)
+        self.measured = measured
+
+    def prepare(self) -> None:
+        """Make what the first question needs, so that no frame has to wait for it."""
+        self._asker.prepare()
+
+    def guess(self, start: Start) -> None:
+        """Seek the size from now on, beginning with that of a start, where the body comes in sizes."""
+        if self._asker.can_ask(start):
+            self.measured = Measured.guessed(start.stature, start.girth)
+
+    def ask(self, start: Start, belief: Belief, watch: Watch, rules: RefineSettings, time_s: float) -> None:
+        """Ask the frame that was published last, if its pose is settled and its noise is small."""
+        if self.measured is None or not self.measured.asks(time_s) or rules.is_soft:
+            return
+        poses, weights = belief.poses[:RECORDED], belief.weights[:RECORDED]
+        if is_settled(watch, weights, joint_positions(start.model, poses)):
+            shown = self._asker.ask(start, self.measured.about, belief.poses[0], rules)
+            self.measured = self.measured.after(shown, time_s)
+
+    def give(self, start: Start) -> Start:
+        """The start with a body of the size that is known by now, if it is time; the same start otherwise."""
+        if self.measured is None or not self.measured.ripe:
+            return start
+        if self.measured.size == (start.stature, start.girth):
+            return start
+        return self._asker.resize(start, *self.measured.size)
+
+    def body_of(self, start: Start, particles: int) -> Body:
+        """The body of so many particles, as a refiner gets it most easily."""
+        return self._asker.body_of(start, particles)
