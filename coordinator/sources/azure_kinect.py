@@ -27,7 +27,6 @@ from coordinator.sources.source import Recording, rate_of
 Array = NDArray[np.float64]
 
 MILLIMETRES = 1000.0
-SENSOR = 1024
 MODES = {
     # depth mode: the sensor's size after binning, then left and top of what is shown
     "NFOV_UNBINNED": (1024, 192, 180),

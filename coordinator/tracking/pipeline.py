@@ -23,18 +23,18 @@ def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> Iterator[tuple[Est
         for frame in frames:
             submitted = tracker.submit(frame)  # n + 1 is with the workers
             if tracked is not None:
-                yield tell(tracker, tracked)  # n is recorded meanwhile
+                yield reported(tracker, tracked)  # n is recorded meanwhile
                 tracked = None
             tracker.send_ahead(frames.peek())  # n + 2 waits at the workers
             tracked = tracker.collect(submitted)  # n + 1
     except (Exception, KeyboardInterrupt):
         if tracked is not None:
-            yield tell(tracker, tracked)
+            yield reported(tracker, tracked)
         raise
     if tracked is not None:
-        yield tell(tracker, tracked)
+        yield reported(tracker, tracked)
 
 
-def tell(tracker: Tracker, tracked: Tracked) -> tuple[Estimate, TrackerState]:
+def reported(tracker: Tracker, tracked: Tracked) -> tuple[Estimate, TrackerState]:
     """A frame's estimate, and all that is known after it."""
     return tracker.report(tracked), tracker.state_after(tracked)
