@@ -56,7 +56,8 @@ class BodyModel:
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
                 frozen = np.ascontiguousarray(value)
-                frozen = frozen.copy() if frozen is value else frozen
+                shared = frozen is value and (value.flags.writeable or value.base is not None)
+                frozen = frozen.copy() if shared else frozen
                 frozen.setflags(write=False)
                 object.__setattr__(self, field.name, frozen)
         check(self)

@@ -25,9 +25,22 @@ LARGEST_OVER_RELAXATION = 10.0  # beyond it the descent is sure to diverge
 
 def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> None:
     """ProtocolError if refining poses of shape (N, D) on so many points would take too long."""
-    count, dofs = poses
-    updates = 2 * count * (settings.icp_iterations + 1)  # with soft correspondences
-    steps = count * settings.icp_iterations * settings.gauss_newton_iterations
-    work = updates * (points * vertices + MOST_PIXELS) + steps * dofs**3
+    update, iteration = work_of(settings, poses, points, vertices)
+    work = update + settings.icp_iterations * iteration
     if work > MOST_WORK:
         raise ProtocolError(f"the request asks for up to {work:.0e} steps of work, expected {MOST_WORK:.0e}")
+
+
+def most_iterations(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> int:
+    """Of ICP, that a worker accepts for poses of shape (N, D) on so many points."""
+    update, iteration = work_of(settings, poses, points, vertices)
+    return max(0, min(MAX_ITERATIONS, int((MOST_WORK - update) // iteration)))
+
+
+def work_of(
+    settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int
+) -> tuple[float, float]:
+    """Steps of work of weighing poses (N, D) on so many points, and of each iteration of ICP."""
+    count, dofs = poses
+    update = 2.0 * count * (points * vertices + MOST_PIXELS)  # with soft correspondences
+    return update, update + count * settings.gauss_newton_iterations * dofs**3

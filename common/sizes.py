@@ -18,7 +18,8 @@ from common.errors import ProtocolError
 Array = NDArray[np.float64]
 Size = tuple[float, float]  # share of the way from the slim body to the thick one, and scale
 
-BODIES_KEPT = 8  # of one body, in the sizes that were asked for last
+BODIES_KEPT = 16  # of one body, in the sizes that were asked for last: two people may share it
+MOST_VERTICES = 2**16  # of a body that comes in sizes
 MOVED = ("vertices", "points", "joint_points")  # what differs between sizes
 
 
@@ -30,12 +31,14 @@ class Sizes:
         thick: The same body, thicker: of it only what differs counts.
 
     Raises:
-        ProtocolError: They are not the same body.
+        ProtocolError: They are not the same body, or a very large one.
     """
 
     def __init__(self, slim: BodyModel, thick: BodyModel) -> None:
         if any(getattr(slim, name).shape != getattr(thick, name).shape for name in MOVED):
             raise ProtocolError("the thicker body is another one")
+        if len(slim.vertices) > MOST_VERTICES:
+            raise ProtocolError(f"a body of more than {MOST_VERTICES} vertices comes in one size")
         self.slim, self.thick = slim, thick
         self._made: OrderedDict[Size, BodyModel] = OrderedDict()
 

@@ -14,9 +14,7 @@ import zenoh
 
 def main(endpoint: str, key: str) -> None:
     """A line a frame: where the right wrist is, and how far the right elbow is bent."""
-    wait = f'endpoints: ["{endpoint}"], timeout_ms: -1'  # for the tracker, if it is not there yet
-    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{{wait}}}}}')
-    with zenoh.open(config) as session, session.declare_subscriber(key) as subscriber:
+    with connect(endpoint) as session, session.declare_subscriber(key) as subscriber:
         for sample in subscriber:
             told = msgpack.unpackb(sample.payload.to_bytes())
             if told["kind"] == "estimates-end":
@@ -24,6 +22,17 @@ def main(endpoint: str, key: str) -> None:
             x, y, z = told["joints"].get("right_wrist", (0.0, 0.0, 0.0))
             elbow = told["angles"].get("right_elbow_flexion", 0.0)
             print(f"{told['frame']} {told['status']}: wrist {x:.2f} {y:.2f} {z:.2f} m, elbow {elbow:.2f} rad")
+
+
+def connect(endpoint: str) -> zenoh.Session:
+    """Wait for the tracker, if it is not there yet; while an attempt lasts, 2 s, Python hears no Ctrl-C."""
+    once = f'endpoints: ["{endpoint}"], timeout_ms: 2000, exit_on_failure: true'
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{{once}}}}}')
+    while True:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError as error:
+            print(f"waiting for {endpoint}: {error}", file=sys.stderr)
 
 
 if __name__ == "__main__":

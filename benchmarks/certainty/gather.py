@@ -47,7 +47,7 @@ def gather(recording: Recording, every: int, settings: Settings, bodies: Bodies)
     rows: list[tuple[float, Array, Array, NDArray[np.bool_], str]] = []
     for frame in frames[::every]:
         tracked = tracker.collect(tracker.submit(frame))
-        estimate, sighted = tracker.report(tracked), tracked.sighted
+        estimate, sighted = tracker.report(tracked).estimate, tracked.sighted
         if estimate.status in UNKNOWN or sighted is None or not np.isfinite(truth[frame.number]).all():
             continue
         mine = positions(tracker.model.joint_names, names)

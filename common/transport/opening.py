@@ -38,6 +38,11 @@ def open_peer(
 ) -> Bus:
     """A session with links to all its endpoints. InputError if one refuses us before any lets us in."""
     bus = open_session(session_settings("peer", listen, connect, security), shared_pool_bytes)
+    return unless_refused(bus, connect, security)
+
+
+def unless_refused(bus: Bus, connect: Sequence[str], security: Security | None) -> Bus:
+    """The session, which is closed with InputError if an endpoint refuses us before any lets us in."""
     if connect and not bus.is_linked(within=ATTEMPT_MS / 1000):
         try:
             check_refusals(connect, security)
@@ -72,8 +77,9 @@ def open_worker(
 
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
-    """A session that coordinators and workers meet at."""
-    return open_session(session_settings("router", listen, connect, security), shared_pool_bytes=2**20)
+    """A session that coordinators and workers meet at. InputError if a router that it joins refuses us."""
+    bus = open_session(session_settings("router", listen, connect, security), shared_pool_bytes=2**20)
+    return unless_refused(bus, connect, security)
 
 
 def check_refusals(connect: Sequence[str], security: Security | None) -> None:

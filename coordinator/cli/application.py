@@ -51,8 +51,10 @@ def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = 
     try:
         with noted_interrupts(signal.SIGINT):
             code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         INTERRUPTS.forget()
+        if isinstance(interrupt.__cause__, GepfError):  # results that could not be kept, say
+            complain(interrupt.__cause__, INTERRUPTED)
         code = INTERRUPTED
     except InputError as error:
         return complain(error, INPUT_AT_FAULT)

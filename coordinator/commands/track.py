@@ -151,6 +151,7 @@ def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
 
 def describe_pool(pool: Pool) -> dict[str, object]:
     """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
+    pool = pool.asked or pool
     return {
         "workers": pool.workers,
         "listen": pool.listen,

@@ -23,6 +23,7 @@ class Pool:
     run: str | None = None  # None to invent a name
     worker_command: tuple[str, ...] = COMMAND
     patience: float = PATIENCE  # seconds without any worker until that is reported
+    asked: Pool | None = None  # what the user asked for, where runs share that and this leads to it
 
     @property
     def lanes(self) -> int:

@@ -24,7 +24,8 @@ class SharedPool:
 
     def of_a_run(self) -> Pool:
         """The pool as one of the runs sees it: without workers of its own, through a socket of this host."""
-        return replace(self.asked, workers=0, listen=None, connect=self.endpoint, security=None)
+        through = replace(self.asked, connect=self.endpoint, listen=None, security=None)
+        return replace(through, workers=0, asked=self.asked)
 
 
 @contextmanager

@@ -33,7 +33,7 @@ class Curve:
     @property
     def reach(self) -> tuple[float, float]:
         """Least and greatest of all that is drawn."""
-        band = np.nan_to_num(self.deviation)
+        band = np.where(np.isfinite(self.deviation), self.deviation, 0.0)
         ends = np.concatenate([self.value - band, self.value + band])
         ends = ends[np.isfinite(ends)]
         return (float(ends.min()), float(ends.max())) if len(ends) else (0.0, 0.0)
@@ -93,7 +93,7 @@ def ticks(on: Scale, steps: tuple[float, ...]) -> Iterator[tuple[float, str]]:
     step = next((each for each in steps if span / each <= MOST_TICKS), widest)
     first, last = int(np.ceil(on.least / step)), int(np.floor(on.greatest / step))
     for number in range(first, last + 1):
-        yield float(on(np.array([number * step]))[0]), f"{round(number * step, 3):g}"
+        yield float(on(np.array([number * step]))[0]), f"{number * step:.3f}".rstrip("0").rstrip(".")
 
 
 def draw_doubts(curve: Curve, across: Scale) -> Iterator[str]:
@@ -140,5 +140,7 @@ def thin(at: NDArray[np.int64], values: Array, width: float) -> NDArray[np.int64
 
 
 def path(x: Array, y: Array) -> str:
-    """Lines through points (N,), (N,)."""
+    """Lines through points (N,), (N,); a dot, by its round ends, where there is one alone."""
+    if len(x) == 1:
+        return f"M{x[0]:.1f} {y[0]:.1f}h0"
     return "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.frame import HIDDEN, SUBJECT
+from common.frame import EMPTY, SUBJECT
 from coordinator.scene.nearness import CELL
 from coordinator.scene.room.marks import Depth, Lens
 
@@ -17,16 +17,18 @@ BLOCK = 8  # pixels a side
 
 
 def share_shown(kinds: Kinds, lens: Lens, surface: Array) -> float:
-    """The subject's share of the pixels in which a body would be seen and that nothing hides.
+    """The subject's share of the pixels in which a body would be seen, and it or something behind it is.
 
+    1 where nothing is measured there that could speak against it.
     kinds: (H, W) of a window's pixels, whose lens this is. surface: Points (V, 3) of the body, metres.
     """
     back = np.zeros(blocks_of(kinds.shape), dtype=np.float32)
     lay_back(np.ascontiguousarray(surface, dtype=np.float64), lens, back)
     rows, columns = kinds.shape
     expected = np.kron(back > 0.0, np.ones((BLOCK, BLOCK), dtype=np.bool_))[:rows, :columns]
-    visible = int(np.count_nonzero(expected & (kinds != HIDDEN)))
-    return int(np.count_nonzero(kinds == SUBJECT)) / max(1, visible)
+    shown = int(np.count_nonzero(kinds == SUBJECT))
+    missing = int(np.count_nonzero(expected & (kinds == EMPTY)))
+    return shown / (shown + missing) if shown + missing else 1.0
 
 
 def reach_back(surface: Array, lens: Lens, shape: tuple[int, int]) -> NDArray[np.float32]:

@@ -71,7 +71,9 @@ class Scene:
             furnished=self._furnished,
         )
 
-    def learn(self, view: SceneView, cut: Cut | None, *, patient: bool = False) -> SceneChange:
+    def learn(
+        self, view: SceneView, cut: Cut | None, *, patient: bool = False, elsewhere: bool = False
+    ) -> SceneChange:
         """Take in the frame that was seen last, and give what it changed.
 
         Args:
@@ -79,10 +81,13 @@ class Scene:
             cut: The body that was cut out of it; None where nobody is found yet, or who was is lost: then
                 whoever may be a person is learned late.
             patient: Learn what was cut out as late as whoever may be a person: not all are found yet.
+            elsewhere: The body may have left where it was cut out; so whoever may be a person is learned late.
         """
         learned = NOTHING
         if self._furnished:
             near, doubtful = cut.near if cut else None, somebodys(view, cut)
+            if elsewhere:
+                doubtful, patient = doubtful | somebodys(view, None), True
             known = self._background or nothing_known(*view.depth.shape)
             was_known = known.depth.ravel() > 0.0
             learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)

@@ -8,7 +8,6 @@ from common.frame import DepthFrame
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.look_ahead import Lookahead
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.step import Tracked
 from coordinator.tracking.tracker import Tracker
 
 
@@ -23,18 +22,15 @@ def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> Iterator[tuple[Est
         for frame in frames:
             submitted = tracker.submit(frame)  # n + 1 is with the workers
             if tracked is not None:
-                yield reported(tracker, tracked)  # n is recorded meanwhile
-                tracked = None
+                reported, tracked = tracker.report(tracked), None
+                yield reported.estimate, reported.state  # n is recorded meanwhile
             tracker.send_ahead(frames.peek())  # n + 2 waits at the workers
             tracked = tracker.collect(submitted)  # n + 1
     except (Exception, KeyboardInterrupt):
         if tracked is not None:
-            yield reported(tracker, tracked)
+            reported = tracker.report(tracked)
+            yield reported.estimate, reported.state
         raise
     if tracked is not None:
-        yield reported(tracker, tracked)
-
-
-def reported(tracker: Tracker, tracked: Tracked) -> tuple[Estimate, TrackerState]:
-    """A frame's estimate, and all that is known after it."""
-    return tracker.report(tracked), tracker.state_after(tracked)
+        reported = tracker.report(tracked)
+        yield reported.estimate, reported.state

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,53 +19,54 @@ from coordinator.tracking.step import Tracked
 Array = NDArray[np.float64]
 
 
-class Reporter:
-    """Reports frames in their order: what is known of a joint fades over the frames after.
+@dataclass(frozen=True, slots=True, eq=False)
+class Reported:
+    """A frame's estimate, and all that is known after it."""
 
-    Args:
-        verdict: About each joint, (J, 2), of the frame that was reported last; None before the first.
+    estimate: Estimate
+    state: TrackerState
+
+
+def report(tracked: Tracked) -> Reported:
+    """What was found in a frame that was collected, when the one before it had been reported."""
+    with tracked.clock.stage("report"):
+        watch, model = tracked.state.checkpoint.watch, tracked.state.start.model
+        belief = tracked.belief
+        reported = tracked.state.start.pose if belief is None else belief.reported
+        weights = np.empty(0) if belief is None else belief.weights[:RECORDED]
+        shown = reported[None][:0] if belief is None else belief.poses[:RECORDED]
+        joints = joint_positions(model, np.concatenate([reported[None], shown]))
+        certainty, verdict = assess(tracked, reported, shown, weights)
+        status = tracked.status or judge(watch, weights, joints[1:], certainty)
+    estimate = Estimate(
+        frame=tracked.frame.number,
+        time_s=tracked.frame.time_s,
+        status=status,
+        pose=reported,
+        joint_positions=joints[0],
+        hypothesis_pose=shown,
+        hypothesis_weight=weights / weights.sum() if len(weights) else weights,
+        residual=np.nan if belief is None else float(belief.residual[0]),
+        particles_answered=tracked.answered,
+        why=watch.why or explain_doubt(model.joint_names, certainty),
+        stage_seconds=tracked.clock.seconds,
+        certainty=unknown_certainty(len(model.joint_names)) if status in UNKNOWN else certainty,
+    )
+    checkpoint = replace(tracked.state.checkpoint, verdict=verdict)
+    return Reported(estimate, replace(tracked.state, checkpoint=checkpoint))
+
+
+def assess(
+    tracked: Tracked, pose: Array, hypotheses: Array, weights: Array
+) -> tuple[Certainty, Array | None]:
+    """How sure each joint of a reported pose is, by what the frame shows and by what was known before.
+
+    Also returns the verdict (J, 2) from which the next frame goes on; None where nothing is seen.
     """
-
-    def __init__(self, verdict: Array | None = None) -> None:
-        self.verdict = verdict
-
-    def report(self, tracked: Tracked) -> Estimate:
-        """What was found in a frame that was collected."""
-        with tracked.clock.stage("report"):
-            watch, model = tracked.state.checkpoint.watch, tracked.state.start.model
-            belief = tracked.belief
-            reported = tracked.state.start.pose if belief is None else belief.reported
-            weights = np.empty(0) if belief is None else belief.weights[:RECORDED]
-            shown = reported[None][:0] if belief is None else belief.poses[:RECORDED]
-            joints = joint_positions(model, np.concatenate([reported[None], shown]))
-            certainty = self._assess(tracked, reported, shown, weights)
-            status = tracked.status or judge(watch, weights, joints[1:], certainty)
-        return Estimate(
-            frame=tracked.frame.number,
-            time_s=tracked.frame.time_s,
-            status=status,
-            pose=reported,
-            joint_positions=joints[0],
-            hypothesis_pose=shown,
-            hypothesis_weight=weights / weights.sum() if len(weights) else weights,
-            residual=np.nan if belief is None else float(belief.residual[0]),
-            particles_answered=tracked.answered,
-            why=watch.why or explain_doubt(model.joint_names, certainty),
-            stage_seconds=tracked.clock.seconds,
-            certainty=unknown_certainty(len(model.joint_names)) if status in UNKNOWN else certainty,
-        )
-
-    def state_after(self, tracked: Tracked) -> TrackerState:
-        """All that is known after a frame, once it is reported."""
-        checkpoint = replace(tracked.state.checkpoint, verdict=self.verdict)
-        return replace(tracked.state, checkpoint=checkpoint)
-
-    def _assess(self, tracked: Tracked, pose: Array, hypotheses: Array, weights: Array) -> Certainty:
-        """How sure each joint of a reported pose is, by what the frame shows."""
-        model = tracked.state.start.model
-        if tracked.sighted is None:
-            self.verdict = None
-            return unknown_certainty(len(model.joint_names))
-        evidence = weigh_evidence(model, pose, hypotheses, weights, tracked.sighted)
-        self.verdict = recall(judge_evidence(evidence), self.verdict, tracked.sighted.interval)
-        return conclude(evidence, self.verdict)
+    model = tracked.state.start.model
+    if tracked.sighted is None:
+        return unknown_certainty(len(model.joint_names)), None
+    evidence = weigh_evidence(model, pose, hypotheses, weights, tracked.sighted)
+    before = tracked.state.checkpoint.verdict
+    verdict = recall(judge_evidence(evidence), before, tracked.sighted.interval)
+    return conclude(evidence, verdict), verdict

@@ -1,7 +1,7 @@
 """One tracker: depth frames in, estimates out.
 
 A frame's way: `submit` cuts it out, publishes it, draws particles and sends them to the workers; `collect`
-waits for them and updates the belief; `report` says what was found. `track` does all three.
+waits for them and updates the belief; `report` gives the estimate. `track` does all three.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.bounds import most_iterations
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings
@@ -31,7 +32,7 @@ from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_nois
 from coordinator.tracking.observing.sighting import distance_of, see, some_points
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.reporting import Reporter
+from coordinator.tracking.reporting import Reported, report
 from coordinator.tracking.search.company import has_company
 from coordinator.tracking.search.search import ways_of
 from coordinator.tracking.search.seeker import Finding, Seeker
@@ -94,14 +95,14 @@ class Tracker:
         self._distance = 0.0  # metres, of what the frame at hand shows
         self._ahead: CutOut | None = None  # the next frame, cut out before its turn
         self._isolation = isolation or Isolation(settings.points)
-        self._reporter = Reporter()
+        self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
         if state is not None:
             self._scene = state.checkpoint.scene
             self._isolation.recall(self._scene)
             self._around, self._watch = state.checkpoint.around, state.checkpoint.watch
             self._time_s, self._size.measured = state.checkpoint.time_s, state.checkpoint.measured
-            self._reporter = Reporter(state.checkpoint.verdict)
+            self._verdict = state.checkpoint.verdict
             self._rng = load_generator(state.checkpoint.generator)
             self._start = state.start
             if state.checkpoint.belief:
@@ -123,7 +124,7 @@ class Tracker:
         checkpoint = take_checkpoint(
             self._belief, self._around, self._time_s, self._rng, self._scene, self._watch, self._size.measured
         )
-        checkpoint = replace(checkpoint, verdict=self._reporter.verdict)
+        checkpoint = replace(checkpoint, verdict=self._verdict)
         return TrackerState(self._start, checkpoint)
 
     @property
@@ -161,7 +162,7 @@ class Tracker:
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame, or look for it."""
-        return self.report(self.collect(self.submit(frame)))
+        return self.report(self.collect(self.submit(frame))).estimate
 
     def submit(self, frame: DepthFrame) -> Submitted:
         """Draw particles for the next frame and let the workers refine them; `collect` has to follow."""
@@ -231,13 +232,11 @@ class Tracker:
             submitted.frame, self.state, self._belief, status, answered, submitted.sighted, submitted.clock
         )
 
-    def report(self, tracked: Tracked) -> Estimate:
-        """What was found in a frame that was collected; at any time after that, in the frames' order."""
-        return self._reporter.report(tracked)
-
-    def state_after(self, tracked: Tracked) -> TrackerState:
-        """All that is known after a frame, once it is reported."""
-        return self._reporter.state_after(tracked)
+    def report(self, tracked: Tracked) -> Reported:
+        """What was found in a frame that was collected; before the next one is collected."""
+        reported = report(tracked)
+        self._verdict = reported.state.checkpoint.verdict
+        return reported
 
     def _look_about(self, cut: CutOut) -> CutOut:
         """The frame with whoever is seen elsewhere, if next to nothing is where the body was."""
@@ -321,7 +320,9 @@ class Tracker:
         return begin_with(self._method, finding.start.model, finding.standing, self._settings.filter)
 
     def _request(self, proposal: Proposal[Any]) -> Request:
-        refine = pace_iterations(self.rules, proposal.interval, self._settings.pace_iterations)
+        rules, settings, vertices = self.rules, self._settings, len(self.model.vertices)
+        most = most_iterations(rules, proposal.poses.shape, settings.points, vertices)
+        refine = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
         body = self._size.body_of(self._start, len(proposal.poses))
         return Request(proposal, self._refiner.submit(body, proposal.poses, refine))
 

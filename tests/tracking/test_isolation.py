@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from common.frame import HIDDEN, SUBJECT
+from common.kinematics import pose_vertices
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
 from coordinator.scene.limits import Limits
 from coordinator.scene.scope import Scope
-from coordinator.tracking.observing.isolation import Isolation, prepare
-from tests.support.rooms import TABLE, Room
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.observing.isolation import Isolation, PosedBody, prepare
+from tests.support.people import CAMERA, STANDING, frame_of
+from tests.support.rooms import TABLE, Room, along
 
 PERSON = (-0.4, 2.6)
 
@@ -45,3 +51,23 @@ def test_preparing_leaves_nothing_behind() -> None:
     assert after is not None
     np.testing.assert_array_equal(after.frame.depth, before.frame.depth)
     np.testing.assert_array_equal(after.picked, before.picked)
+
+
+@pytest.mark.parametrize("measured", ["head alone", "one frame of holes"])
+def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str) -> None:
+    """Dark clothes, or holes in a frame: what is not measured does not say that nobody is there."""
+    model, pose = human(1.82), name_pose(human(1.82), STANDING)
+    with DepthRenderer(CAMERA) as renderer:
+        person = renderer.depth(pose_vertices(model, pose[None])[0], model.triangles)
+    v, u = np.indices(person.shape)
+    room = along(1.15, np.asarray((v - CAMERA.cy) / CAMERA.fy))
+    room[room > 3.9] = 4.0 if measured == "head alone" else 0.0  # a wall, or one beyond the camera's range
+    whole = np.where(person > 0.0, person, room)
+    rows = np.flatnonzero((person > 0.0).any(axis=1))
+    holes = v > rows[0] + 0.3 * len(rows) if measured == "head alone" else (3 * u + 5 * v) % 8 > 0
+    poor = np.where((person > 0.0) & holes, 0.0, whole)
+    frames = [poor] * 8 if measured == "head alone" else [*[whole] * 5, poor, *[whole] * 3]
+    isolation, body = Isolation(1_500), PosedBody(model, pose)
+    subjects = [isolation.cut(frame_of(n, depth), body).subject for n, depth in enumerate(frames)]
+    assert subjects[-1] is not None
+    assert subjects[-1].pixels > 0.95 * np.count_nonzero((person > 0.0) & (frames[-1] > 0.0))

@@ -109,8 +109,9 @@ def test_a_rendered_person_is_measured_from_a_wrong_guess(stature: float, girth:
         subject = isolate(frame_of(n, pictures[n % 3]), None, 3000)
         assert subject is not None
         refiner.publish(subject)
-        told = asker.ask(start, measured.about, poses[n % 3], RULES)
-        measured = measured.after(told, 0.1 * n)
+        shown = asker.ask(start, measured.about, poses[n % 3], RULES)
+        assert shown is not None
+        measured = measured.after(shown, 0.1 * n)
         start = asker.resize(start, *measured.size)
     assert measured.size[0] == pytest.approx(stature, abs=0.015)
     assert measured.size[1] == pytest.approx(girth, abs=0.08)

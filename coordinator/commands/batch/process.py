@@ -96,7 +96,9 @@ def code_of(job: Job, show: DistantShow) -> int:
     try:
         with noted_interrupts(*ENDING):
             tracked = track_recording(job, show, connect_workers)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
+        if isinstance(interrupt.__cause__, GepfError):  # results that could not be kept, say
+            show.say(str(interrupt.__cause__))
         return INTERRUPTED
     except GepfError as error:
         show.say(str(error))

@@ -23,7 +23,7 @@ from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import Checkpoint
 
 HEAD = struct.Struct("<II")
-FORM = 7
+FORM = 8
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

@@ -88,10 +88,13 @@ class Recorder:
         """Give the folder free; without a frame, leave no trace of the run."""
         self._disk.shutdown()
         # not by the count alone: an interrupt may come between writing and counting
-        empty = not self.frames and read_log(self.folder / LOG_FILE) is None
-        if empty or (self._finished and error is None):
-            (self.folder / LOG_FILE).unlink(missing_ok=True)
-        os.close(self._log)
+        log = self.folder / LOG_FILE
+        try:
+            empty = not self.frames and (not log.exists() or read_log(log) is None)
+            if empty or (self._finished and error is None):
+                log.unlink(missing_ok=True)
+        finally:
+            os.close(self._log)
         if empty:
             _remove_empty(self._made)
 

@@ -73,8 +73,10 @@ class Isolation:
             return Isolated(isolate(frame, box, self._points), view, self._scene.learn(view, None))
         cut = self._somebody(view) if body is None else cut_out(view, body.surface)
         subject = None if cut is None else subject_of(frame, cut, self._points)
-        there = body is not None and cut is not None and self._shows(view, cut, body)
-        return Isolated(subject, view, self._scene.learn(view, cut if there else None))
+        if body is None or cut is None:
+            return Isolated(subject, view, self._scene.learn(view, None))
+        gone = not self._shows(view, cut, body)
+        return Isolated(subject, view, self._scene.learn(view, cut, elsewhere=gone))
 
     @staticmethod
     def _shows(view: SceneView, cut: Cut, body: PosedBody) -> bool:

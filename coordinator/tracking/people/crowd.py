@@ -21,6 +21,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observing.isolation import Isolated
 from coordinator.tracking.people.division import Divided, Division, Offer
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.reporting import Reported
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.step import CutOut, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
@@ -84,7 +85,8 @@ class Crowd:
     def track(self, frame: DepthFrame) -> list[Estimate]:
         """Follow all into the next frame, or look for them."""
         sight = self.see(frame)
-        return self.report([self.collect(place, self.submit(place, sight)) for place in range(self.people)])
+        tracked = [self.collect(place, self.submit(place, sight)) for place in range(self.people)]
+        return [each.estimate for each in self.report(tracked)]
 
     @property
     def people(self) -> int:
@@ -121,8 +123,8 @@ class Crowd:
         """Wait for one person's refined particles."""
         return self.trackers[place].collect(submitted)
 
-    def report(self, tracked: Sequence[Tracked]) -> list[Estimate]:
-        """What was found in a frame of which all were collected; at any time after that."""
+    def report(self, tracked: Sequence[Tracked]) -> list[Reported]:
+        """What was found in a frame of which all were collected; before the next one is."""
         return [tracker.report(each) for tracker, each in zip(self.trackers, tracked, strict=True)]
 
     def _whom_to_try(self, place: int, sight: Sight) -> Offer | None:

@@ -27,8 +27,8 @@ def follow_all(crowd: Crowd, frames: Iterable[DepthFrame]) -> Iterator[Results]:
             for place in range(crowd.people):
                 submitted = crowd.submit(place, sight)  # this person's particles are with the workers
                 if before:
-                    yield results(crowd, before)  # the frame before is recorded meanwhile
-                    before = []
+                    found, before = results(crowd, before), []
+                    yield found  # the frame before is recorded meanwhile
                 crowd.send_ahead(place + 1, sight)
                 if place + 1 == crowd.people:
                     frames.peek()
@@ -44,6 +44,4 @@ def follow_all(crowd: Crowd, frames: Iterable[DepthFrame]) -> Iterator[Results]:
 
 def results(crowd: Crowd, tracked: list[Tracked]) -> Results:
     """What was found, and what was known after it."""
-    estimates = crowd.report(tracked)
-    states = [tracker.state_after(each) for tracker, each in zip(crowd.trackers, tracked, strict=True)]
-    return list(zip(estimates, states, strict=True))
+    return [(each.estimate, each.state) for each in crowd.report(tracked)]

@@ -87,12 +87,17 @@ class Asker:
         in_sizes = self._bodies.people and self._bodies.measures is None
         return in_sizes and set(ROOT_DOFS) <= set(start.model.dof_names)
 
-    def ask(self, start: Start, about: Measures, pose: Array, rules: RefineSettings) -> Shown:
-        """What the frame says of a body of about these measures and this pose (D,)."""
+    def ask(self, start: Start, about: Measures, pose: Array, rules: RefineSettings) -> Shown | None:
+        """What the frame says of a body of about these measures and this pose (D,).
+
+        None where one of the sizes was not answered in time, or did not come to rest.
+        """
         variants, settings = self._vary(start, about), msgspec.structs.replace(rules, icp_iterations=ROUNDS)
         poses = np.repeat(pose[None], len(variants.grains), axis=0)
         refined = self._refiner.submit(variants.body, poses, settings).result()
         fits = refined.log_likelihood + 0.5 * variants.grains / rules.likelihood_scale**2
+        if not np.isfinite(fits).all():
+            return None
         here, (up, down) = float(fits[0]), fits[1:].reshape(2, 2).T
         weight = weigh_frame(uprightness(start.model, refined.poses[0]), here)
         return Shown((up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2, weight)

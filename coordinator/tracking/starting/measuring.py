@@ -87,6 +87,10 @@ class Measured:
         """Whether the frame of this time is to be asked."""
         return not self.done and not 0.0 <= time_s - self.time_s < INTERVAL
 
+    def passed(self, time_s: float) -> Self:
+        """After a frame that was asked and gave no answer."""
+        return replace(self, time_s=time_s)
+
     def after(self, shown: Shown, time_s: float) -> Self:
         """With what a frame says that was asked."""
         curvature = np.maximum(shown.curvature, LEAST_CURVATURE)

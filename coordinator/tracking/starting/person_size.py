@@ -45,7 +45,8 @@ class PersonSize:
         poses, weights = belief.poses[:RECORDED], belief.weights[:RECORDED]
         if is_settled(watch, weights, joint_positions(start.model, poses)):
             shown = self._asker.ask(start, self.measured.about, belief.poses[0], rules)
-            self.measured = self.measured.after(shown, time_s)
+            known = self.measured
+            self.measured = known.passed(time_s) if shown is None else known.after(shown, time_s)
 
     def give(self, start: Start) -> Start:
         """The start with a body of the size that is known by now, if it is time; the same start otherwise."""
