@@ -81,7 +81,7 @@ class Scene:
             cut: The body that was cut out of it; None where nobody is found yet, or who was is lost: then
                 whoever may be a person is learned late.
             patient: Learn what was cut out as late as whoever may be a person: not all are found yet.
-            elsewhere: The body may have left where it was cut out; so whoever may be a person is learned late.
+            elsewhere: The body may have left; so whoever may be a person is learned late.
         """
         learned = NOTHING
         if self._furnished:

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from common.errors import InputError
 from coordinator.cli import main
 from coordinator.commands.console.interrupts import INTERRUPTS, ended_at_once, noted_interrupts
 from coordinator.commands.console.progress import Show
@@ -134,3 +135,23 @@ def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> Non
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=30.0)
         assert process.returncode in (130, -signal.SIGINT)
+
+
+@pytest.mark.usefixtures("no_traces")
+def test_what_could_not_be_kept_after_an_interrupt_is_said(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A full disk, say, while the results of an interrupted run are written: one line before the last."""
+
+    def connect(pool: Pool, show: Show) -> AbstractContextManager[Any]:
+        del pool, show
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            raise InputError("cannot write to the folder: no space is left")
+
+    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], connect) == 130
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        "gepf: cannot write to the folder: no space is left",
+        "gepf: stopped",
+    ]

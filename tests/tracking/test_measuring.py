@@ -8,19 +8,23 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
-from common.settings import preset
+from common.settings import RefineSettings, preset
+from common.sizes import Body
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose
+from coordinator.filters.gradient_enhanced import begin
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.log import Began, Entry, append_records
 from coordinator.results.recording.recorded import read_log
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.search.watch import GIVEN
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
     ENOUGH,
@@ -30,10 +34,13 @@ from coordinator.tracking.starting.measuring import (
     uprightness,
     weigh_frame,
 )
+from coordinator.tracking.starting.person_size import PersonSize
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
+from tests.support.processes.still_workers import StillWorkers
+from tests.support.refined import Ready
 
 BODIES = choose_bodies(None, "default")
 RULES = preset("default").refine
@@ -43,6 +50,20 @@ def start_of(stature: float, girth: float) -> Start:
     """A start with a body of this size."""
     model, pose = BODIES.tracked(stature, girth, STANDING)
     return Start(model, pose, stature, girth, values={})
+
+
+class InPart(StillWorkers):
+    """Leaves the last particle without an answer, or one that did not come to rest."""
+
+    def __init__(self, missing: float) -> None:
+        super().__init__()
+        self._missing = missing
+
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+        """The same poses, one of them of this log likelihood."""
+        ready = super().submit(body, poses, settings)
+        ready.result().log_likelihood[-1] = self._missing
+        return ready
 
 
 def test_evidence_adds_up_to_the_least_squares_estimate() -> None:
@@ -194,3 +215,23 @@ def test_a_size_that_is_known_or_not_wanted_stays() -> None:
     assert fresh.state.checkpoint.measured is None
     joints = joint_positions(fresh.model, np.zeros((1, len(fresh.model.dof_names))))
     assert np.isfinite(joints).all()
+
+
+@pytest.mark.parametrize("missing", [np.nan, -np.inf])
+def test_a_size_that_was_not_answered_says_nothing(missing: float) -> None:
+    """With a deadline some of the five may be missing, or one diverges: the frame is passed over."""
+    subject = isolate(shown("standing").frames[0], None, 2000)
+    assert subject is not None
+
+    refiner, start = InPart(missing), start_of(1.82, 1.0)
+    refiner.publish(subject)
+    size = PersonSize(BODIES, refiner)
+    size.guess(start)
+    before, belief = size.measured, begin(start.model, start.pose, SETTINGS.filter)
+    size.ask(start, belief, GIVEN, RULES, 0.5)
+    assert before is not None
+    assert size.measured is not None
+    assert (size.measured.frames, size.measured.size) == (0, before.size)
+    assert not size.measured.asks(0.55)
+    assert size.measured.asks(0.65)
+    assert size.give(start) is start
