@@ -14,7 +14,7 @@ LOOKED_AT = 60  # frames from the first on, among which somebody is waited for
 PROMISING = 0.25  # score from which on a candidate is likely a person
 
 
-def look(source: Source) -> tuple[SceneView, list[Candidate]]:
+def look(source: Source, promising: float = PROMISING) -> tuple[SceneView, list[Candidate]]:
     """The first frame that shows somebody, and who may be a person there, likeliest first.
 
     Where no frame shows anybody who is likely one, that with the likeliest; with nobody at all, the last.
@@ -24,15 +24,17 @@ def look(source: Source) -> tuple[SceneView, list[Candidate]]:
     for number in source.numbers[:LOOKED_AT]:
         view = scene.see(source.frame(number))
         found = candidates(view)
-        if found and found[0].score > PROMISING:
-            return view, [each for each in found if each.score > PROMISING]
+        if found and found[0].score > promising:
+            return view, [each for each in found if each.score > promising]
         if found and (doubtful is None or found[0].score > doubtful[1][0].score):
             doubtful = view, found[:1]
         scene.learn(view, None)
     return doubtful or (view, [])
 
 
-def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]:
+def describe_scene(
+    view: SceneView, found: list[Candidate], promising: float = PROMISING
+) -> dict[str, object]:
     """Facts by name: floor, walls and candidates."""
     height = view.floor_height
     walls = view.planes.coefficients[1 if view.planes.has_floor else 0 :]
@@ -49,14 +51,15 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
         "room": view.furnished,
         "noise_mm": round(1000.0 * float(view.noise.sigma(np.array([2.0]))[0]), 1),
-        "people": [describe_candidate(each, first=n == 0) for n, each in enumerate(found)],
+        "people": [
+            describe_candidate(each, likely=n == 0 and each.score > promising) for n, each in enumerate(found)
+        ],
     }
 
 
-def describe_candidate(candidate: Candidate, *, first: bool) -> dict[str, object]:
+def describe_candidate(candidate: Candidate, *, likely: bool) -> dict[str, object]:
     """Where a candidate is, what it may be, and why."""
     rows, columns = np.nonzero(candidate.mask)
-    likely = first and candidate.score > PROMISING
     return {
         "may_be": "a person" if likely else "a person or furniture",
         "pixel": [int(np.median(columns)), int(np.median(rows))],
