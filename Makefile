@@ -24,7 +24,7 @@ test: setup ## the tests, on two cores; kernels are compiled before
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 test-slow: setup ## the tests that take long
-	$(BIN)/python -m pytest -q -m slow
+	$(BIN)/python -m pytest -q -m slow --timeout 3600
 
 chaos: setup ## workers disturbed all the time, coordinators killed, two runs on one pool: the same bytes?
 	$(BIN)/python -m tests.disturbance.chaos
@@ -35,7 +35,7 @@ fuzz: setup ## hostile messages against the decoders, a live worker and a live c
 	$(BIN)/python -m tests.disturbance.fuzz
 
 hosts: setup ## coordinator, router and workers on network hosts that fail: the same bytes? (as root)
-	$(BIN)/python -m pytest -q -m slow tests/disturbance/test_hosts.py
+	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_hosts.py
 
 check: setup ## lint, format, types, walls, dependencies, images' recipes
 	$(BIN)/ruff check $(PACKAGES)
