@@ -73,8 +73,10 @@ def test_an_interrupt_as_the_first_frame_is_written_keeps_it(place: Place, out: 
     """Whatever moment between writing and counting the signal hits, the run can be gone on with."""
     frames = out / "frames.log"
     run = start(coordinate, place.sequence, out, place.endpoint, "--workers", "1", log=tmp_path / "log")
-    while not frames.exists() or not frames.stat().st_size:
+    until = time.monotonic() + 60.0
+    while not frames.exists() or not frames.stat().st_size:  # without a pause, to hit the very moment
         assert run.is_alive()
+        assert time.monotonic() < until
     assert run.pid is not None
     os.kill(run.pid, signal.SIGINT)
     run.join(30.0)
