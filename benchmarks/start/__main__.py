@@ -1,8 +1,8 @@
 """How a start fares: python -m benchmarks.start.
 
 A start in every 15th frame of rendered people and of real ones (UTD-MHAD, subjects 1 and 2), the same after a
-gap of 15 frames, and a table of situations: other poses, ways up, empty frames first, a wrong scale, nobody,
-two people. All in this process, on one core; lines on stderr, tables on stdout.
+gap of 15 frames, and a table of situations: other poses, ways up, a camera that looks down, empty frames
+first, a wrong scale, nobody, two people. All in this process, on one core; lines on stderr, tables on stdout.
 """
 
 from __future__ import annotations

@@ -148,13 +148,15 @@ def things(camera: Intrinsics, count: int) -> list[Case]:
 def noisy(depth_m: Array, camera: Intrinsics, count: int) -> list[DepthFrame]:
     """Frames of a depth image (H, W) in metres with a time-of-flight camera's noise."""
     rng = np.random.default_rng(0)
+    return [measured(n, depth_m, camera, rng) for n in range(count)]
+
+
+def measured(number: int, depth_m: Array, camera: Intrinsics, rng: np.random.Generator) -> DepthFrame:
+    """One frame of a depth image (H, W) in metres with that noise."""
     sigma = 0.0012 + 0.0019 * (depth_m - 0.4) ** 2
-    frames = []
-    for n in range(count):
-        measured = depth_m + sigma * rng.standard_normal(depth_m.shape)
-        depth = np.where(depth_m > 0.0, np.rint(1000.0 * measured), 0.0).astype(np.uint16)
-        frames.append(DepthFrame(n, n / 30.0, depth, 1000.0, camera))
-    return frames
+    noised = depth_m + sigma * rng.standard_normal(depth_m.shape)
+    depth = np.where(depth_m > 0.0, np.rint(1000.0 * noised), 0.0).astype(np.uint16)
+    return DepthFrame(number, number / 30.0, depth, 1000.0, camera)
 
 
 def lowest(footage: Footage) -> int:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from benchmarks.start.cases import Case, Footage, all_starts, gaps, read_real, read_skinned, situations
 from benchmarks.start.measure import Outcome, count, play
+from benchmarks.start.pitched import pitched_cases
 from benchmarks.tracking import prepare
 from coordinator.bodies.tracked import Bodies
 
@@ -29,7 +30,10 @@ def run_parts(data: Path, parts: Sequence[str], subjects: Sequence[int]) -> None
         "starts": lambda: all_starts(rendered),
         "gaps": lambda: [case for footage in rendered for case in gaps(footage)],
         "real": lambda: all_starts(real(data, subjects)),
-        "situations": lambda: situations(data, rendered[-2], rendered[-1]),
+        "situations": lambda: [
+            *situations(data, rendered[-2], rendered[-1]),
+            *pitched_cases([data / "three_cameras" / name for name in CAMERAS], 30),
+        ],
     }
     for part in parts:
         outcomes = play_all(made[part](), bodies)
