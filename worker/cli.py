@@ -155,7 +155,7 @@ def serve(
             check_admission(bus, identity.name, identity.at.connect, identity.at.security)
         service = Service(bus, identity.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, end)
+            signal.signal(number, partial(end, service))
         log.info("%s serves %s with %s", identity.name, identity.at.name, counted(kernel.lanes, "lane"))
         with StatusLine(service.activity.line, quiet=quiet):
             service.run()
@@ -174,10 +174,14 @@ def load_kernel(lanes: int = 1) -> Kernel[Any]:
     return kernel
 
 
-def end(*_: object) -> NoReturn:
-    """Handle a signal: exit, once; the coordinator sends requests without an answer elsewhere."""
+def end(service: Service[Any], *_: object) -> NoReturn:
+    """Handle a signal: exit, once; the coordinator sends requests without an answer elsewhere.
+
+    Where a library swallows the exception, the service ends after the request at hand.
+    """
     for other in (signal.SIGTERM, signal.SIGINT):
         signal.signal(other, signal.SIG_IGN)
+    service.finish()
     raise SystemExit(0)
 
 

@@ -95,16 +95,20 @@ class Service(Generic[O]):
             with batch.request:
                 self.serve(batch)
 
+    def finish(self) -> None:
+        """End `run` after the request at hand; may be called by a signal's handler, as it takes no lock."""
+        self._stopped = True
+
     def stop(self) -> None:
         """End `run`; may be called from another thread."""
-        self._stopped = True
+        self.finish()
         if self._requests is not None:
             self._requests.close()
 
     def _next(self, requests: Requests) -> Batch | None:
         """The next batch of the queue; None when there will be no more."""
         wait = False
-        while (arrived := requests.receive(wait=wait)) is not None:
+        while not self._stopped and (arrived := requests.receive(wait=wait)) is not None:
             for request in arrived:
                 self._admit(request)
             self._drop_ended_runs()

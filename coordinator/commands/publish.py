@@ -14,6 +14,7 @@ from common.protocol.messages import encode_live, encode_live_end
 from common.transport.bus import Bus
 from common.transport.opening import open_coordinator
 from common.transport.publishers import Publisher
+from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import Show
 from coordinator.commands.options.arguments import PublishOptions, SecurityOptions
 from coordinator.commands.options.choices import choose_pool, secure
@@ -93,6 +94,7 @@ def play(frames: Iterable[DepthFrame], rate: float | None, publisher: Publisher)
     try:
         for frame in paced(frames, rate):
             publisher.put(encode_live(frame))
+            INTERRUPTS.check()
     finally:
         publisher.put_surely(encode_live_end())
 

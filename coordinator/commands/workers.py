@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol, TypeVar
 
+from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
@@ -44,4 +45,4 @@ def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
 
 def end_as_interrupted() -> None:
     """Let SIGTERM end a run as Ctrl-C does, so that its frames are kept."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, INTERRUPTS.note)

@@ -76,10 +76,10 @@ def end_as_open3d_does() -> None:
         raise ImportError("initialization failed") from None
 
 
-def swallow() -> None:
+def swallow(number: signal.Signals = signal.SIGINT) -> None:
     """An interrupt within a callback that lets nothing through."""
     with suppress(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(number)
 
 
 @pytest.mark.parametrize("happens", [end_as_open3d_does, swallow])
@@ -111,13 +111,18 @@ def test_open3d_loads_to_its_end_before_an_interrupt_counts() -> None:
 
 
 @pytest.mark.usefixtures("no_traces")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
-    sequence: Path, tmp_path: Path, workers: StillWorkers, capsys: pytest.CaptureFixture[str]
+    sequence: Path,
+    tmp_path: Path,
+    workers: StillWorkers,
+    capsys: pytest.CaptureFixture[str],
+    number: signal.Signals,
 ) -> None:
     """Exit code 130, and what was tracked is kept."""
 
     def connect_and_swallow(pool: Pool, show: Show) -> AbstractContextManager[Any]:
-        swallow()
+        swallow(number)
         return workers.connect(pool, show)
 
     assert main(["track", str(sequence), "--out", str(tmp_path / "out")], connect_and_swallow) == 130

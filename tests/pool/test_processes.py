@@ -9,17 +9,26 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from common.errors import BusError
+from common.refinement import Refined
+from common.settings import RefineSettings
+from common.sizes import Body
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
+from tests.support.processes.warm_processes import start
+from worker.cli import Identity, exit_with, serve
+from worker.connection import Destination
+from worker.service import Kernel
 
 
 def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
@@ -197,6 +206,41 @@ def processor_seconds(pid: int) -> float:
     """User and system time of a process so far."""
     user, system = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def serve_without_hearing(endpoint: str, asked: Path) -> None:
+    """`gepf-worker` with a kernel that swallows whatever a signal raises."""
+
+    def refine(_body: Body, _seen: object, poses: NDArray[np.float64], _settings: RefineSettings) -> Refined:
+        with suppress(BaseException):
+            asked.touch()
+            time.sleep(60.0)
+        return Refined(poses, np.zeros(len(poses)), np.zeros(len(poses)))
+
+    identity = Identity("deaf", Destination((endpoint,)))
+    exit_with(lambda: serve(identity, lambda: Kernel(lambda _: None, refine)))
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_worker_whose_signal_is_swallowed_ends_after_the_request(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    """A library that lets no exception through does not keep it alive; what was asked for is answered."""
+    endpoint, asked = f"unixsock-stream/{tmp_path / 'bus'}", tmp_path / "asked"
+    with ZenohRefiner(Pool(workers=0, listen=endpoint)) as refiner:
+        worker = start(serve_without_hearing, endpoint, asked, log=tmp_path / "log")
+        try:
+            refiner.wait_for(1)
+            refiner.publish(frame(1))
+            pending = refiner.submit(MODEL, POSES, SETTINGS)
+            wait_until(asked.exists, 30.0)
+            assert worker.pid is not None
+            os.kill(worker.pid, number)
+            worker.join(30.0)
+            assert worker.exitcode == 0
+            assert np.array_equal(pending.result().poses, POSES)
+        finally:
+            worker.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
