@@ -1,1 +1,1 @@
-"""What each setting is worth alone."""
+"""What each setting is worth: preset default with one of them changed at a time."""

@@ -50,8 +50,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
     workspace = make_workspace(skeleton, surface, packed)
     pose, clock = case.start[0].copy(), Clock()
     solver = solver_parameters(parameters, packed.count)
-    if parameters.keep_limits:
-        clamp_to_limits(skeleton, pose)
+    clamp_to_limits(skeleton, pose)
     last_count, visible, before = 0, workspace.visibility.visible, pose.copy()
     for k in range(parameters.icp_iterations):
         clock.lap("")
@@ -74,8 +73,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         minimise(skeleton, pose, solver, workspace.equations)
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)
-            if parameters.keep_limits:
-                clamp_to_limits(skeleton, pose)
+            clamp_to_limits(skeleton, pose)
         clock.lap("solve")
     evaluate(pose, last_count, skeleton, surface, packed, parameters, workspace)
     clock.lap("likelihood")

@@ -35,8 +35,8 @@ ROWS: dict[str, tuple[tuple[str, ...], int | None]] = {
     "one particle, looked for again": (LONE, 1),
     "one particle (--method gradient)": (("method=gradient",), None),
     "one particle, preset paper": (("preset=paper", "method=gradient"), None),
-    "the same, paced and soft": (
-        ("preset=paper", "method=gradient", "pace_iterations=2", "soft_correspondences=true"),
+    "the same, paced, with the camera's law": (
+        ("preset=paper", "method=gradient", "pace_iterations=2", "sensor=camera"),
         None,
     ),
 }

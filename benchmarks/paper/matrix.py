@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
+from coordinator.filters.annealed import ANNEALED
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from worker.kernel.packing import pack_parameters
@@ -34,6 +35,7 @@ class Row:
     scene: str = "arm"
     active: tuple[str, ...] | None = MOVING
     changes: tuple[str, ...] = ()  # settings in place of the preset's, `key=value`
+    limits: bool = True  # of the body's joints
 
     def settings(self, seed: int) -> Settings:
         """What `gepf track` computes with."""
@@ -48,7 +50,7 @@ class Row:
         if self.method == "condensation":
             return particles
         if self.method == "annealed":
-            return particles * settings.filter.layers
+            return particles * ANNEALED.layers
         rounds = 2 if pack_parameters(assume_noise(settings.refine, self.noise)).soft else 1
         return particles * (rounds * settings.refine.icp_iterations + 1)
 
@@ -67,9 +69,15 @@ HEAVY_ROWS = [
     for preset in ("paper", "default")
 ]
 
-LETTER = ("keep_limits=false", "measure_noise=false")  # nothing that the paper does not name
 LETTER_ROWS = [
-    replace(row, name=row.name.replace("paper", "letter"), part="letter", seeds=3, changes=LETTER)
+    replace(
+        row,
+        name=row.name.replace("paper", "letter"),
+        part="letter",
+        seeds=3,
+        changes=("measure_noise=false",),
+        limits=False,
+    )  # nothing that the paper does not name
     for row in HEAVY_ROWS
     if row.preset == "paper"
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -14,6 +14,8 @@ from benchmarks.paper.matrix import Row
 from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.shape_space import person_of_size
+from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.tracker import Tracker
@@ -49,6 +51,8 @@ def run(job: Job, footage: Footage) -> Run:
     row = job.row
     settings = row.settings(job.seed)
     bodies = choose_bodies(row.active, settings.preset)
+    if not row.limits:
+        bodies = Bodies(limitless, bodies.start_dofs, bodies.active)
     tracker = Tracker(DirectRefiner(), settings, bodies, footage.start)
     estimates, ms = [], []
     for frame in footage.frames(row.noise, job.seed, row.frames):
@@ -56,6 +60,12 @@ def run(job: Job, footage: Footage) -> Run:
         estimates.append(tracker.track(frame))
         ms.append(1e3 * (time.process_time() - began))
     return score(job, tracker.model, estimates, footage, ms)
+
+
+def limitless(stature: float, girth: float) -> BodyModel:
+    """A person whose joints turn as far as they like."""
+    model = person_of_size(stature, girth)
+    return replace(model, limits=np.tile([-np.inf, np.inf], (len(model.limits), 1)))
 
 
 def score(job: Job, model: BodyModel, estimates: list[Estimate], footage: Footage, ms: list[float]) -> Run:

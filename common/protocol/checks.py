@@ -13,7 +13,6 @@ from common.body import ROTATION, TRANSLATION
 from common.bounds import (
     LARGEST_LENGTH,
     LARGEST_LOG_LIKELIHOOD,
-    LARGEST_OVER_RELAXATION,
     LARGEST_PIXEL,
     LARGEST_POSE,
     LARGEST_SETTING,
@@ -100,11 +99,6 @@ def check_settings(settings: RefineSettings) -> None:
             check_range(f"setting {name}", value, least, LARGEST_SETTING)
         elif isinstance(value, int) and not 0 <= value <= MAX_ITERATIONS:
             raise ProtocolError(f"setting {name} is {value}, expected 0 to {MAX_ITERATIONS}")
-    check_range("setting over_relaxation", settings.over_relaxation, 0.0, LARGEST_OVER_RELAXATION)
-    if settings.visibility_interval < 1:
-        raise ProtocolError(
-            f"setting visibility_interval is {settings.visibility_interval}, expected 1 or more"
-        )
 
 
 def check_model(arrays: dict[str, NDArray[Any]], sizes: dict[str, int]) -> None:

@@ -15,7 +15,7 @@ from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
 
-PROTOCOL = 3
+PROTOCOL = 4
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_REASON = 1_000  # characters
 

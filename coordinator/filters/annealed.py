@@ -18,8 +18,7 @@ from common.kinematics import retract
 from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief
-from coordinator.filters.condensation import diffusion, weigh
-from coordinator.filters.condensation import propose as propose_first
+from coordinator.filters.condensation import CONDENSATION, Condensation, weigh
 from coordinator.filters.proposal import Proposal
 from coordinator.filters.resampling import effective_sample_size, normalise, systematic
 from coordinator.filters.sighting import Sighting
@@ -37,31 +36,51 @@ class Layer(Proposal[Belief]):
     left: int  # layers of the frame that are still to come
 
 
-def propose(
-    model: BodyModel,
-    past: Belief,
-    sighting: Sighting,
-    settings: FilterSettings,
-    rng: np.random.Generator,
-) -> Layer:
-    """The first layer: selected and predicted as in CONDENSATION."""
-    first = propose_first(model, past, sighting, settings, rng)
-    spread, left = diffusion(model, settings), settings.layers - 1
-    return Layer(past, first.ancestors, first.poses, sighting.interval, spread, left)
+@dataclass(frozen=True, slots=True)
+class Annealed:
+    """The steps of the method, in each frame for layer after layer."""
+
+    first: Condensation = CONDENSATION  # gives the first layer
+    layers: int = 10
+    survival_rate: float = 0.5  # of the particles, from layer to layer
+
+    def begin(self, model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:
+        """As in CONDENSATION."""
+        return self.first.begin(model, pose, settings)
+
+    def propose(
+        self,
+        model: BodyModel,
+        past: Belief,
+        sighting: Sighting,
+        settings: FilterSettings,
+        rng: np.random.Generator,
+    ) -> Layer:
+        """The first layer: selected and predicted as in CONDENSATION."""
+        first = self.first.propose(model, past, sighting, settings, rng)
+        spread = self.first.diffusion(model)
+        return Layer(past, first.ancestors, first.poses, sighting.interval, spread, self.layers - 1)
+
+    def update(
+        self,
+        model: BodyModel,
+        layer: Layer,
+        assessed: Refined,
+        settings: FilterSettings,
+        rng: np.random.Generator,
+    ) -> Belief | Layer:
+        """The next layer from the likelihoods of this one; after the last layer the belief."""
+        ancestors, measured, log_weights = measure(layer.ancestors, assessed, self.survival_rate)
+        if layer.left == 0:
+            return weigh(model, layer, ancestors, measured, log_weights)
+        survivors = systematic(normalise(log_weights), settings.particles, rng)
+        spread = layer.spread * np.sqrt(self.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
+        noise = spread * rng.standard_normal((settings.particles, len(spread)))
+        poses = retract(model, measured.poses[survivors], noise)
+        return Layer(layer.past, ancestors[survivors], poses, layer.interval, spread, layer.left - 1)
 
 
-def update(
-    model: BodyModel, layer: Layer, assessed: Refined, settings: FilterSettings, rng: np.random.Generator
-) -> Belief | Layer:
-    """The next layer from the likelihoods of this one; after the last layer the belief."""
-    ancestors, measured, log_weights = measure(layer.ancestors, assessed, settings.survival_rate)
-    if layer.left == 0:
-        return weigh(model, layer, ancestors, measured, log_weights)
-    survivors = systematic(normalise(log_weights), settings.particles, rng)
-    spread = layer.spread * np.sqrt(settings.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
-    noise = spread * rng.standard_normal((settings.particles, len(spread)))
-    poses = retract(model, measured.poses[survivors], noise)
-    return Layer(layer.past, ancestors[survivors], poses, layer.interval, spread, layer.left - 1)
+ANNEALED = Annealed()
 
 
 def measure(

@@ -7,6 +7,8 @@ reported is the weighted mean.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,48 +25,57 @@ from coordinator.filters.sighting import Sighting
 Array = NDArray[np.float64]
 
 
-def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG001 as all methods
-    """A single particle at rest at the initial pose (D,); the first frame's noise spreads its children."""
-    return Belief(
-        poses=pose[None].copy(),
-        log_weights=np.zeros(1),
-        residual=np.full(1, np.nan),
-        velocities=np.zeros((1, len(pose))),
-        reported=pose.copy(),
-    )
+@dataclass(frozen=True, slots=True)
+class Condensation:
+    """The steps of the method. The standard deviations are those of its motion model's noise in a frame."""
+
+    diffusion_deg: float = 2.0  # of joint angles
+    diffusion_position: float = 0.01  # metres
+
+    def begin(self, model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG002
+        """A particle at rest at the initial pose (D,); the first frame's noise spreads its children."""
+        return Belief(
+            poses=pose[None].copy(),
+            log_weights=np.zeros(1),
+            residual=np.full(1, np.nan),
+            velocities=np.zeros((1, len(pose))),
+            reported=pose.copy(),
+        )
+
+    def propose(
+        self,
+        model: BodyModel,
+        past: Belief,
+        sighting: Sighting,
+        settings: FilterSettings,
+        rng: np.random.Generator,
+    ) -> Proposal[Belief]:
+        """Select and predict: the particles of a frame, whose likelihood is asked for."""
+        ancestors = systematic(past.weights, settings.particles, rng)
+        noise = self.diffusion(model) * rng.standard_normal((settings.particles, past.poses.shape[1]))
+        motion = sighting.expect(past.velocities, settings.velocity_share)
+        particles = propagate(model, past.poses[ancestors], motion[ancestors], noise)
+        return Proposal(past, ancestors, particles, sighting.interval)
+
+    def update(
+        self,
+        model: BodyModel,
+        proposal: Proposal[Belief],
+        assessed: Refined,
+        settings: FilterSettings,  # noqa: ARG002 as all methods
+        rng: np.random.Generator,  # noqa: ARG002 as all methods
+    ) -> Belief:
+        """Measure: weigh the proposed particles by their likelihood."""
+        answered = assessed.answered
+        measured, ancestors = assessed.take(answered), proposal.ancestors[answered]
+        return weigh(model, proposal, ancestors, measured, measured.log_likelihood)
+
+    def diffusion(self, model: BodyModel) -> Array:
+        """Standard deviation (D,) of the motion model's noise in a frame, radians and metres."""
+        return np.where(model.kinds == ROTATION, np.deg2rad(self.diffusion_deg), self.diffusion_position)
 
 
-def propose(
-    model: BodyModel,
-    past: Belief,
-    sighting: Sighting,
-    settings: FilterSettings,
-    rng: np.random.Generator,
-) -> Proposal[Belief]:
-    """Select and predict: the particles of a frame, whose likelihood is asked for."""
-    ancestors = systematic(past.weights, settings.particles, rng)
-    noise = diffusion(model, settings) * rng.standard_normal((settings.particles, past.poses.shape[1]))
-    motion = sighting.expect(past.velocities, settings.velocity_share)
-    particles = propagate(model, past.poses[ancestors], motion[ancestors], noise)
-    return Proposal(past, ancestors, particles, sighting.interval)
-
-
-def update(
-    model: BodyModel,
-    proposal: Proposal[Belief],
-    assessed: Refined,
-    settings: FilterSettings,  # noqa: ARG001 as all methods
-    rng: np.random.Generator,  # noqa: ARG001 as all methods
-) -> Belief:
-    """Measure: weigh the proposed particles by their likelihood."""
-    answered = assessed.answered
-    measured, ancestors = assessed.take(answered), proposal.ancestors[answered]
-    return weigh(model, proposal, ancestors, measured, measured.log_likelihood)
-
-
-def diffusion(model: BodyModel, settings: FilterSettings) -> Array:
-    """Standard deviation (D,) of the motion model's noise in a frame, radians and metres."""
-    return np.where(model.kinds == ROTATION, np.deg2rad(settings.diffusion_deg), settings.diffusion_position)
+CONDENSATION = Condensation()
 
 
 def weigh(

@@ -18,8 +18,10 @@ from common.body import BodyModel
 from common.errors import InputError
 from common.refinement import Refined
 from common.settings import FilterSettings, Settings, preset
-from coordinator.filters import annealed, condensation, gradient_enhanced
+from coordinator.filters import gradient_enhanced
+from coordinator.filters.annealed import ANNEALED, Annealed
 from coordinator.filters.belief import Belief
+from coordinator.filters.condensation import CONDENSATION, Condensation
 from coordinator.filters.proposal import Proposal
 from coordinator.filters.sighting import Sighting
 
@@ -59,14 +61,18 @@ class Method:
 
 
 _GRADIENT = gradient_enhanced.begin, gradient_enhanced.propose, gradient_enhanced.update
-_CONDENSATION = condensation.begin, condensation.propose, condensation.update
-_ANNEALED = condensation.begin, annealed.propose, annealed.update
+
+
+def baseline(steps: Condensation | Annealed, particles: int) -> Method:
+    """A method that never descends, with so many particles unless the user wants another number."""
+    return Method(steps.begin, steps.propose, steps.update, particles, icp_iterations=0)
+
 
 METHODS = {
     "gepf": Method(*_GRADIENT),
     "gradient": Method(*_GRADIENT, particles=1, lone=True, icp_iterations=6),  # nobody else may be nearer
-    "condensation": Method(*_CONDENSATION, particles=1_000, icp_iterations=0),
-    "annealed": Method(*_ANNEALED, particles=100, icp_iterations=0),  # in each layer
+    "condensation": baseline(CONDENSATION, particles=1_000),
+    "annealed": baseline(ANNEALED, particles=100),  # in each layer
 }
 
 

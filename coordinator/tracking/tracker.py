@@ -321,7 +321,7 @@ class Tracker:
 
     def _request(self, proposal: Proposal[Any]) -> Request:
         rules, settings, vertices = self.rules, self._settings, len(self.model.vertices)
-        most = most_iterations(rules, proposal.poses.shape, settings.points, vertices)
+        most = most_iterations(proposal.poses.shape, settings.points, vertices)
         refine = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
         body = self._size.body_of(self._start, len(proposal.poses))
         return Request(proposal, self._refiner.submit(body, proposal.poses, refine))

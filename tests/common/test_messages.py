@@ -293,6 +293,7 @@ BAD = {
     ),
     "nan setting": ("request", set_to("settings", "damping", value=float("nan")), "setting damping"),
     "setting": ("request", set_to("settings", "magic", value=1), "magic"),
+    "choice": ("request", set_to("settings", "descent", value="fast"), "Invalid enum value 'fast'"),
     "picked range": (
         "frame",
         set_to("picked", value=packed(np.array([5000], np.uint32))),

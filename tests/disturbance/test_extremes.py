@@ -75,8 +75,8 @@ def test_what_flew_away_is_back_where_it_began_and_explains_nothing() -> None:
 def test_work_without_end_is_refused() -> None:
     """Each number of a request is within its bounds, and all together would take days."""
     check_work(RefineSettings(icp_iterations=6), (1000, 30), 10_000, 7_000)
-    many = RefineSettings(icp_iterations=100, gauss_newton_iterations=100)
-    for shape, points, vertices in (((1, 1000), 1, 1), ((1000, 30), 10_000, 7_000), ((2_000, 6), 1, 1)):
+    many = RefineSettings(icp_iterations=100)
+    for shape, points, vertices in (((100, 1000), 1, 1), ((1000, 30), 10_000, 7_000), ((2_000, 6), 1, 1)):
         with pytest.raises(ProtocolError, match="steps of work, expected 1e"):
             check_work(many, shape, points, vertices)
     with pytest.raises(ProtocolError, match="steps of work"):

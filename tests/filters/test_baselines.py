@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 from common.kinematics import retract
 from common.refinement import Refined
 from common.settings import FilterSettings
-from coordinator.filters.annealed import find_power, survival
+from coordinator.filters.annealed import Annealed, find_power, survival
 from coordinator.filters.belief import Belief, mean_pose
-from coordinator.filters.methods import METHODS
+from coordinator.filters.condensation import Condensation
+from coordinator.filters.methods import METHODS, Method, baseline
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, advance
 
 Array = NDArray[np.float64]
 
-SETTINGS = FilterSettings(particles=300, diffusion_deg=2.0, layers=8)
+SETTINGS = FilterSettings(particles=300)
 BASELINES = ("condensation", "annealed")
 seeds = st.integers(0, 2**32 - 1)
 
@@ -38,10 +39,10 @@ def peak(centre: Array, deviation: float) -> Callable[[Array], Refined]:
 
 
 def follow(
-    method: str, path: Array, deviation: float, settings: FilterSettings, seed: int = 0
+    method: str | Method, path: Array, deviation: float, settings: FilterSettings, seed: int = 0
 ) -> list[Belief]:
     """A method after each frame of a path (F, 2) of the likelihood's peak."""
-    begin = METHODS[method].begin
+    begin = (METHODS[method] if isinstance(method, str) else method).begin
     rng, found = np.random.default_rng(seed), [begin(hinges(), path[0], settings)]
     for centre in path:
         found.append(advance(method, hinges(), found[-1], peak(centre, deviation), settings, rng))
@@ -77,11 +78,10 @@ def test_layers_diffuse_less_and_less() -> None:
         asked.append(poses.copy())
         return Refined(np.zeros_like(poses), np.zeros(len(poses)), np.zeros(len(poses)))
 
-    settings = msgspec.structs.replace(SETTINGS, particles=4000, layers=4, survival_rate=0.25)
-    begin = METHODS["annealed"].begin
-    advance(
-        "annealed", hinges(), begin(hinges(), np.zeros(2), settings), flat, settings, np.random.default_rng(0)
-    )
+    settings = msgspec.structs.replace(SETTINGS, particles=4000)
+    method = baseline(Annealed(layers=4, survival_rate=0.25), 4000)
+    begun = method.begin(hinges(), np.zeros(2), settings)
+    advance(method, hinges(), begun, flat, settings, np.random.default_rng(0))
     assert [len(poses) for poses in asked] == [4000] * 4
     spread = np.array([poses.std() for poses in asked])
     np.testing.assert_allclose(spread, np.deg2rad(2.0) * 0.5 ** np.arange(4), rtol=0.05)
@@ -111,27 +111,29 @@ def test_a_moving_peak_is_followed(method: str) -> None:
 def test_annealing_needs_fewer_evaluations() -> None:
     """A narrow peak 10 degrees off: 40 particles in 8 layers get nearer than 320 at once."""
     start, centre = np.zeros(2), np.deg2rad([10.0, -10.0])
-    settings = msgspec.structs.replace(SETTINGS, diffusion_deg=8.0)
+    wide = Condensation(diffusion_deg=8.0)
 
-    def error(method: str, particles: int, seed: int) -> float:
-        chosen = msgspec.structs.replace(settings, particles=particles)
-        begin = METHODS[method].begin
-        first = begin(hinges(), start, chosen)
+    def error(method: Method, particles: int, seed: int) -> float:
+        chosen = msgspec.structs.replace(SETTINGS, particles=particles)
+        first = method.begin(hinges(), start, chosen)
         rng = np.random.default_rng(seed)
         found = advance(method, hinges(), first, peak(centre, np.deg2rad(0.2)), chosen, rng)
         return float(np.abs(found.reported - centre).mean())
 
-    at_once = np.median([error("condensation", 320, seed) for seed in range(20)])
-    layered = np.median([error("annealed", 40, seed) for seed in range(20)])
+    at_once = np.median([error(baseline(wide, 320), 320, seed) for seed in range(20)])
+    layered = np.median([error(baseline(Annealed(wide, layers=8), 40), 40, seed) for seed in range(20)])
     assert layered < 0.5 * at_once
 
 
-@pytest.mark.parametrize("method", BASELINES)
-def test_without_noise_nothing_moves(method: str) -> None:
+STILL = Condensation(diffusion_deg=0.0)
+
+
+@pytest.mark.parametrize("steps", [STILL, Annealed(STILL)], ids=BASELINES)
+def test_without_noise_nothing_moves(steps: Condensation | Annealed) -> None:
     """No diffusion and a body at rest: every particle stays exactly where it began."""
-    still = msgspec.structs.replace(SETTINGS, diffusion_deg=0.0, particles=10)
+    few = msgspec.structs.replace(SETTINGS, particles=10)
     path = np.tile([0.4, 0.1], (4, 1))
-    for belief in follow(method, path, 0.05, still):
+    for belief in follow(baseline(steps, 10), path, 0.05, few):
         np.testing.assert_allclose(belief.poses, path[:1].repeat(10, axis=0), atol=1e-12)
         np.testing.assert_allclose(belief.weights, 0.1)
 

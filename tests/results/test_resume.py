@@ -6,7 +6,6 @@ import json
 from functools import cache
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -56,8 +55,6 @@ def through_a_file(state: TrackerState, estimate: Estimate, path: Path) -> Track
 def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     """Whatever frame it is stopped after, a new tracker from the recorded state says what it would say."""
     settings = choose_settings(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
-    quick = msgspec.structs.replace(settings.filter, layers=2)
-    settings = msgspec.structs.replace(settings, filter=quick)
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
     whole = Tracker(DirectRefiner(), settings, bodies(), STANDING)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import FilterSettings
-from coordinator.filters.methods import METHODS
+from coordinator.filters.methods import METHODS, Method
 from coordinator.filters.proposal import Proposal
 from coordinator.filters.sighting import Sighting
 
@@ -20,7 +20,7 @@ NOTHING_SEEN = Sighting(interval=INTERVAL)
 
 
 def advance(
-    method: str,
+    method: str | Method,
     model: BodyModel,
     past: Any,
     refine: Callable[[NDArray[np.float64]], Refined],
@@ -29,7 +29,8 @@ def advance(
     sighting: Sighting = NOTHING_SEEN,
 ) -> Any:
     """The belief after a frame in which particles (N, D) are refined by a function."""
-    found: Any = METHODS[method].propose(model, past, sighting, settings, rng)
+    steps = METHODS[method] if isinstance(method, str) else method
+    found: Any = steps.propose(model, past, sighting, settings, rng)
     while isinstance(found, Proposal):
-        found = METHODS[method].update(model, found, refine(found.poses), settings, rng)
+        found = steps.update(model, found, refine(found.poses), settings, rng)
     return found

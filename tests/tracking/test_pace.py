@@ -34,7 +34,7 @@ def test_no_pace_asks_for_more_than_a_worker_accepts() -> None:
     settings, vertices = preset("default"), 2_000
     for particles in (20, 3_000, 15_000, 100_000):
         shape = (particles, 27)
-        most = most_iterations(settings.refine, shape, settings.points, vertices)
+        most = most_iterations(shape, settings.points, vertices)
         paced = pace_iterations(settings.refine, 0.1, settings.pace_iterations, most)
         assert settings.refine.icp_iterations <= paced.icp_iterations <= 15
         if most >= settings.refine.icp_iterations:

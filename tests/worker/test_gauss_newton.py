@@ -25,7 +25,7 @@ from tests.support.kernel.kernel_cases import (
     subject,
 )
 from worker.kernel.observation import observe
-from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.packing import STEPS, pack_observation, pack_parameters
 from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, solve_ltl
 from worker.kernel.solver.normal_equations import (
@@ -207,8 +207,9 @@ def test_minimising_matches(name: str) -> None:
     """Step 4d on the same factors: damping, rest and limits included, the same pose to 1e-7."""
     model, settings = puppet(), SETTINGS[name]
     skeleton, _ = pack_model(model)
+    steps = STEPS[settings.descent]
     for start in starts(2):
-        start = plain_path.clamp_to_limits(model, start) if settings.keep_limits else start  # noqa: PLW2901
+        start = plain_path.clamp_to_limits(model, start)  # noqa: PLW2901
         factors = plain_path.weigh_correspondences(
             model, start, *plain_path.visible_vertices(model, start), subject(), settings
         )
@@ -216,11 +217,10 @@ def test_minimising_matches(name: str) -> None:
         along = settings.noise_lateral / settings.noise_depth
         solver = SolverParameters(
             np.array([1.0, 1.0, along**2]),
-            settings.damping + settings.damping_share * POINTS,
+            settings.damping + steps.damping_share * POINTS,
             plain_path.rest_weight(settings) * POINTS,
             LIMIT_SHARE * POINTS,
-            settings.gauss_newton_iterations,
-            settings.keep_limits,
+            steps.gauss_newton_iterations,
         )
         minimise(skeleton, pose, solver, summed_up(model, factors))
         assert np.abs(pose - start).max() > 0.05

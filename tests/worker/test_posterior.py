@@ -30,7 +30,7 @@ SMOOTH = 0.9  # of the poses: where a vertex comes to another pixel, the silhoue
 
 def score(model: BodyModel, pose: Array, visible: NDArray[np.int64], settings: RefineSettings) -> float:
     """The log posterior of a pose (D,), of what was visible."""
-    frozen = msgspec.structs.replace(settings, visibility_interval=2)
+    frozen = msgspec.structs.replace(settings, descent="accelerated")
     return plain_path.evaluate(model, pose, visible, subject(), frozen)[0]
 
 
@@ -42,14 +42,13 @@ def slope(model: BodyModel, pose: Array, visible: NDArray[np.int64], settings: R
     gram, gradient = plain_path.equations(model, factors, pose, settings)
     stiffness = plain_path.rest_weight(settings) * count
     gram, gradient = plain_path.add_rest_prior(model, pose, stiffness, gram, gradient)
-    if settings.keep_limits:
-        gram, gradient = plain_path.add_limit_prior(model, pose, LIMIT_SHARE * count, gram, gradient)
+    gram, gradient = plain_path.add_limit_prior(model, pose, LIMIT_SHARE * count, gram, gradient)
     return -gradient / (count * settings.likelihood_scale**2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "blended"), [("default", False), ("limits and rest", False), ("default", True)]
+    ("name", "blended"), [("default", False), ("camera, plain and rest", False), ("default", True)]
 )
 def test_what_is_descended_is_the_slope_of_what_is_weighed(name: str, blended: bool) -> None:
     """Finite differences of the log posterior in a random direction, at poses near and far, to 1e-4."""
@@ -71,7 +70,7 @@ def test_what_is_descended_is_the_slope_of_what_is_weighed(name: str, blended: b
 
 def test_every_weight_is_the_posterior_of_the_pose_that_comes_with_it() -> None:
     """A refined pose, only assessed, has the log posterior that it was returned with."""
-    model, settings = puppet(), msgspec.structs.replace(DEFAULT, visibility_interval=1)
+    model, settings = puppet(), msgspec.structs.replace(DEFAULT, descent="plain")
     poses = TRUTH + 0.1 * np.random.default_rng(2).normal(size=(12, len(TRUTH)))
     observation = observe(subject())
     refined = refine(model, observation, poses, settings)

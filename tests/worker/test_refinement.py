@@ -90,7 +90,7 @@ def test_without_iterations_poses_are_only_evaluated() -> None:
     That is, after one that looks anew what is visible wherever it comes.
     """
     model, observation = puppet(), observe(subject())
-    looking = msgspec.structs.replace(DEFAULT, visibility_interval=1)
+    looking = msgspec.structs.replace(DEFAULT, descent="plain")
     refined = job.refine(model, observation, starts(3), looking)
     assess = msgspec.structs.replace(looking, icp_iterations=0)
     assessed = job.refine(model, observation, refined.poses, assess)

@@ -81,8 +81,7 @@ def refine_particle(
 ) -> tuple[float, float]:
     """Refine pose (D,) in place; returns its log likelihood and mean residual in metres."""
     solver = solver_parameters(parameters, observed.count)
-    if parameters.keep_limits:
-        clamp_to_limits(skeleton, pose)
+    clamp_to_limits(skeleton, pose)
     transforms, view = workspace.transforms, workspace.visibility
     last_count, visible, before = 0, view.visible, pose.copy()
     for k in range(parameters.icp_iterations):
@@ -99,8 +98,7 @@ def refine_particle(
         minimise(skeleton, pose, solver, workspace.equations)  # 4d
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)
-            if parameters.keep_limits:
-                clamp_to_limits(skeleton, pose)
+            clamp_to_limits(skeleton, pose)
     if parameters.soft:
         for _ in range(parameters.icp_iterations):
             grid = sample_pose(pose, skeleton, surface, parameters, workspace)
@@ -119,7 +117,6 @@ def solver_parameters(parameters: KernelParameters, count: int) -> SolverParamet
         parameters.rest_weight * count,
         LIMIT_SHARE * count,
         parameters.gauss_newton_iterations,
-        parameters.keep_limits,
     )
 
 

@@ -68,7 +68,7 @@ def evaluate(
         free_space = parameters.free_space_weight * mean_free_space_cost(
             visible, skeleton, surface, observed, parameters, workspace
         )
-    prior = prior_cost(skeleton, pose, parameters.rest_weight, parameters.keep_limits)
+    prior = prior_cost(skeleton, pose, parameters.rest_weight)
     if not parameters.soft:
         cost = mean_cost(observed, parameters, workspace.search) + free_space + prior
         return -0.5 * cost * parameters.likelihood_scale, residual

@@ -9,12 +9,31 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.settings import RefineSettings
+from common.bounds import GAUSS_NEWTON_ITERATIONS
+from common.settings import Descent, RefineSettings
 from worker.kernel.observation import BLOCK, TILE, Observation
 from worker.kernel.search.correspondence import boxes_of
 
 KEPT = 2  # packed observations
+OUTLIER_DISTANCE = 0.1  # metres: residuals beyond it lose influence
+FREE_SPACE_WEIGHT = 1.0  # of model points seen where nothing was observed
+DAMPING_SHARE = 0.0003  # of lambda, that each observed point adds to it in an accelerated descent
 HEAVIEST = 1e6  # that a prior may be
+
+
+class Steps(NamedTuple):
+    """How an iteration of ICP moves."""
+
+    gauss_newton_iterations: int
+    over_relaxation: float  # share of the iteration's motion that is added to it, but to the last one's
+    visibility_interval: int  # iterations from one visibility update to the next; above 1 step 5 has none
+    damping_share: float  # added to lambda of Eq. 4 for each observed point
+
+
+STEPS: dict[Descent, Steps] = {
+    "plain": Steps(GAUSS_NEWTON_ITERATIONS, 0.0, 1, 0.0),
+    "accelerated": Steps(2, 1.0, 3, DAMPING_SHARE),
+}
 
 
 class PackedObservation(NamedTuple):
@@ -45,9 +64,8 @@ class KernelParameters(NamedTuple):
     damping: float
     damping_share: float
     rest_weight: float  # m^2, of a squared joint angle, for each point
-    keep_limits: bool
     stretch: float  # lateral over depth noise
-    outlier_squared: float  # m^2
+    outlier_squared: float  # m^2; 0 gives all points full weight
     free_space_weight: float
     likelihood_scale: float  # 1/m^2
     independent_points: float
@@ -95,20 +113,19 @@ def rest_weight(settings: RefineSettings, soft: bool) -> float:
 
 def pack_parameters(settings: RefineSettings) -> KernelParameters:
     """Pack settings in the kernel's own units."""
-    soft = settings.is_soft
+    soft, steps, camera = settings.is_soft, STEPS[settings.descent], settings.sensor == "camera"
     return KernelParameters(
         settings.icp_iterations,
         soft,
-        settings.gauss_newton_iterations,
-        settings.over_relaxation,
-        settings.visibility_interval,
+        steps.gauss_newton_iterations,
+        steps.over_relaxation,
+        steps.visibility_interval,
         settings.damping,
-        settings.damping_share,
+        steps.damping_share,
         rest_weight(settings, soft),
-        settings.keep_limits,
         settings.noise_lateral / settings.noise_depth,
-        settings.outlier_distance**2,
-        settings.free_space_weight,
+        OUTLIER_DISTANCE**2 if camera else 0.0,
+        FREE_SPACE_WEIGHT if camera else 0.0,
         1.0 / (settings.likelihood_scale**2),
         settings.independent_points,
         settings.noise_depth,

@@ -35,10 +35,8 @@ SETTINGS = {
     "paper": PAPER,
     "default": DEFAULT,
     "other noise along than across": msgspec.structs.replace(DEFAULT, noise_depth=0.015, noise_lateral=0.008),
-    "free space, not robust": msgspec.structs.replace(PAPER, free_space_weight=0.7, noise_depth=0.004),
-    "limits and rest": msgspec.structs.replace(
-        PAPER, keep_limits=True, pose_deviation=0.03, damping_share=0.01, outlier_distance=0.03
-    ),
+    "the paper's, accelerated": msgspec.structs.replace(PAPER, descent="accelerated", noise_depth=0.004),
+    "camera, plain and rest": msgspec.structs.replace(PAPER, sensor="camera", pose_deviation=0.08),
 }
 
 

@@ -19,6 +19,7 @@ from common.frame import EMPTY, DepthFrame, SubjectFrame
 from common.kinematics import difference, dof_transforms, pose_vertices, retract, step_axes
 from common.settings import RefineSettings
 from tests.support.bodies import moves
+from worker.kernel.packing import FREE_SPACE_WEIGHT, OUTLIER_DISTANCE, STEPS
 from worker.kernel.solver.gauss_newton import CONVERGED
 from worker.kernel.solver.priors import LIMIT_SHARE
 from worker.kernel.visibility import LARGEST_SIDE, NEAR, PIXEL, TOLERANCE
@@ -113,13 +114,13 @@ def closest_points(points: Array, seen: Array, settings: RefineSettings) -> tupl
 
 def robust_weight(squared: Array, settings: RefineSettings) -> Array:
     """Geman and McClure's weight, or 1."""
-    scale = settings.outlier_distance**2
+    scale = OUTLIER_DISTANCE**2 if settings.sensor == "camera" else 0.0
     return (scale / (scale + squared)) ** 2 if scale > 0.0 else np.ones_like(squared)
 
 
 def robust_cost(squared: Array, settings: RefineSettings) -> Array:
     """Geman and McClure's cost, or the square."""
-    scale = settings.outlier_distance**2
+    scale = OUTLIER_DISTANCE**2 if settings.sensor == "camera" else 0.0
     return scale * squared / (scale + squared) if scale > 0.0 else squared
 
 
@@ -171,11 +172,11 @@ def weigh_correspondences(
     points = observed_points(subject)
     index, squared = closest_points(points, posed[visible], settings)
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
-    if settings.free_space_weight > 0.0:
+    if settings.sensor == "camera":
         outline, away = project_onto_silhouette(
             posed[visible], is_measurable(model, pose, posed)[visible], subject, settings
         )
-        pull = settings.free_space_weight * len(points) / len(visible) * robust_weight(away, settings)
+        pull = FREE_SPACE_WEIGHT * len(points) / len(visible) * robust_weight(away, settings)
         vertices = np.concatenate([vertices, visible[away > 0.0]])
         targets = np.concatenate([targets, outline[away > 0.0]])
         weights = np.concatenate([weights, pull[away > 0.0]])
@@ -231,18 +232,15 @@ def equations(
 def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSettings) -> Array:
     """Step 4d: the pose (D,) after Gauss-Newton steps on fixed correspondences."""
     pose = factors.pose.copy()
-    for _ in range(settings.gauss_newton_iterations):
+    for _ in range(STEPS[settings.descent].gauss_newton_iterations):
         gram, gradient = equations(model, factors, pose, settings)
-        gram += np.eye(len(pose)) * (settings.damping + settings.damping_share * count)
+        gram += np.eye(len(pose)) * (settings.damping + STEPS[settings.descent].damping_share * count)
         gram, gradient = add_rest_prior(model, pose, rest_weight(settings) * count, gram, gradient)
-        free = np.ones(len(pose), dtype=bool)
-        if settings.keep_limits:
-            gram, gradient = add_limit_prior(model, pose, LIMIT_SHARE * count, gram, gradient)
-            free = ~active_limits(model, pose, gradient)
+        gram, gradient = add_limit_prior(model, pose, LIMIT_SHARE * count, gram, gradient)
+        free = ~active_limits(model, pose, gradient)
         step = np.zeros_like(pose)
         step[free] = np.linalg.solve(gram[np.ix_(free, free)], -gradient[free])
-        pose = retract(model, pose[None], step[None])[0]
-        pose = clamp_to_limits(model, pose) if settings.keep_limits else pose
+        pose = clamp_to_limits(model, retract(model, pose[None], step[None])[0])
         if np.abs(step).max() < CONVERGED:
             break
     return pose
@@ -261,7 +259,7 @@ def prior_cost(model: BodyModel, pose: Array, settings: RefineSettings) -> float
     cost = rest_weight(settings) * float(away @ away)
     excess = pose - np.clip(pose, *model.limits.T)
     for start in model.balls:
-        if settings.keep_limits and abs(np.cos(pose[start + 1])) > 0.3:
+        if abs(np.cos(pose[start + 1])) > 0.3:
             cost += LIMIT_SHARE * float(np.sum(excess[start : start + 3] ** 2))
     return cost
 
@@ -318,7 +316,7 @@ def evaluate(
 ) -> tuple[float, float]:
     """Step 5: log likelihood and mean residual, by what is visible or, if that counts, was so before."""
     posed, visible = visible_vertices(model, pose)
-    if len(before) > 0 and settings.visibility_interval > 1:
+    if len(before) > 0 and STEPS[settings.descent].visibility_interval > 1:
         visible = before
     points = observed_points(subject)
     if len(visible) == 0:
@@ -327,7 +325,8 @@ def evaluate(
     cost = robust_cost(squared, settings).mean()
     measurable = is_measurable(model, pose, posed)[visible]
     _, away = project_onto_silhouette(posed[visible], measurable, subject, settings)
-    cost += settings.free_space_weight * robust_cost(away, settings).mean()
+    if settings.sensor == "camera":
+        cost += FREE_SPACE_WEIGHT * robust_cost(away, settings).mean()
     cost += prior_cost(model, pose, settings)
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
@@ -337,11 +336,11 @@ def refine(
     model: BodyModel, subject: SubjectFrame, pose: Array, settings: RefineSettings
 ) -> tuple[Array, float, float]:
     """Steps 4a-4d, as often as asked, and then 5."""
-    pose = clamp_to_limits(model, pose) if settings.keep_limits else pose
+    pose = clamp_to_limits(model, pose)
     visible = np.empty(0, dtype=np.int64)
     for k in range(settings.icp_iterations):
         posed, seen = visible_vertices(model, pose)
-        visible = seen if k % settings.visibility_interval == 0 else visible
+        visible = seen if k % STEPS[settings.descent].visibility_interval == 0 else visible
         if len(visible) == 0:
             break
         factors = weigh_correspondences(model, pose, posed, visible, subject, settings)
@@ -352,6 +351,5 @@ def refine(
 
 def over_relax(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
     """The pose (D,) moved on by a share of the motion that led there from another."""
-    step = settings.over_relaxation * difference(model, before[None], pose[None])
-    further = retract(model, pose[None], step)[0]
-    return clamp_to_limits(model, further) if settings.keep_limits else further
+    step = STEPS[settings.descent].over_relaxation * difference(model, before[None], pose[None])
+    return clamp_to_limits(model, retract(model, pose[None], step)[0])

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, BodyModel
 from common.bounds import (
     LARGEST_LENGTH,
-    LARGEST_OVER_RELAXATION,
     LARGEST_POSE,
     LARGEST_SETTING,
     SMALLEST_POSITIVE,
@@ -170,17 +169,11 @@ class Extremes:
     def _settings(self) -> RefineSettings:
         return RefineSettings(
             icp_iterations=self._one_of((0, 1, 3, 6)),
-            gauss_newton_iterations=self._one_of((0, 1, 5)),
+            descent=self._one_of(("plain", "accelerated")),
             damping=self._one_of(ANY_SETTING),
-            damping_share=self._one_of(ANY_SETTING),
+            sensor=self._one_of(("distance", "camera")),
             pose_deviation=self._one_of(ANY_SETTING),
-            keep_limits=self._coin(),
             noise_depth=self._one_of(POSITIVE),
             noise_lateral=self._one_of(POSITIVE),
-            outlier_distance=self._one_of(ANY_SETTING),
-            free_space_weight=self._one_of(ANY_SETTING),
             likelihood_scale=self._one_of(POSITIVE),
-            over_relaxation=self._one_of((0.0, 1.0, LARGEST_OVER_RELAXATION)),
-            visibility_interval=self._one_of((1, 2, 3, 100)),
-            soft_correspondences=self._one_of((False, True)),
         )

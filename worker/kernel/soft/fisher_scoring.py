@@ -55,16 +55,14 @@ def fisher_scoring_step(
     accumulate_scores(grid, skeleton, observed, parameters, buffers, equations)
     for j in range(len(pose)):
         gram[j, j] += COMPLETE_SHARE * buffers.complete[j] + (parameters.noise_lateral / EXPECTED_STEP) ** 2
-    if parameters.keep_limits:
-        add_limit_prior(skeleton, pose, LIMIT_SHARE * observed.count, gram, gradient)
-        hold_active_limits(skeleton, pose, gram, gradient)
+    add_limit_prior(skeleton, pose, LIMIT_SHARE * observed.count, gram, gradient)
+    hold_active_limits(skeleton, pose, gram, gradient)
     step = equations.step
     step[:] = -gradient
     solve_ltl(skeleton.parents, gram, step)
     step *= min(1.0, LARGEST_STEP / max(np.max(np.abs(step)), 1e-9))
     apply_step(skeleton.axes, skeleton.balls, step, pose)
-    if parameters.keep_limits:
-        clamp_to_limits(skeleton, pose)
+    clamp_to_limits(skeleton, pose)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

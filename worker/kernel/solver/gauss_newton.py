@@ -35,7 +35,6 @@ class SolverParameters(NamedTuple):
     stiffness: float  # of the rest prior: weight of a squared joint angle
     limit_stiffness: float  # and of a squared radian beyond a ball's limits
     iterations: int
-    keep_limits: bool
 
 
 @numba.njit(cache=True, nogil=True)
@@ -58,14 +57,12 @@ def minimise(skeleton: Skeleton, pose: Array, solver: SolverParameters, equation
             gram[j, j] += solver.damping
         if solver.stiffness > 0.0:
             add_rest_prior(skeleton, pose, solver.stiffness, gram, gradient)
-        if solver.keep_limits:
-            add_limit_prior(skeleton, pose, solver.limit_stiffness, gram, gradient)
-            hold_active_limits(skeleton, pose, gram, gradient)
+        add_limit_prior(skeleton, pose, solver.limit_stiffness, gram, gradient)
+        hold_active_limits(skeleton, pose, gram, gradient)
         step[:] = -gradient
         solve_ltl(skeleton.parents, gram, step)  # Eq. 4
         apply_step(skeleton.axes, skeleton.balls, step, pose)
-        if solver.keep_limits:
-            clamp_to_limits(skeleton, pose)
+        clamp_to_limits(skeleton, pose)
         if np.max(np.abs(step)) < CONVERGED:
             break
 

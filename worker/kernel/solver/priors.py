@@ -15,7 +15,7 @@ LIMIT_SHARE = 0.002  # weight of a squared radian outside a ball's limits, for e
 
 
 @numba.njit(cache=True, nogil=True)
-def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float, keep_limits: bool) -> float:
+def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
     """What pose (D,) costs for each point (m^2), whatever is observed: far from rest, or out of limits.
 
     It is what `add_rest_prior` and `add_limit_prior` add half of, with the derivatives, to the equations.
@@ -25,11 +25,10 @@ def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float, keep_limits:
         away = away_from_rest(skeleton, pose)
         for j in range(len(pose)):
             cost += rest_weight * away[j] * away[j]
-    if keep_limits:
-        excess = np.empty(3)
-        for start in skeleton.balls:
-            if fill_excess(skeleton, pose, start, excess):
-                cost += LIMIT_SHARE * (excess[0] ** 2 + excess[1] ** 2 + excess[2] ** 2)
+    excess = np.empty(3)
+    for start in skeleton.balls:
+        if fill_excess(skeleton, pose, start, excess):
+            cost += LIMIT_SHARE * (excess[0] ** 2 + excess[1] ** 2 + excess[2] ** 2)
     return cost
 
 
