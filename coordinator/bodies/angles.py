@@ -74,7 +74,7 @@ class Angles:
         near, reference = angles.copy(), np.broadcast_to(reference, angles.shape)
         for b, ball in enumerate(self.balls):
             swing, twist = slice(3 * b, 3 * b + 2), 3 * b + 2
-            near[:, swing] = nearest_swing(angles[:, swing], reference[:, swing])
+            near[:, swing] = nearest_swing(angles[:, swing], reference[:, swing], limb=not ball.upward)
             free = ball.dofs[0].name in ROOT_DOFS
             near[:, twist] = nearest_turn(angles[:, twist], reference[:, twist], np.inf if free else FARTHEST)
         first = 3 * len(self.balls)
@@ -92,15 +92,16 @@ class Angles:
         }
 
     @property
-    def thighs(self) -> list[int]:
-        """Rotations of the thighs: a foot shows them where the knee is straight, so there is no lever."""
-        return [a for a, name in enumerate(self.names) if name.endswith("_hip_rotation")]
+    def shown_by_feet(self) -> list[int]:
+        """Rotations of the thighs and flexions of the ankles: a foot of few points is all that shows them."""
+        return [a for a, name in enumerate(self.names) if name.endswith(("_hip_rotation", "_ankle_flexion"))]
 
     def follow(self, poses: Array, agreement: Array | None = None) -> Array:
         """Angles (F, A) of the poses (F, D) of successive frames, each nearest to the frame before.
 
         An upper arm's rotation is carried over where its elbow is straight (`coordinator.bodies.levers`), and
-        that of a limb where the hypotheses disagree about it: `agreement` (F, A) is 1 where they do not.
+        it, a thigh's and the bend of an ankle where the hypotheses disagree about them: `agreement` (F, A) is
+        1 where they do not.
         """
         angles = self.measure(poses)
         trust = np.ones_like(angles) if agreement is None else agreement
@@ -112,8 +113,8 @@ class Angles:
             last[seen] = frame[seen]
         for twist, bend in self.levers.items():
             angles[:, twist] = carry_over(angles[:, twist], weigh(angles[:, bend]) * trust[:, twist])
-        for twist in self.thighs:
-            angles[:, twist] = carry_over(angles[:, twist], trust[:, twist])
+        for shown in self.shown_by_feet:
+            angles[:, shown] = carry_over(angles[:, shown], trust[:, shown])
         return angles
 
     def _ball(self, ball: BallJoint, poses: Array) -> Array:

@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 FULL_TURN = 2.0 * np.pi
 FARTHEST = np.radians(270.0)
 """No joint of a person turns farther to either side: a value beyond is taken one turn back."""
+BEHIND = np.radians(90.0)
+"""No limb swings farther backward or inward; it may look so where it swings over the head."""
+OVERHEAD = np.radians(225.0)
+"""What looks like a swing backward or inward is taken as one over the head up to here."""
 
 
 def swing_twist(rotations: Rotation) -> tuple[Array, Array]:
@@ -33,15 +37,22 @@ def swing_twist(rotations: Rotation) -> tuple[Array, Array]:
     return across * (sign * scale)[:, None], twist
 
 
-def nearest_swing(swings: Array, reference: Array) -> Array:
-    """The same swings (N, 2), or a full turn less the other way about, whichever is nearer to `reference`."""
+def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
+    """The same swings (N, 2), or a full turn less the other way about, whichever is nearer to `reference`.
+
+    A limb's are forward and outward: of both ways about, not the one that no limb goes.
+    """
     angle = np.linalg.norm(swings, axis=-1, keepdims=True)
     other = swings * (1.0 - FULL_TURN / np.maximum(angle, 1e-9))
-    reaches = FULL_TURN - angle <= FARTHEST
+    reach = FULL_TURN - angle
     nearer = np.linalg.norm(other - reference, axis=-1, keepdims=True) < np.linalg.norm(
         swings - reference, axis=-1, keepdims=True
     )
-    return np.where(reaches & nearer, other, swings)
+    wound = (reach <= FARTHEST) & nearer
+    if limb:
+        behind, other_behind = (np.min(s, axis=-1, keepdims=True) < -BEHIND for s in (swings, other))
+        wound = (wound & (behind | ~other_behind)) | (behind & ~other_behind & (reach <= OVERHEAD))
+    return np.where(wound, other, swings)
 
 
 def nearest_turn(angles: Array, reference: Array, farthest: float = np.inf) -> Array:

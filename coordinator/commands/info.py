@@ -14,8 +14,8 @@ from PIL import Image
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.commands.console.interrupts import ended_at_once
-from coordinator.sources import Source, find_format, open_source
-from coordinator.sources.given import NOTHING, Given
+from coordinator.sources import Format, Source, find_format
+from coordinator.sources.given import Given
 
 SAMPLED = 10  # frames, evenly spread, from which the range of depth is read
 
@@ -33,12 +33,14 @@ def run_info(sequence: Path, given: Given, pictures: Pictures, *, as_json: bool)
 
     What the recording says of itself is printed at once; to look at the scene takes longer.
     """
-    facts, middle = describe(sequence, given)
+    form = find_format(sequence)
+    source = form.open(sequence, given)
+    facts, middle = describe(form, source)
     if not as_json:
         print_facts(facts)
     if pictures.thumbnail is not None:
         save(thumbnail(middle), pictures.thumbnail)
-    scene = describe_room(open_source(sequence, given), pictures.scene)
+    scene = describe_room(source, pictures.scene)
     if as_json:
         sys.stdout.write(msgspec.json.encode(facts | scene).decode() + "\n")
         return
@@ -104,17 +106,15 @@ def draw_in_terminal(picture: Image.Image) -> None:
     console.print(in_blocks(picture, console.width))
 
 
-def describe(path: Path, given: Given = NOTHING) -> tuple[dict[str, object], DepthFrame]:
-    """Facts about the sequence at `path` by name, and its frame in the middle. Raises InputError."""
-    form = find_format(path)
-    source = form.open(path, given)
+def describe(form: Format, source: Source) -> tuple[dict[str, object], DepthFrame]:
+    """Facts about a sequence by name, and its frame in the middle. Raises InputError."""
     camera = source.intrinsics
     near, far = depth_range(source)
     facts: dict[str, object] = {
         "format": form.name,
         "frames": len(source),
         "first_frame": source.numbers[0],
-        "fps": source.fps,
+        "fps": round(source.fps, 3),
         "width": camera.width,
         "height": camera.height,
         "intrinsics": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy},

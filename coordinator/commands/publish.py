@@ -61,7 +61,7 @@ def publish_sequence(broadcast: Broadcast, show: Show) -> None:
     numbers = select_frames(source.numbers, broadcast.frames)
     with open_session(broadcast.reached) as bus:
         publisher = bus.publish(key)
-        wait_for_listener(publisher, lambda: show.say(f"waiting for someone to listen to {key}"))
+        wait_for_listener(publisher, lambda: show.say(say_waiting(bus, broadcast.reached.connect, key)))
         play(map(source.frame, numbers), rate, publisher)
     show.say(f"{len(numbers)} frames were published on {key}")
 
@@ -79,6 +79,13 @@ def open_session(reached: Pool) -> Bus:
         raise InputError("nobody could receive this; add --connect or --listen with an endpoint")
     listen, connect = ((endpoint,) if endpoint else () for endpoint in (reached.listen, reached.connect))
     return open_coordinator(listen, connect, reached.security)
+
+
+def say_waiting(bus: Bus, connect: str | None, key: str) -> str:
+    """What we wait for: somebody at the endpoint, or somebody who listens."""
+    if connect is not None and not bus.is_linked(within=LOOK):
+        return f"nobody answers at {connect} yet; waiting for someone there to listen to {key}"
+    return f"waiting for someone to listen to {key}"
 
 
 def wait_for_listener(publisher: Publisher, report: Callable[[], None]) -> None:

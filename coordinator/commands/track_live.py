@@ -110,7 +110,7 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
         tracker.prepare()
         refiner.listen(run.key, run.frames.receive)
         show.say(f"listening on {run.key}; the newest frame is tracked as soon as the workers are ready")
-        for frame in from_first_seen(iter(run.frames)):
+        for frame in from_first_seen(iter(run.frames), show.say):
             estimate = tracker.track(frame)
             if results is not None:
                 results.put(estimate, tracker.model, tracker.start.held)

@@ -43,8 +43,9 @@ class Pool:
 
 def no_worker_timeout(pool: Pool) -> NoWorkerTimeout:
     """What to report while no worker is there, and when to give up."""
+    asked = pool.asked or pool
     missing = "no worker is there; waiting for one"
-    if pool.lanes:
+    if asked.lanes:
         missing = "the local worker is not ready yet; the first time it compiles for a minute or so"
-    invitation = f"gepf-worker --connect {pool.listen or pool.connect or 'ENDPOINT'}"
+    invitation = f"gepf-worker --connect {asked.listen or asked.connect or 'ENDPOINT'}"
     return NoWorkerTimeout(pool.worker_timeout, missing, invitation, pool.patience)

@@ -33,6 +33,8 @@ from coordinator.pool.statistics import PoolStatistics
 from coordinator.pool.worker_registry import WorkerRegistry
 from coordinator.tracking.stopwatch import Stopwatch
 
+LOOK = 0.05  # seconds for a look whether anybody is connected
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PendingRefinement:
@@ -77,6 +79,8 @@ class ZenohRefiner:
             self._bus = stack.enter_context(
                 open_coordinator([*own, *pool.listen_endpoints], pool.connect_endpoints, pool.security)
             )
+            if pool.connect and not self._bus.is_linked(within=LOOK):
+                self._report(f"nobody answers at {pool.connect} yet; trying on")
             self._publication = Publication(self._bus, self.run)
             self._bus.announce(keys.run_alive(self.run))
             names = [f"{self.run}-0"] if pool.lanes else []

@@ -113,5 +113,16 @@ def find_format(path: Path) -> Format:
         raise InputError(f"{path} is not read; {CONVERSIONS[path.suffix.lower()]}")
     if found is None:
         what = "holds no depth sequence" if path.is_dir() else "is no depth sequence"
-        raise InputError(f"{path} {what} that is known here; give one of: {known}")
+        raise InputError(f"{path} {what} that is known here; give {within(path)}one of: {known}")
     return found
+
+
+def within(folder: Path) -> str:
+    """The first recording in a folder that is none itself, as a hint; empty where there is none.
+
+    A `.npz` may be a truth or a track, and is not proposed.
+    """
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    likely = (each for each in inside if each.suffix.lower() != ".npz")
+    first = next((each for each in likely if any(form.fits(each) for form in FORMATS)), None)
+    return "" if first is None else f"{first}, or "

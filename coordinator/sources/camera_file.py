@@ -36,8 +36,8 @@ def read_camera(path: Path) -> CameraFile:
         return msgspec.convert(content, CameraFile)
     except FileNotFoundError:
         raise InputError(
-            f"{path} is missing; write it with width, height, intrinsic_matrix (9 numbers, column by column) "
-            "and depth_scale (units per metre)"
+            f"{path} is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it with width, height, "
+            "intrinsic_matrix (9 numbers, column by column) and depth_scale (units per metre)"
         ) from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; mend its permissions") from error

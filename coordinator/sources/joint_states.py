@@ -46,17 +46,15 @@ class JointStates:
 
     def check_names(self, known: Collection[str]) -> None:
         """InputError unless at least one joint is a degree of freedom of the body; a warning for others."""
-        foreign = [name for name in self.names if name not in known]
+        foreign = [suggest(name, known) for name in self.names if name not in known]
         if len(foreign) == len(self.names):
-            some = ", ".join(list(known)[:SOME])
             raise InputError(
-                f"the joint states are of {', '.join(self.names[:SOME])}, none of which the body has; "
-                f"name them as it does, such as {some}"
+                f"the joint states are of {', '.join(foreign[:SOME])}, none of which the body has; "
+                f"name them as it does, such as {', '.join(list(known)[:SOME])}"
             )
         if foreign:
             logger.warning(
-                "the joint states are of %s, too, which the body does not have; left out",
-                ", ".join(suggest(name, known) for name in foreign),
+                "the joint states are of %s, too, which the body does not have; left out", ", ".join(foreign)
             )
 
     def at(self, time_s: float) -> Array:

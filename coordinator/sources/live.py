@@ -108,10 +108,15 @@ class LiveFrames:
             self._report(f"a message on {self._key} makes no sense: {error}")
 
 
-def from_first_seen(frames: Iterator[DepthFrame]) -> Iterator[DepthFrame]:
-    """Pass over the frames before the first one with any depth: nothing can start from them."""
-    for frame in frames:
+def from_first_seen(frames: Iterator[DepthFrame], report: Callable[[str], None]) -> Iterator[DepthFrame]:
+    """Pass over the frames before the first one with any depth: nothing can start from them.
+
+    `report` is called with a line for people at the first that is passed over.
+    """
+    for passed, frame in enumerate(frames):
         if frame.depth.any():
             yield frame
             break
+        if passed == 0:
+            report("frames come, but nothing is measured in them; waiting for one that shows depth")
     yield from frames

@@ -65,11 +65,13 @@ def test_swing_after_twist_is_the_rotation(quaternion: tuple[float, ...]) -> Non
     assert np.linalg.norm(swing) <= np.pi + 1e-9
 
 
-@given(turns, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
-def test_the_nearest_swing_is_the_same_swing(quaternion: tuple[float, ...], x: float, z: float) -> None:
+@given(turns, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0), st.booleans())
+def test_the_nearest_swing_is_the_same_swing(
+    quaternion: tuple[float, ...], x: float, z: float, limb: bool
+) -> None:
     """Whatever it is to lie near, a swing turns the bone to the same place, by 270 degrees at the most."""
     swing, _ = swing_twist(Rotation.from_quat([quaternion]))
-    near = nearest_swing(swing, np.array([[x, z]]))
+    near = nearest_swing(swing, np.array([[x, z]]), limb)
     placed = [Rotation.from_rotvec([s[0, 0], 0.0, s[0, 1]]).apply(DOWN) for s in (swing, near)]
     assert np.allclose(placed[0], placed[1], atol=1e-6)
     assert np.linalg.norm(near) <= np.radians(270.0) + 1e-9
@@ -252,17 +254,37 @@ def test_a_rotation_that_the_elbow_shows_stays(angles: Angles) -> None:
     assert np.allclose(found, swung, atol=1.0)
 
 
-def test_a_rotation_about_which_hypotheses_disagree_is_carried_over(angles: Angles) -> None:
+@pytest.mark.parametrize(
+    ("dof", "angle"),
+    [
+        ("r_shoulder_twisting", "right_shoulder_rotation"),
+        ("r_hip_twisting", "right_hip_rotation"),
+        ("r_ankle_flexion", "right_ankle_flexion"),
+    ],
+)
+def test_an_angle_about_which_hypotheses_disagree_is_carried_over(
+    angles: Angles, dof: str, angle: str
+) -> None:
     """A hop that nobody agrees on goes, the same hop with all agreed stays, and no other angle changes."""
     poses = np.zeros((30, len(angles.dof_names)))
-    elbow, twist = (angles.dof_names.index(f"r_{name}") for name in ("elbow_flexion", "shoulder_twisting"))
-    poses[:, elbow] = np.radians(30.0)
-    poses[15:18, twist] = np.radians(70.0)
+    poses[:, angles.dof_names.index("r_elbow_flexion")] = np.radians(30.0)
+    poses[15:18, angles.dof_names.index(dof)] = np.radians(70.0)
     agreement = np.ones((30, len(angles.names)))
-    agreement[15:18] = 0.01
-    rotation = angles.names.index("right_shoulder_rotation")
+    agreement[15:18] = 0.002
+    hopping = angles.names.index(angle)
     sure, unsure = (np.degrees(angles.follow(poses, trust)) for trust in (None, agreement))
-    assert np.ptp(sure[:, rotation]) > 50.0
-    assert np.ptp(unsure[:, rotation]) < 15.0
-    others = np.delete(np.arange(len(angles.names)), rotation)
+    assert np.ptp(sure[:, hopping]) > 50.0
+    assert np.ptp(unsure[:, hopping]) < 15.0
+    others = np.delete(np.arange(len(angles.names)), hopping)
     assert np.array_equal(sure[:, others], unsure[:, others])
+
+
+@pytest.mark.parametrize("backward", [20.0, 30.0, 80.0])
+def test_an_arm_found_again_over_the_head_is_not_said_to_be_behind(angles: Angles, backward: float) -> None:
+    """A hop from behind the trunk to over the head: the shorter way would be backward, which no arm goes."""
+    flexions = np.radians([-backward, 160.0, 130.0, 100.0, 70.0])
+    poses = np.zeros((5, len(angles.dof_names)))
+    poses[:, angles.dof_names.index("r_shoulder_flexion")] = flexions
+    found = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_flexion")])
+    assert np.allclose(found, np.degrees(flexions), atol=25.0)  # the upper arm hangs off the vertical
+    assert np.abs(np.diff(found[1:])).max() < 45.0

@@ -115,7 +115,10 @@ def without(name: str) -> Damage:
         ),
         (with_picture(0, np.zeros((6, 9), np.uint16)), "is 9x6, but camera_intrinsic.json says 8x6"),
         (cut_short(0), "000000.png is damaged"),
-        (without("camera_intrinsic.json"), "camera_intrinsic.json is missing; write it with width, height"),
+        (
+            without("camera_intrinsic.json"),
+            "camera_intrinsic.json is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it",
+        ),
         (with_camera(width=9), "is 8x6, but camera_intrinsic.json says 9x6"),
         (with_camera(intrinsic_matrix=[float("nan"), 0, 0, 0, 10, 0, 4, 3, 1]), "NaN is not a number"),
         (with_camera(intrinsic_matrix=[10, 0, 4, 0, 10, 3, 0, 0, 1]), "write it column by column"),

@@ -133,10 +133,11 @@ def test_runs_are_compared_with_their_own_truths_alone(
     for run in runs:
         assert main(["track", str(sequence), "--out", str(run), "--no-pictures"], workers.connect) == 0
     capsys.readouterr()
-    assert main(["evaluate", *map(str, runs), "--csv"]) == 0
+    asked = [*runs, runs[0]]  # one twice is two lines
+    assert main(["evaluate", *map(str, asked), "--csv"]) == 0
     heads, *rows = capsys.readouterr().out.splitlines()
     assert heads.startswith("run,frames,")
-    assert [row.split(",")[:2] for row in rows] == [[str(run), "5"] for run in runs]
+    assert [row.split(",")[:2] for row in rows] == [[str(run), "5"] for run in asked]
     assert main(["evaluate", str(runs[0])]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 5
     assert "the truth holds joints alone" in caplog.text

@@ -63,6 +63,19 @@ def test_info_shows_floor_wall_and_who_comes(
     assert np.any((colours[..., 0] == 255) & (colours[..., 1] == 200))
 
 
+def test_what_is_to_be_said_of_a_recording_is_said_once(
+    recording: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Facts and scene are of one reading, so a missing frame is named once; times give a round rate."""
+    (recording / "depth" / "000001.png").unlink()
+    (recording / "timestamps.txt").write_text("1.0\n1.0666666\n1.1\n")
+    assert main(["info", str(recording), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["frames"] == 3
+    assert facts["fps"] == round(facts["fps"], 3)
+    assert caplog.text.count("are missing") == 1
+
+
 def test_lists_are_lines_of_words(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No brackets and quotes: camera, gravity, and one line for whoever may be a person."""
     assert main(["info", str(recording)]) == 0
@@ -85,8 +98,10 @@ def test_who_is_doubtful_is_said_to_be(recording: Path) -> None:
 def test_what_the_recording_says_of_itself_comes_before_the_scene(recording: Path) -> None:
     """A process that reads the first facts before the libraries for scenes are loaded."""
     code = (
-        "import sys; from coordinator.commands import info; from coordinator.sources.given import NOTHING;"
-        f"from pathlib import Path; facts, _ = info.describe(Path({str(recording)!r}), NOTHING);"
+        "import sys; from coordinator.commands import info; from coordinator.sources import find_format;"
+        "from coordinator.sources.given import NOTHING;"
+        f"from pathlib import Path; path = Path({str(recording)!r}); form = find_format(path);"
+        "facts, _ = info.describe(form, form.open(path, NOTHING));"
         "info.print_facts(facts);"
         "sys.exit(' '.join({'open3d', 'numba', 'matplotlib'} & set(sys.modules)) or 0)"
     )

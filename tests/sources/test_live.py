@@ -120,9 +120,11 @@ def test_a_stream_whose_publisher_died_is_over_after_a_while() -> None:
 
 
 def test_nothing_starts_from_frames_without_depth() -> None:
-    """Empty frames before the first one with depth are passed over, later ones are not."""
-    frames = [image(0, depth=0), image(1), image(2, depth=0)]
-    assert [frame.number for frame in from_first_seen(iter(frames))] == [1, 2]
+    """Empty frames before the first with depth are passed over, which is said once; later ones count."""
+    frames = [image(0, depth=0), image(1, depth=0), image(2), image(3, depth=0)]
+    said: list[str] = []
+    assert [frame.number for frame in from_first_seen(iter(frames), said.append)] == [2, 3]
+    assert said == ["frames come, but nothing is measured in them; waiting for one that shows depth"]
 
 
 @pytest.mark.parametrize("key", ["", "/a", "../a", "a/*", "a?b", "a b", "@adv/x", "x" * 99])
@@ -417,6 +419,35 @@ def test_publisher_and_tracker_start_in_either_order(
             codes = {first: one.wait(90.0), second: other.wait(90.0)}
     assert codes == {"publisher": 0, "tracker": 0}
     assert read_track(tmp_path / "run").frame[-1] == 5
+
+
+@pytest.mark.slow
+def test_a_killed_publisher_ends_the_run_after_the_time_that_was_given(
+    endpoint: str, recording: Path, tmp_path: Path
+) -> None:
+    """It can say no end. What was tracked by then is complete, and a line says why the run is over."""
+    track = [*tracking(endpoint, tmp_path), "--idle-timeout", "2", "--no-pictures"]
+    with at_work(endpoint, Finder()), started(*track, command=GEPF) as tracker:
+        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
+        with started(*play, command=GEPF) as publisher:
+            log = tmp_path / "run" / "frames.log"
+            wait_until(lambda: log.exists() and log.stat().st_size > 20_000, 60.0)
+            publisher.kill()
+            assert tracker.wait(30.0) == 0
+        assert tracker.stderr is not None
+        assert f"no frame came on {KEY} for 2 s; ending\n" in tracker.stderr.read()
+    assert summary_of(tmp_path / "run")["complete"]
+
+
+def test_a_publisher_names_the_endpoint_at_which_nobody_answers(endpoint: str, recording: Path) -> None:
+    """And not only the key; it goes on to try."""
+    play = ["publish", str(recording), "--key", KEY, "--connect", endpoint]
+    with started(*play, command=GEPF) as publisher:
+        assert publisher.stderr is not None
+        assert publisher.stderr.readline() == (
+            f"nobody answers at {endpoint} yet; waiting for someone there to listen to {KEY}\n"
+        )
+        assert publisher.poll() is None
 
 
 def test_a_recording_with_gaps_is_published_in_real_time(endpoint: str, recording: Path) -> None:

@@ -120,7 +120,7 @@ def test_wrong_times_are_one_line(tmp_path: Path, lines: str, says: str) -> None
 def test_an_unknown_camera_is_asked_for(tmp_path: Path) -> None:
     """Without a camera file the line says what to write; of an .npy, which option to give."""
     write_pictures(tmp_path / "seq", ["0.png"])
-    with pytest.raises(InputError, match=r"camera_intrinsic\.json is missing; write it with"):
+    with pytest.raises(InputError, match=r"camera_intrinsic\.json is missing; add --intrinsics fx,fy,cx,cy"):
         open_source(tmp_path / "seq")
     np.save(tmp_path / "depth.npy", depth(2))
     with pytest.raises(InputError, match="add --intrinsics fx,fy,cx,cy"):
@@ -211,6 +211,14 @@ def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path, name: str, say
     (tmp_path / name).write_bytes(b"x")
     with pytest.raises(InputError, match=says):
         open_source(tmp_path / name)
+
+
+def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
+    """Who gives the folder around a recording is told its path; a truth is no recording."""
+    for name in ("a_truth.npz", "notes.txt", "walk.mkv", "zoo.mkv"):
+        (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(InputError, match=r"give \S+/walk\.mkv, or one of: TUM"):
+        open_source(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -180,10 +180,13 @@ def test_states_of_another_robot_are_refused(
     fast: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Exit code 2, with joints that the body has."""
-    (tmp_path / "joints.csv").write_text("time_s,axis1\n0,1\n1,2\n")
+    (tmp_path / "joints.csv").write_text("time_s,axis1,elbw\n0,1,1\n1,2,1\n")
     options = ["--model", str(ARM), "--joint-states", str(tmp_path / "joints.csv"), "-q"]
     assert main(["track", str(fast), *options, "--out", str(tmp_path / "run")]) == 2
-    assert "joint states are of axis1, none of which the body has" in capsys.readouterr().err
+    assert (
+        "joint states are of axis1, elbw (is elbow meant?), none of which the body has"
+        in capsys.readouterr().err
+    )
 
 
 def test_states_that_the_body_does_not_have_are_named(caplog: pytest.LogCaptureFixture) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import logging
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -33,15 +33,15 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
         raise InputError(f"{say_without(without)}; give it with --truth")
     if without:
         logger.warning("left out: %s", say_without(without))
-    found = {
-        run: evaluate_run(run, tracks[run], of_run) for run, of_run in truths.items() if of_run is not None
-    }
-    if all(each.mean_angle_error_deg is None for each in found.values()):
+    found = [
+        (run, evaluate_run(run, tracks[run], of_run)) for run in runs if (of_run := truths[run]) is not None
+    ]
+    if all(each.mean_angle_error_deg is None for _, each in found):
         logger.warning("the truth holds joints alone, no pose: errors of angles are not known")
     if as_csv:
         write_table(found)
     else:
-        sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[runs[0]])).decode() + "\n")
+        sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[0][1])).decode() + "\n")
 
 
 def say_without(runs: Sequence[Path]) -> str:
@@ -59,13 +59,12 @@ def evaluate_run(run: Path, track: Track, truth: Path) -> Evaluation:
     return evaluate(track, read_truth(truth))
 
 
-def write_table(found: Mapping[Path, Evaluation]) -> None:
-    """One line a run: its folder and all errors but those by degree of freedom."""
-    rows = {run: flat(evaluation) for run, evaluation in found.items()}
+def write_table(found: Sequence[tuple[Path, Evaluation]]) -> None:
+    """One line for each run as it was given: its folder and all errors but those by degree of freedom."""
     writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(["run", *next(iter(rows.values()))])
-    for run, row in rows.items():
-        writer.writerow([run, *("" if value is None else value for value in row.values())])
+    writer.writerow(["run", *flat(found[0][1])])
+    for run, evaluation in found:
+        writer.writerow([run, *("" if value is None else value for value in flat(evaluation).values())])
 
 
 def flat(evaluation: Evaluation) -> dict[str, object]:

@@ -63,7 +63,7 @@ def track_newest(
         refiner.listen(key, frames.receive)
         show.say(f"listening on {key}; the newest frame is tracked as soon as the workers are ready")
         crowd = Crowd(refiner, job.settings, bodies, job.people, scope)
-        for frame in from_first_seen(iter(frames)):
+        for frame in from_first_seen(iter(frames), show.say):
             results = [
                 (estimate, tracker.state)
                 for estimate, tracker in zip(crowd.track(frame), crowd.trackers, strict=True)
