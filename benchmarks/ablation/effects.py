@@ -36,7 +36,7 @@ class Effect(msgspec.Struct, frozen=True):
     percent: float
     raw_percent: float
     ms_per_frame: float
-    difference: Difference | None  # of the recordings that both have; None for the unchanged preset
+    difference: Difference | None  # None for the unchanged preset, and for a single recording
     raw_difference: Difference | None
 
 
@@ -73,16 +73,16 @@ def mean_of(by_recording: dict[str, float]) -> float:
     return round(float(np.mean(list(by_recording.values()))), 2)
 
 
-def compare(trials: Sequence[Trial], row: str, unchanged: str, share: Share) -> Difference:
-    """The mean over recordings of their paired differences, and its t interval."""
+def compare(trials: Sequence[Trial], row: str, unchanged: str, share: Share) -> Difference | None:
+    """The mean over recordings of their paired differences, and its t interval; None for a single one."""
     mine, theirs = means(trials, row, share), means(trials, unchanged, share)
+    if len(mine) < 2:
+        return None
     return t_interval(np.array([mine[recording] - theirs[recording] for recording in mine]))
 
 
 def t_interval(differences: NDArray[np.float64]) -> Difference:
     """Mean of paired differences (n,) and the interval that holds it with 95 %, by Student's t."""
     count, mean = len(differences), float(differences.mean())
-    if count < 2:
-        return Difference(round(mean, 2), -np.inf, np.inf)
     half = float(stats.t.ppf(0.5 + 0.5 * SURE, count - 1) * differences.std(ddof=1) / np.sqrt(count))
     return Difference(round(mean, 2), round(mean - half, 2), round(mean + half, 2))

@@ -8,12 +8,25 @@ import numpy as np
 import pytest
 
 from benchmarks.ablation.effects import effects_of, t_interval
+from benchmarks.ablation.measure import Choice, choose_jobs, finished, summarise, until
 from benchmarks.ablation.rows import WHOLE, changes, choose_rows, other
 from benchmarks.ablation.table import BEGIN, END, markdown, write_into
-from benchmarks.ablation.trials import Trial
+from benchmarks.ablation.trials import Trial, try_all
 from benchmarks.choices import settings_with
+from benchmarks.command_line import DATA
+from benchmarks.frame_rates.rows import Row
+from benchmarks.frame_rates.scores import near_percent
+from benchmarks.frame_rates.trials import track_thinned
+from benchmarks.people import keep
+from benchmarks.sequences import find_people
+from benchmarks.tracking import prepare
 from common.errors import InputError
 from common.settings import PRESETS, FilterSettings, RefineSettings
+
+
+def choice(out: Path, frames: int = 14) -> Choice:
+    """A person's two recordings, twice."""
+    return Choice(DATA, [1], [3, 22], 3, frames, 2, None, out, None)
 
 
 def trial(recording: str, seed: int, row: str, percent: float) -> Trial:
@@ -72,3 +85,39 @@ def test_the_table_replaces_what_stands_between_the_marks(tmp_path: Path) -> Non
     document.write_text("nothing")
     with pytest.raises(InputError, match="add both"):
         write_into(document, lines)
+
+
+def test_a_run_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
+    """Trials of the same settings and frames are kept; those of others, or of an older form, are not."""
+    out = tmp_path / "ablation.json"
+    trials = [trial("a3_s1", 0, row.name, 90.0) for row in choose_rows()]
+    assert finished(choice(out)) == []
+    keep(summarise(choice(out), trials), out)
+    assert finished(choice(out)) == trials
+    assert finished(choice(out, frames=10)) == []
+    out.write_text('{"effects": []}')
+    assert finished(choice(out)) == []
+
+
+@pytest.mark.skipif(not (DATA / "utd_mhad").exists(), reason="the UTD-MHAD data are not there")
+def test_every_recording_has_a_seed_before_any_has_two(tmp_path: Path) -> None:
+    """So that a run that is broken off has them all; and none begins when the time is over."""
+    jobs = choose_jobs(choice(tmp_path / "none"))
+    assert [(seed, recording.name) for seed, recording in jobs] == [
+        (0, "a3_s1"), (0, "a22_s1"), (1, "a3_s1"), (1, "a22_s1")
+    ]  # fmt: skip
+    assert list(until(None, jobs)) == jobs
+    assert not list(until(0.0, jobs))
+
+
+@pytest.mark.skipif(not (DATA / "utd_mhad").exists(), reason="the UTD-MHAD data are not there")
+def test_a_shared_first_frame_changes_nothing() -> None:
+    """Who goes on from the first frame of another tracker does as one that was alone."""
+    (recording,) = (one for one in find_people(DATA / "utd_mhad") if one.name == "a3_s1")
+    row, bodies = Row("few", ("points=400",), 2), prepare()
+    alone = track_thinned(recording, 12, row.settings(1), bodies)
+    both = try_all(recording, 1, (row, row), 12, 100, bodies)
+    for one in both:
+        assert one.percent == near_percent(alone.offset_removed)
+        assert one.raw_percent == near_percent(alone.raw)
+    assert both[0].percent > 50.0
