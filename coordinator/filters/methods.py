@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import InputError
 from common.refinement import Refined
-from common.settings import FilterSettings, Settings, preset
+from common.settings import Descent, FilterSettings, Sensor, Settings, preset
 from coordinator.filters import gradient_enhanced
 from coordinator.filters.annealed import ANNEALED, Annealed
 from coordinator.filters.belief import Belief
@@ -78,8 +78,7 @@ METHODS = {
 
 def find_method(name: str) -> Method:
     """The method of a name; InputError names the valid ones."""
-    if name not in METHODS:
-        raise InputError(f"unknown method '{name}'; choose from {', '.join(METHODS)}")
+    check_choice("method", name, tuple(METHODS))
     return METHODS[name]
 
 
@@ -107,12 +106,21 @@ def settings_for(
     return apply_method(msgspec.structs.replace(settings, method=method, points=points, filter=of_filter))
 
 
+def check_choice(what: str, chosen: str, known: tuple[str, ...]) -> None:
+    """InputError if nothing of that kind has this name."""
+    if chosen not in known:
+        raise InputError(f"unknown {what} '{chosen}'; choose from {', '.join(known)}")
+
+
 def apply_method(settings: Settings) -> Settings:
     """Settings with what makes their method, whatever else they say: its descent and its lone particle.
 
-    Raises InputError for a method that is unknown, and for settings without a particle or a point.
+    Raises InputError for a method, descent or sensor that is unknown, and for settings without a particle or
+    a point.
     """
     method = find_method(settings.method)
+    check_choice("descent", settings.refine.descent, get_args(Descent))
+    check_choice("sensor", settings.refine.sensor, get_args(Sensor))
     for name, number in (("particles", settings.filter.particles), ("points", settings.points)):
         if number < 1:
             raise InputError(f"{name}={number} is too small; give 1 or more")

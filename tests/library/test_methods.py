@@ -102,3 +102,12 @@ def test_a_tracker_without_points_is_refused() -> None:
     settings = msgspec.structs.replace(gepf.preset("default"), points=0)
     with pytest.raises(gepf.InputError, match="points=0 is too small"):
         gepf.Tracker(settings=settings, workers="nowhere")
+
+
+@pytest.mark.parametrize("name", ["descent", "sensor"])
+def test_a_choice_that_there_is_not_is_refused(name: str) -> None:
+    """Before any worker is looked for, and with those that there are."""
+    settings = gepf.preset("default")
+    refine = msgspec.structs.replace(settings.refine, **{name: "magic"})
+    with pytest.raises(gepf.InputError, match=f"unknown {name} 'magic'; choose from "):
+        gepf.Tracker(settings=msgspec.structs.replace(settings, refine=refine), workers="nowhere")
