@@ -28,11 +28,16 @@ def connect(endpoint: str) -> zenoh.Session:
     """Wait for the tracker, if it is not there yet; while an attempt lasts, 2 s, Python hears no Ctrl-C."""
     once = f'endpoints: ["{endpoint}"], timeout_ms: 2000, exit_on_failure: true'
     config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{{once}}}}}')
+    said = False
     while True:
         try:
             return zenoh.open(config)
         except zenoh.ZError as error:
-            print(f"waiting for {endpoint}: {error}", file=sys.stderr)
+            if "Unable to connect" not in str(error):
+                raise
+            if not said:
+                print(f"nobody answers at {endpoint} yet; waiting", file=sys.stderr)
+            said = True
 
 
 if __name__ == "__main__":

@@ -53,10 +53,8 @@ def describe_room(source: Source, picture: Path | None) -> dict[str, object]:
     """Facts about a sequence's scene by name, drawn into a picture if one is wanted."""
     with ended_at_once():
         from coordinator.commands.scene_facts import describe_scene, look, picture_of
-        from coordinator.scene.ransac import load_open3d
 
-        load_open3d()
-    view, found = look(source)
+        view, found = look(source)
     if picture is not None:
         save(picture_of(view, found), picture)
     return describe_scene(view, found)
