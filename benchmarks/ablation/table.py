@@ -23,9 +23,17 @@ def markdown(effects: Sequence[Effect]) -> Iterator[str]:
             describe(one.difference),
             f"{one.raw_percent:.1f} %",
             describe(one.raw_difference),
-            "" if one.difference is None else "yes" if one.difference.shows else "no",
+            where_it_shows(one),
         )
         yield f"| {' | '.join(cells)} |"
+
+
+def where_it_shows(one: Effect) -> str:
+    """In which shares an interval leaves zero out."""
+    shown = {"offsets removed": one.difference, "raw": one.raw_difference}
+    found = [name for name, difference in shown.items() if difference is not None and difference.shows]
+    nowhere = "" if one.difference is None else "no"
+    return "both" if len(found) == 2 else (found or [nowhere])[0]
 
 
 def describe(difference: Difference | None) -> str:

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.ablation.effects import effects_of, t_interval
+from benchmarks.ablation.effects import Difference, Effect, effects_of, t_interval
 from benchmarks.ablation.measure import Choice, choose_jobs, finished, summarise, until
 from benchmarks.ablation.rows import WHOLE, changes, choose_rows, other
-from benchmarks.ablation.table import BEGIN, END, markdown, write_into
+from benchmarks.ablation.table import BEGIN, END, markdown, where_it_shows, write_into
 from benchmarks.ablation.trials import Trial, try_all
 from benchmarks.choices import settings_with
 from benchmarks.command_line import DATA
@@ -72,6 +72,20 @@ def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
     rng = np.random.default_rng(0)
     found = [t_interval(1.0 + rng.normal(size=20)) for _ in range(1000)]
     assert np.mean([one.low <= 1.0 <= one.high for one in found]) == pytest.approx(0.95, abs=0.02)
+
+
+def test_the_table_says_where_a_change_shows() -> None:
+    """An interval that leaves zero out, of the shares with offsets removed, of the raw, of both or none."""
+    yes, no = Difference(-2.0, -3.0, -1.0), Difference(-2.0, -5.0, 1.0)
+    pairs = {
+        "both": (yes, yes),
+        "raw": (no, yes),
+        "offsets removed": (yes, no),
+        "no": (no, no),
+        "": (None, None),
+    }
+    for said, (removed, raw) in pairs.items():
+        assert where_it_shows(Effect("x=1", 90.0, 85.0, 100.0, removed, raw)) == said
 
 
 def test_the_table_replaces_what_stands_between_the_marks(tmp_path: Path) -> None:

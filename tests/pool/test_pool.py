@@ -20,6 +20,7 @@ from common.errors import BusError, InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import decode_refusal, encode_request
+from common.protocol.wire import PROTOCOL
 from common.refinement import Refined, concatenate
 from common.settings import RefineSettings
 from common.sizes import Sized, Sizes
@@ -367,7 +368,10 @@ def client(endpoint: str) -> Iterator[Client]:
     [
         (b"", "not a request message"),
         (b"\xc1" * 1000, "not a request message"),
-        (encode_request(REQUEST).replace(b"version\x03", b"version\x02"), "protocol version 2, expected 3"),
+        (
+            encode_request(REQUEST).replace(b"version" + bytes([PROTOCOL]), b"version\x02"),
+            f"protocol version 2, expected {PROTOCOL}",
+        ),
         (encode_request(replace(REQUEST, poses=POSES * np.nan)), "poses holds values that are not finite"),
         (encode_request(REQUEST), "nobody has model [0-9a-f]{12} of run ghost"),
     ],
