@@ -48,7 +48,7 @@ def report(tracked: Tracked) -> Reported:
         hypothesis_weight=weights / weights.sum() if len(weights) else weights,
         residual=np.nan if belief is None else float(belief.residual[0]),
         particles_answered=tracked.answered,
-        why=watch.why or explain_doubt(model.joint_names, certainty),
+        why=watch.reason or explain_doubt(model.joint_names, certainty),
         stage_seconds=tracked.clock.seconds,
         certainty=unknown_certainty(len(model.joint_names)) if status in UNKNOWN else certainty,
     )

@@ -20,20 +20,21 @@ def judge(watch: Watch, weights: Array, joints: Array, certainty: Certainty) -> 
     """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), likeliest first.
 
     `searching`: the body may be anywhere. `lost`: the reported pose does not explain what is seen, or most
-    joints are probably off. `ambiguous`: some joint may be, or a hypothesis about as likely has it elsewhere.
+    joints are probably off. `ambiguous`: some joint may be, or a hypothesis about as likely has it elsewhere,
+    or front and back look alike.
     """
     if watch.seeks:
         return "searching"
     if watch.unexplained or np.mean(certainty.off_probability > PROBABLE) > MOST:
         return "lost"
-    if np.any(certainty.off_probability > SUSPECTED):
+    if watch.alike or np.any(certainty.off_probability > SUSPECTED):
         return "ambiguous"
     return "ambiguous" if has_rival(weights, joints) else "tracked"
 
 
 def is_settled(watch: Watch, weights: Array, joints: Array) -> bool:
     """Whether hypotheses explain what is seen, and agree; before anything is said of single joints."""
-    return not (watch.seeks or watch.unexplained or has_rival(weights, joints))
+    return not (watch.seeks or watch.unexplained or watch.alike or has_rival(weights, joints))
 
 
 def has_rival(weights: Array, joints: Array) -> bool:

@@ -34,6 +34,7 @@ from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Reported, report
 from coordinator.tracking.search.company import has_company
+from coordinator.tracking.search.facing import told_apart
 from coordinator.tracking.search.search import ways_of
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.settling import begin_with
@@ -264,7 +265,7 @@ class Tracker:
             return None
         if not (self._watch.checks and self._recovers):
             return None
-        return self._seeker.find_again(subject, self._start, self.rules)
+        return self._seeker.find_again(subject, self._start, self.rules, self._belief.reported)
 
     def _mind_company(self, cut: CutOut, belief: Belief, *, first: bool) -> None:
         """Note who else stands there, when the body was found or when something is unexplained."""
@@ -313,7 +314,14 @@ class Tracker:
         if anew and rival is not None:
             followed, verdict = self._begin_with(rival), rival.verdict
         self._watch = self._watch.followed(verdict, anew=anew)
+        if rival is not None:
+            self._watch = self._watch.searched(alike=self._looks_alike(followed, rival))
         return followed
+
+    def _looks_alike(self, believed: Belief, rival: Finding) -> bool:
+        """Whether a search found the body the other way round, about as likely."""
+        names, joints = self.model.joint_names, joint_positions(self.model, believed.poses[:1])[0]
+        return not told_apart(names, rival.standing, joints, believed.log_weights[0])
 
     def _begin_with(self, finding: Finding) -> Belief:
         """The belief in what was found."""

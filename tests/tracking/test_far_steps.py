@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
@@ -18,16 +19,16 @@ from tests.support.people import CAMERA, SETTINGS, STANDING, Shown, frame_of, kn
 from tests.support.rooms import along
 
 WALL = 4.2  # metres away
-START = {**STANDING, "l_elbow_flexion": 1.2, "r_elbow_flexion": 1.2}
+STARTS = {"arms hang": STANDING, "elbows bent": {**STANDING, "l_elbow_flexion": 1.2, "r_elbow_flexion": 1.2}}
 STEPS = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.3, 0.45), (0.3, 0.45))  # metres aside and away
 
 
 @cache
-def stepping() -> Shown:
+def stepping(posture: str) -> Shown:
     """A person in a room who stands still, and in the fourth frame stands elsewhere."""
-    model = human(1.82)
-    places = [(START["root_tx"] + x, START["root_tz"] + z) for x, z in STEPS]
-    poses = np.array([name_pose(model, {**START, "root_tx": x, "root_tz": z}) for x, z in places])
+    model, start = human(1.82), STARTS[posture]
+    places = [(start["root_tx"] + x, start["root_tz"] + z) for x, z in STEPS]
+    poses = np.array([name_pose(model, {**start, "root_tx": x, "root_tz": z}) for x, z in places])
     with DepthRenderer(CAMERA) as renderer:
         pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
     down = np.broadcast_to(((np.arange(CAMERA.height) - CAMERA.cy) / CAMERA.fy)[:, None], pictures[0].shape)
@@ -36,10 +37,11 @@ def stepping() -> Shown:
     return Shown(frames, joint_positions(model, poses))
 
 
-def test_who_steps_far_is_found_in_that_frame() -> None:
+@pytest.mark.parametrize("posture", STARTS)
+def test_who_steps_far_is_found_in_that_frame(posture: str) -> None:
     """Found there at once, though some of it is left near where the body was; and in the frame after it."""
-    frames, joints = stepping()
-    followed = Tracker(DirectRefiner(), SETTINGS, known(), START)
+    frames, joints = stepping(posture)
+    followed = Tracker(DirectRefiner(), SETTINGS, known(), STARTS[posture])
     for frame, truth in zip(frames, joints, strict=True):
         estimate = followed.track(frame)
         assert estimate.status in ("tracked", "ambiguous")

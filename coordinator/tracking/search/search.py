@@ -23,7 +23,9 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.room.planes import Planes
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.candidates import Alike, join, most_alike
+from coordinator.tracking.search.facing import both_ways
 from coordinator.tracking.search.library import Library, any_library, people_library
+from coordinator.tracking.search.recall import recall
 from coordinator.tracking.search.settling import settle
 from coordinator.tracking.search.sizes import (
     ANY,
@@ -111,6 +113,7 @@ class Search:
         self._known = None if bodies.measures is None else Size(*bodies.measures)
         self._usual = self._known or Size(REFERENCE_STATURE, GIRTH)
         self._library = library_of(bodies, self._usual)
+        self._names = bodies.for_start(*self._usual).joint_names
 
     def prepare(self) -> None:
         """Make the bodies that candidates are tried on."""
@@ -124,20 +127,27 @@ class Search:
         effort: Effort,
         size: Size | None = None,
         ways_up: Sequence[float] = WAYS_UP,
+        last: Array | None = None,
     ) -> Found:
         """The poses that explain a frame best, of a body of this size or, for None, of any.
 
-        Most candidates are for the first of the ways up.
+        Most candidates are for the first of the ways up. Others are in the pose in which the body was seen
+        `last` (D,), moved and turned. Who faces the other way is tried to the end.
         """
         size = size or self._known
         sizes = [size] if size else list(ANY)
-        alike = self._guess(observed_points(subject), sizes, effort, ways_up)
+        points = observed_points(subject)
+        alike = self._guess(points, sizes, effort, ways_up)
+        if last is not None:
+            alike = join([alike, recall(self._bodies.for_start(*sizes[0]), last, points)])
         self._refiner.publish(thin(subject, effort.first_points))
         first = rounds(settings, effort.first_iterations)
-        standing = self._descend(sizes, alike.poses, alike.sizes, first).best(effort.survivors, APART)
+        standing = self._descend(sizes, alike.poses, alike.sizes, first)
+        standing = both_ways(standing, self._names, effort.survivors, APART)
         self._refiner.publish(subject)
         then = rounds(settings, effort.iterations)
-        standing = self._descend(sizes, standing.poses, standing.sizes, then).best(effort.finalists, APART)
+        standing = self._descend(sizes, standing.poses, standing.sizes, then)
+        standing = both_ways(standing, self._names, effort.finalists, APART)
         if size is None:
             sizes, standing = self._resize(sizes, standing, then, effort.finalists)
         return self._settle(subject, sizes[standing.sizes[0]], standing, settings, effort.filter_rounds)

@@ -17,7 +17,7 @@ from common.body import ROOT_DOFS
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings, preset
-from coordinator.bodies.tracked import Bodies
+from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.scene.room.planes import Planes
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.refiner import Refiner
@@ -109,16 +109,22 @@ class Seeker:
         verdict = add_doubts(verdict, self._doubts(subject, start, found.size, standing.joints[0], planes))
         return Finding(start, standing, self._mention_rivals(verdict, standing))
 
-    def find_again(self, subject: SubjectFrame, start: Start, rules: RefineSettings) -> Finding:
-        """The body that is known, wherever it is now."""
+    def find_again(self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array) -> Finding:
+        """The body that is known and was seen in pose `last` (D,), wherever it is now."""
         ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
         settings = msgspec.structs.replace(
             self._settings, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
         )
         size = Size(start.stature, start.girth)
-        found = self._search.find(subject, settings, QUICK, size, ways)
+        found = self._search.find(subject, settings, QUICK, size, ways, self._for_start(start, last))
         standing = self._on_tracked(found, start, rules)
         return Finding(start, standing, weigh(standing.log_likelihood[0], standing.residual[0], rules))
+
+    def _for_start(self, start: Start, pose: Array) -> Array:
+        """A pose (D,) of the body that is tracked as the search has it."""
+        values = {**start.values, **pose_by_name(start.model, pose)}
+        names = self._bodies.for_start(start.stature, start.girth).dof_names
+        return np.array([values.get(name, 0.0) for name in names])
 
     def can_find_again(self, start: Start) -> bool:
         """Whether the body may be elsewhere: its base is not held still."""

@@ -51,6 +51,16 @@ class Standing:
                 kept.append(n)
         return self.take(np.array(kept, dtype=np.int64))
 
+    def with_others(self, others: Standing) -> Standing:
+        """These and others, which are less likely than all of them."""
+        return Standing(
+            np.concatenate([self.poses, others.poses]),
+            np.concatenate([self.sizes, others.sizes]),
+            np.concatenate([self.log_likelihood, others.log_likelihood]),
+            np.concatenate([self.residual, others.residual]),
+            np.concatenate([self.joints, others.joints]),
+        )
+
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     """The same frame with only so many of its points, evenly chosen."""

@@ -18,6 +18,8 @@ TIGHT, SETTLED = 0.12, 8  # metres from a body that was just found, and for how 
 REMEMBERED = 60
 LEFT = 0.35  # share of the body's pixels that is next to nothing, if somebody is seen elsewhere
 COMPANY = "somebody else is in contact, or was near: --people 2 tracks both"
+LOOKS_ALIKE = "front and back look alike: it may face the other way"
+AGAIN = 5  # frames between searches while front and back look alike
 CHOOSY = 6  # searches in which only what explains the frame well is believed
 
 
@@ -39,6 +41,7 @@ class Watch:
     tried: int = 0  # pixels of whoever was searched in vain last
     company: int = 0  # frames for which it is remembered that somebody else was near
     seen: int = 0  # pixels of the body in the last frame that it explained
+    alike: bool = False  # front and back, in the last search
 
     @property
     def reach(self) -> float:
@@ -49,7 +52,13 @@ class Watch:
     def checks(self) -> bool:
         """Whether to look elsewhere, though the body seems to be where it is."""
         doubtful = self.strain > DOUBTFUL and self.tracked % EVERY == 0
-        return self.seeks or self.tracked in CHECKS or doubtful
+        again = self.alike and self.tracked % AGAIN == 0
+        return self.seeks or self.tracked in CHECKS or doubtful or again
+
+    @property
+    def reason(self) -> str:
+        """What speaks against the pose, in words."""
+        return self.why or (LOOKS_ALIKE if self.alike else "")
 
     def fewest(self, points: int) -> float:
         """Pixels where the body was from which on it may be there still, if so many points are picked."""
@@ -72,6 +81,10 @@ class Watch:
         failures = self.failures + 1
         return replace(self, failures=failures, pause=min(failures, LONGEST_PAUSE) - 1, why=why, tried=tried)
 
+    def searched(self, *, alike: bool) -> Self:
+        """After a search in which who faces the other way explained the frame about as well, or did not."""
+        return replace(self, alike=alike)
+
     def accompanied(self) -> Self:
         """After somebody else was seen near the body."""
         return replace(self, company=REMEMBERED)
@@ -82,7 +95,12 @@ class Watch:
         if verdict.strain <= (1.0 if self.seeks else LOST):
             tracked = 0 if anew else self.tracked + 1
             return type(self)(
-                tracked=tracked, strain=verdict.strain, why=verdict.why, company=company, seen=self.seen
+                tracked=tracked,
+                strain=verdict.strain,
+                why=verdict.why,
+                company=company,
+                seen=self.seen,
+                alike=self.alike,
             )
         unexplained = self.unexplained + 1
         return replace(
