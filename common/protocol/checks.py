@@ -28,6 +28,7 @@ from common.bounds import (
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.protocol.arrays import check_finite, check_indices, check_numbers
+from common.refinement import Refined
 from common.settings import RefineSettings
 
 
@@ -78,12 +79,13 @@ def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> No
         raise ProtocolError(f"{what} holds values above {largest:g}")
 
 
-def check_refined(arrays: dict[str, NDArray[np.float64]]) -> None:
+def check_refined(refined: Refined) -> None:
     """ProtocolError unless these can be refined particles; where nothing was observed some are infinite."""
-    poses, log_likelihood, residual = (arrays[name] for name in ("poses", "log_likelihood", "residual"))
-    check_magnitude("the reply's poses", poses, LARGEST_POSE)
-    seen = log_likelihood[log_likelihood != -np.inf]
-    check_magnitude("the reply's log_likelihood", seen, LARGEST_LOG_LIKELIHOOD)
+    log_likelihood, residual = refined.log_likelihood, refined.residual
+    check_magnitude("the reply's poses", refined.poses, LARGEST_POSE)
+    if log_likelihood.min(initial=0.0) == -np.inf:
+        log_likelihood = log_likelihood[log_likelihood != -np.inf]
+    check_magnitude("the reply's log_likelihood", log_likelihood, LARGEST_LOG_LIKELIHOOD)
     if not residual.min(initial=0.0) >= 0.0:
         check_numbers("the reply's residual", residual)
         raise ProtocolError("the reply's residual holds values below zero")

@@ -38,7 +38,7 @@ from common.protocol.wire import (
 from common.refinement import Refined
 from common.settings import RefineSettings
 
-# Of the arrays of a model and of a reply; a field that is not named here is checked less closely.
+# Of the arrays of a model; a field that is not named here is checked less closely.
 MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
     "kinds": ("<i8", ("D",)),
     "parents": ("<i8", ("D",)),
@@ -54,12 +54,6 @@ MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
     "joint_links": ("<i8", ("J",)),
     "joint_points": ("<f8", ("J", 3)),
 }
-REPLY_ARRAYS: dict[str, tuple[str, Dims]] = {
-    "poses": ("<f8", ("N", "D")),
-    "log_likelihood": ("<f8", ("N",)),
-    "residual": ("<f8", ("N",)),
-}
-REFINED = dict.fromkeys(field.name for field in fields(Refined))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +77,8 @@ class RefineRequest:
 
     def batch(self, start: int, stop: int) -> RefineRequest:
         """The request for particles start..stop-1."""
+        if stop - start == len(self.poses):
+            return self
         of = self.of_sizes
         sizes = None if of is None else OfSizes(of.thick_hash, of.sizes[start:stop])
         return replace(self, poses=self.poses[start:stop], of_sizes=sizes)
@@ -244,8 +240,8 @@ def decode_sizes(message: RequestMessage, particles: int) -> OfSizes | None:
 
 def encode_refined(refined: Refined) -> bytes:
     """Refined particles for the coordinator."""
-    arrays = {name: pack(getattr(refined, name)) for name in REFINED}
-    return encode(ReplyMessage(arrays=arrays))
+    arrays = (refined.poses.ravel(), refined.log_likelihood, refined.residual)
+    return encode(ReplyMessage(values=pack(np.concatenate(arrays))))
 
 
 def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
@@ -253,15 +249,13 @@ def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
 
     Poses are finite; the other arrays may hold infinities where nothing was observed.
     """
-    message = decode(payload, ReplyMessage)
-    check_fields("reply", message.arrays.keys(), REFINED.keys())
     count, dofs = asked
-    values: dict[str, NDArray[np.float64]] = {}
-    for name, array in message.arrays.items():
-        dtype, dims = REPLY_ARRAYS.get(name, ("<f8", ("N", "D", "D")[: max(1, len(array.shape))]))
-        values[name] = unpack(f"the reply's {name}", array, dtype, dims, {"N": count, "D": dofs})
-    check_refined(values)
-    return Refined(**values)
+    message = decode(payload, ReplyMessage)
+    values = unpack("the reply", message.values, "<f8", (count * (dofs + 2),), {})
+    end = count * dofs
+    refined = Refined(values[:end].reshape(asked), values[end : end + count], values[end + count :])
+    check_refined(refined)
+    return refined
 
 
 def encode_refusal(reason: str, *, retryable: bool = False) -> bytes:

@@ -1,10 +1,10 @@
-"""The form of every message: msgpack maps of this protocol version, limited in size."""
+"""The form of every message: msgpack maps of a protocol version, limited in size."""
 
 from __future__ import annotations
 
 from functools import lru_cache, reduce
 from operator import or_
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import msgpack  # type: ignore[import-untyped]
 import msgspec
@@ -15,7 +15,8 @@ from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
 
-PROTOCOL = 4
+PROTOCOL = 5  # between coordinator and workers
+LIVE = 1  # of what cameras publish, which others write, too: docs/live.md
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_REASON = 1_000  # characters
 
@@ -37,6 +38,7 @@ class Header(msgspec.Struct, frozen=True):
 class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """A message of this version."""
 
+    VERSION: ClassVar[int] = PROTOCOL
     version: int = PROTOCOL
 
 
@@ -53,9 +55,11 @@ class FrameMessage(Message, frozen=True, tag="frame"):
     kinds: Array | None = None
 
 
-class LiveFrameMessage(Message, frozen=True, tag="live-frame"):
+class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
     """A whole depth image from somebody's camera."""
 
+    VERSION: ClassVar[int] = LIVE
+    version: int = LIVE
     number: Natural
     time_s: float
     depth_scale: float
@@ -63,8 +67,11 @@ class LiveFrameMessage(Message, frozen=True, tag="live-frame"):
     depth: Array
 
 
-class LiveEndMessage(Message, frozen=True, tag="live-end"):
+class LiveEndMessage(Message, frozen=True, kw_only=True, tag="live-end"):
     """No more depth images will come."""
+
+    VERSION: ClassVar[int] = LIVE
+    version: int = LIVE
 
 
 class ModelMessage(Message, frozen=True, tag="model"):
@@ -89,9 +96,9 @@ class RequestMessage(Message, frozen=True, tag="request"):
 
 
 class ReplyMessage(Message, frozen=True, tag="reply"):
-    """Refined particles: arrays by field."""
+    """Refined particles (N, D): all their poses, then log likelihoods, then residuals, in one row."""
 
-    arrays: Annotated[dict[str, Array], FEW]
+    values: Array
 
 
 class RefusalMessage(Message, frozen=True, tag="refusal"):
@@ -113,17 +120,18 @@ def encode(message: Message) -> bytes:
 
 
 def decode(payload: bytes, *kinds: type[M]) -> M:
-    """A message of one of the kinds and of this version, or ProtocolError.
+    """A message of one of the kinds, which share a version, or ProtocolError.
 
     It is unpacked and validated in one go: unpacked first, a hostile message of empty lists would take 60
     times its size in memory before it is refused.
     """
     if len(payload) > MAX_BYTES:
         raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
+    expected = kinds[0].VERSION
     try:
         version = HEADER.decode(payload).version
-        if version != PROTOCOL:
-            raise ProtocolError(f"the message is of protocol version {version}, expected {PROTOCOL}")
+        if version != expected:
+            raise ProtocolError(f"the message is of protocol version {version}, expected {expected}")
         message: M = decoder_of(kinds).decode(payload)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
         tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)

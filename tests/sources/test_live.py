@@ -21,7 +21,7 @@ from PIL import Image
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.messages import encode_live, encode_live_end
-from common.protocol.wire import PROTOCOL
+from common.protocol.wire import LIVE
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
@@ -88,7 +88,7 @@ def test_what_makes_no_sense_is_counted_and_reported_once() -> None:
     for rubbish in (
         b"",
         b"\xc1" * 100,
-        encode_live(image(8)).replace(b"version" + bytes([PROTOCOL]), b"version\x09"),
+        encode_live(image(8)).replace(b"version" + bytes([LIVE]), b"version\x09"),
     ):
         frames.receive(rubbish)
     frames.receive(encode_live_end())
