@@ -35,6 +35,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add_data(parser)
     add("--subjects", nargs="+", type=int, default=[1, 2], help="default: 1 2, on which settings are chosen")
     add("--actions", nargs="+", type=int, default=list(ACTIONS), metavar="A", help="default: ten of 27")
+    add("--only", nargs="+", metavar="SETTING", help="only these, beside the unchanged preset; default: all")
     add("--every", type=int, default=3, metavar="N", help="of 30 frames a second; default: 3")
     add("--frames", type=int, default=14, metavar="N", help="of each recording; default: the first 14")
     add("--seeds", type=int, default=3, metavar="N", help="default: 3")

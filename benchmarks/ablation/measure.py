@@ -35,6 +35,7 @@ class Choice:
     data: Path
     subjects: Sequence[int]
     actions: Sequence[int]
+    only: Sequence[str] | None
     every: int
     frames: int
     seeds: int
@@ -58,7 +59,8 @@ class Ablation(msgspec.Struct, frozen=True):
 def measure(choice: Choice) -> int:
     """Exit code: 1 if a recording crashed. InputError for what makes no sense."""
     console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
-    trials, rows = finished(choice), choose_rows()
+    rows = choose_rows(choice.only)
+    trials = finished(choice)
     known = {(trial.seed, trial.recording) for trial in trials}
     jobs = [job for job in choose_jobs(choice) if (job[0], job[1].name) not in known]
     console.print(f"{len(known)} recordings are done, {len(jobs)} to go; loading kernels and bodies")
@@ -88,7 +90,10 @@ def finished(choice: Choice) -> list[Trial]:
         before = msgspec.json.decode(choice.out.read_bytes(), type=Ablation)
     except msgspec.DecodeError:
         return []
-    same = (before.settings, before.every, before.frames) == (PRESETS["default"], choice.every, choice.frames)
+    rows = {row.name for row in choose_rows(choice.only)}
+    same = (before.settings, before.every, before.frames, {one.row for one in before.effects}) == (
+        PRESETS["default"], choice.every, choice.frames, rows
+    )  # fmt: skip
     return before.trials if same else []
 
 
@@ -122,7 +127,7 @@ def summarise(choice: Choice, trials: list[Trial]) -> Ablation:
         versions=versions(),
         machine=machine(),
         trials=trials,
-        effects=effects_of(trials, [row.name for row in choose_rows()]),
+        effects=effects_of(trials, [row.name for row in choose_rows(choice.only)]),
     )
 
 
@@ -130,7 +135,7 @@ def tell(choice: Choice, trials: list[Trial]) -> int:
     """Print the table; exit code 1 if there is nothing to tell."""
     if not trials:
         return 1
-    lines = list(markdown(effects_of(trials, [row.name for row in choose_rows()])))
+    lines = list(markdown(effects_of(trials, [row.name for row in choose_rows(choice.only)])))
     sys.stdout.write("\n".join(lines) + "\n")
     if choice.into is not None:
         write_into(choice.into, lines)

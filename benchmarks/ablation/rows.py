@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 
 from benchmarks.frame_rates.rows import STILL, Row
+from common.errors import InputError
 from common.settings import PRESETS
 
 WHOLE = "preset default"
 ONE_PARTICLE = "1 particle"
 
 
-def choose_rows() -> tuple[Row, ...]:
-    """The unchanged preset first, then a row for each refine and filter setting, then the simplest things."""
-    changed = tuple(Row(change, (change,)) for change in changes())
+def choose_rows(only: Sequence[str] | None = None) -> tuple[Row, ...]:
+    """The unchanged preset first, then a row for each refine and filter setting, then the simplest things.
+
+    `only`: of the settings these; InputError for one that there is not.
+    """
+    rows = {change.partition("=")[0]: Row(change, (change,)) for change in changes()}
+    for name in only or ():
+        if name not in rows:
+            raise InputError(f"no setting '{name}'; choose from {', '.join(rows)}")
+    changed = rows.values() if only is None else [rows[name] for name in only]
     return (Row(WHOLE), *changed, Row(ONE_PARTICLE, particles=1), Row(STILL, None))
 
 

@@ -24,9 +24,9 @@ from common.errors import InputError
 from common.settings import PRESETS, FilterSettings, RefineSettings
 
 
-def choice(out: Path, frames: int = 14) -> Choice:
+def choice(out: Path, frames: int = 14, only: tuple[str, ...] | None = None) -> Choice:
     """A person's two recordings, twice."""
-    return Choice(DATA, [1], [3, 22], 3, frames, 2, None, out, None)
+    return Choice(DATA, [1], [3, 22], only, 3, frames, 2, None, out, None)
 
 
 def trial(recording: str, seed: int, row: str, percent: float) -> Trial:
@@ -41,6 +41,14 @@ def test_every_setting_is_changed_alone() -> None:
     for change in changes():
         assert settings_with((change,)) != PRESETS["default"]
     assert choose_rows()[0].settings(0) == PRESETS["default"]
+
+
+def test_some_settings_can_be_chosen() -> None:
+    """Beside the unchanged preset and the simplest things; one that there is not is refused by name."""
+    names = [row.name for row in choose_rows(["explore"])]
+    assert names == [WHOLE, "explore=false", "1 particle", "never moves"]
+    with pytest.raises(InputError, match="no setting 'magic'; choose from icp_iterations"):
+        choose_rows(["magic"])
 
 
 def test_a_change_is_the_papers_value_or_half_or_double() -> None:
@@ -109,6 +117,7 @@ def test_a_run_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
     keep(summarise(choice(out), trials), out)
     assert finished(choice(out)) == trials
     assert finished(choice(out, frames=10)) == []
+    assert finished(choice(out, only=("explore",))) == []
     out.write_text('{"effects": []}')
     assert finished(choice(out)) == []
 
