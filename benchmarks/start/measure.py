@@ -46,6 +46,7 @@ class Outcome:
 def play(case: Case, bodies: Bodies) -> Outcome:
     """Track a case from its first frame on."""
     tracker = Tracker(DirectRefiner(), preset("default"), bodies)
+    tracker.prepare()
     status, right, seconds, error, why = [], [], [], np.nan, ""
     for frame in case.frames:
         began = time.process_time()
