@@ -109,14 +109,23 @@ def test_single_factors_sum_to_the_total() -> None:
     """Adding correspondences one by one gives what is collected at once."""
     model = puppet()
     posed, vertices, targets, weights = correspondences(model, near(), DEFAULT)
-    _, surface = pack_model(model)
+    skeleton, surface = pack_model(model)
+    transforms = np.concatenate([dof_transforms(model, near()[None])[0], np.eye(4)[None, :3]])
     place = np.argsort(layout(model)).astype(np.uint32)
     links = len(model.link_names)
     moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
     equations = make_equations(len(model.dof_names), links)
     for v, target, weight in zip(vertices, targets, weights, strict=True):
         weighted_targets = np.append(weight * target, weight)[None]
-        add_correspondences(surface, place[v : v + 1], posed[layout(model)], weighted_targets, equations)
+        add_correspondences(
+            surface,
+            skeleton,
+            transforms,
+            place[v : v + 1],
+            posed[layout(model)],
+            weighted_targets,
+            equations,
+        )
         one, cross = equations.moments, equations.crosses
         assert one[:, 3, 3].sum() == pytest.approx(weight)
         moments += one

@@ -85,14 +85,10 @@ def test_what_was_refined_before_leaves_nothing_behind() -> None:
 
 
 def test_without_iterations_poses_are_only_evaluated() -> None:
-    """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them.
-
-    That is, after one that looks anew what is visible wherever it comes.
-    """
+    """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them."""
     model, observation = puppet(), observe(subject())
-    looking = msgspec.structs.replace(DEFAULT, descent="plain")
-    refined = job.refine(model, observation, starts(3), looking)
-    assess = msgspec.structs.replace(looking, icp_iterations=0)
+    refined = job.refine(model, observation, starts(3), DEFAULT)
+    assess = msgspec.structs.replace(DEFAULT, icp_iterations=0)
     assessed = job.refine(model, observation, refined.poses, assess)
     np.testing.assert_array_equal(assessed.poses, refined.poses)
     np.testing.assert_array_equal(assessed.log_likelihood, refined.log_likelihood)

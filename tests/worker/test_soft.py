@@ -22,14 +22,14 @@ from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
-from worker.kernel.icp import sample_pose
 from worker.kernel.job import refine
 from worker.kernel.likelihood import mean_log_density
 from worker.kernel.observation import Observation, observe
 from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters
-from worker.kernel.soft.fisher_scoring import accumulate_scores
-from worker.kernel.soft.responsibilities import OUTLIER_DENSITY, decay
-from worker.kernel.soft.samples import SampleGrid
+from worker.kernel.soft.fisher_scoring import accumulate_scores, fill_soft_equations
+from worker.kernel.soft.responsibilities import OUTLIER_DENSITY, decay, sample_distance
+from worker.kernel.soft.samples import SampleGrid, sample
+from worker.kernel.solver.normal_equations import NormalEquations
 from worker.kernel.surface import Skeleton, pack_model
 from worker.kernel.workspace import Workspace, make_workspace
 
@@ -77,20 +77,20 @@ def packed_up(
     skeleton, surface = pack_model(model)
     packed, parameters = pack_observation(seen(0, FEW), settings), pack_parameters(settings)
     workspace = make_workspace(skeleton, surface, packed)
-    return (
-        skeleton,
-        packed,
-        parameters,
-        workspace,
-        sample_pose(truth, skeleton, surface, parameters, workspace),
-    )
+    fill_soft_equations(truth, skeleton, surface, packed, parameters, workspace)  # poses the surface
+    grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+    return skeleton, packed, parameters, workspace, grid
+
+
+def scores() -> NormalEquations:
+    """Equations of the points' density alone, at the true pose."""
+    skeleton, packed, parameters, workspace, grid = packed_up(NOISY)
+    accumulate_scores(grid, skeleton, packed, parameters, workspace.soft, workspace.equations)
+    return workspace.equations
 
 
 def log_density(pose: Array) -> Array:
-    """Log p (P,) of each point by numpy from all samples, moved with their links to a pose (4,).
-
-    What a sample's depth adds to where a ray meets it is left out, as the kernel does.
-    """
+    """Log p (P,) of each point by numpy from all samples, moved with their links to a pose (4,)."""
     _, packed, parameters, _, grid = packed_up(NOISY)
     model, truth = body()
     rows, columns = np.nonzero(np.isfinite(grid.depth))
@@ -103,7 +103,7 @@ def log_density(pose: Array) -> Array:
     points = packed.points[:, : packed.count].T.astype(np.float64) / (1.0, 1.0, parameters.stretch)
     found = np.empty(len(points))
     for i, p in enumerate(points):
-        across = p[:2] / p[2] * z[:, None] - samples[:, :2]
+        across = p[:2] / p[2] * samples[:, 2:] - samples[:, :2]
         squared = (across**2).sum(axis=1) / 0.01**2 + (p[2] - samples[:, 2]) ** 2 / 0.15**2
         found[i] = np.sum(np.exp(-0.5 * squared) * pixel**2 / (2.0 * np.pi * 0.01**2))
     return np.log(found + OUTLIER_DENSITY)
@@ -129,17 +129,13 @@ def test_density_is_that_of_all_samples() -> None:
 
 def test_gradient_is_that_of_the_density() -> None:
     """By finite differences, to a fraction of what chance makes of it: samples out of reach are left out."""
-    skeleton, packed, parameters, workspace, grid = packed_up(NOISY)
-    accumulate_scores(grid, skeleton, packed, parameters, workspace.soft, workspace.equations)
-    mine, chance = -workspace.equations.gradient / 0.01**2, np.sqrt(np.sum(slopes() ** 2, axis=0))
+    mine, chance = -scores().gradient / 0.01**2, np.sqrt(np.sum(slopes() ** 2, axis=0))
     np.testing.assert_allclose(mine / chance, slopes().sum(axis=0) / chance, atol=0.25)
 
 
 def test_information_is_that_of_the_slopes() -> None:
     """Standard deviations that the information promises are what the points' slopes give, within a third."""
-    skeleton, packed, parameters, workspace, grid = packed_up(NOISY)
-    accumulate_scores(grid, skeleton, packed, parameters, workspace.soft, workspace.equations)
-    lower = np.tril(workspace.equations.gram / 0.01**2)
+    lower = np.tril(scores().gram / 0.01**2)
     mine, plain = (
         np.sqrt(np.diag(np.linalg.inv(information)))
         for information in (lower + np.tril(lower, -1).T, slopes().T @ slopes())
@@ -148,10 +144,10 @@ def test_information_is_that_of_the_slopes() -> None:
 
 
 def test_truth_is_where_the_descent_stays() -> None:
-    """Closest points drift off the truth under heavy noise, soft correspondences stay three times nearer."""
+    """Closest points drift off the truth under heavy noise, soft correspondences stay twice as near."""
     model, truth = body()
-    hard = msgspec.structs.replace(NOISY, sensor="distance", icp_iterations=12)
-    soft = msgspec.structs.replace(NOISY, icp_iterations=6)
+    soft = msgspec.structs.replace(NOISY, icp_iterations=12)
+    hard = msgspec.structs.replace(soft, sensor="distance")
     off = {
         name: np.mean(
             [np.abs(refine(model, seen(seed), truth[None], s).poses[0] - truth).mean() for seed in range(6)]

@@ -14,19 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.bounds import LARGEST_POSE
-from common.kinematics.chain import forward_kinematics, motion_axes
 from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.shared_counter import take_next
 from worker.kernel.soft.fisher_scoring import fisher_scoring_step
-from worker.kernel.soft.responsibilities import sample_distance
-from worker.kernel.soft.samples import SampleGrid, sample
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
 from worker.kernel.solver.priors import LIMIT_SHARE, clamp_to_limits
 from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.visibility import pose_surface, repose_visible, update_visibility
-from worker.kernel.weighting import accumulate_correspondences
+from worker.kernel.visibility import repose_visible, update_visibility
+from worker.kernel.weighting import accumulate_correspondences, metric_of
 from worker.kernel.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -101,10 +98,7 @@ def refine_particle(
             clamp_to_limits(skeleton, pose)
     if parameters.soft:
         for _ in range(parameters.icp_iterations):
-            grid = sample_pose(pose, skeleton, surface, parameters, workspace)
-            fisher_scoring_step(
-                pose, grid, skeleton, observed, parameters, workspace.soft, workspace.equations
-            )
+            fisher_scoring_step(pose, skeleton, surface, observed, parameters, workspace)
     return evaluate(pose, last_count, skeleton, surface, observed, parameters, workspace)  # 5
 
 
@@ -112,25 +106,9 @@ def refine_particle(
 def solver_parameters(parameters: KernelParameters, count: int) -> SolverParameters:
     """What weighs beside `count` observed points in a Gauss-Newton step."""
     return SolverParameters(
-        np.array([1.0, 1.0, parameters.stretch * parameters.stretch]),
+        metric_of(parameters),
         parameters.damping + parameters.damping_share * count,
         parameters.rest_weight * count,
         LIMIT_SHARE * count,
         parameters.gauss_newton_iterations,
     )
-
-
-@numba.njit(cache=True, nogil=True)
-def sample_pose(
-    pose: Array, skeleton: Skeleton, surface: Surface, parameters: KernelParameters, workspace: Workspace
-) -> SampleGrid:
-    """Samples of the visible surface in the pose; fills the axes of motion of workspace.equations, too."""
-    forward_kinematics(
-        skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, workspace.transforms
-    )
-    pose_surface(surface, workspace.transforms, skeleton.link_dofs, workspace.visibility.posed)
-    sums = workspace.equations
-    motion_axes(
-        skeleton.parents, skeleton.axes, skeleton.points, skeleton.balls, workspace.transforms, sums.w, sums.q
-    )
-    return sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)

@@ -1,14 +1,18 @@
 """How likely a pose is in a frame: how well it explains it, and how people hold themselves (step 5).
 
-The paper says only "calculated from the residual error". Here the log likelihood of a pose is
+The paper says only "calculated from the residual error". Here the log posterior of a pose is
 
     -1/2 (mean over observed points of rho(d_i) + w_f mean over visible model points of rho(f_v) + prior) / T
 
 with the prior that the descent has, too (see `solver.priors`), d_i the distance of an observed point from
 its closest visible model point and f_v the distance by which a model point lies where the camera saw
 nothing, both in units of the lateral noise, and rho the squared distance, or what a robust kernel makes of
-it. The descent goes down the gradient of the same sum. The mean, not the sum, because neighbouring points
-err together: a sum over ten thousand of them would let no second hypothesis live.
+it. With soft correspondences the points' mean log density takes the place of both, and nothing is said of
+empty space. The mean, not the sum, because neighbouring points err together: a sum over ten thousand of them
+would let no second hypothesis live.
+
+The descent climbs the slope of the same sum, with what belongs together and what is visible held still for a
+step; a weight takes both anew in the pose that it is for.
 """
 
 from __future__ import annotations
@@ -32,7 +36,7 @@ from worker.kernel.soft.responsibilities import (
 from worker.kernel.soft.samples import SampleGrid, sample
 from worker.kernel.solver.priors import prior_cost
 from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.visibility import repose_visible, update_visibility
+from worker.kernel.visibility import update_visibility
 from worker.kernel.weighting import find_silhouette_points
 from worker.kernel.workspace import Workspace
 
@@ -52,30 +56,25 @@ def evaluate(
 ) -> tuple[float, float]:
     """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres.
 
-    `last_count` is as in `find_correspondences`. Where iterations share a visibility update, the likelihood
-    shares the last one.
+    `last_count` is as in `find_correspondences`. What is visible is looked for in the pose itself.
     """
-    visible = workspace.search.last_visible[:last_count]
-    if last_count > 0 and parameters.visibility_interval > 1 and not parameters.soft:
-        repose_visible(pose, visible, skeleton, surface, workspace.transforms, workspace.visibility)
-    else:
-        visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
+    visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
     if len(visible) == 0 or observed.count == 0:
         return -np.inf, np.inf
     find_correspondences(visible, last_count, surface, observed, parameters, workspace)
-    residual, free_space = mean_distance(observed, parameters, workspace.search), 0.0
+    residual = mean_distance(observed, parameters, workspace.search)
+    prior = prior_cost(skeleton, pose, parameters.rest_weight)
+    if parameters.soft:
+        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+        log_density = mean_log_density(grid, observed, parameters, workspace.soft)
+        cost = 0.5 * prior / parameters.noise_lateral**2
+        return parameters.independent_points * (log_density - cost), residual
+    cost = mean_cost(observed, parameters, workspace.search) + prior
     if parameters.free_space_weight > 0.0:
-        free_space = parameters.free_space_weight * mean_free_space_cost(
+        cost += parameters.free_space_weight * mean_free_space_cost(
             visible, skeleton, surface, observed, parameters, workspace
         )
-    prior = prior_cost(skeleton, pose, parameters.rest_weight)
-    if not parameters.soft:
-        cost = mean_cost(observed, parameters, workspace.search) + free_space + prior
-        return -0.5 * cost * parameters.likelihood_scale, residual
-    grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
-    log_density = mean_log_density(grid, observed, parameters, workspace.soft)
-    cost = 0.5 * (free_space + prior) / parameters.noise_lateral**2
-    return parameters.independent_points * (log_density - cost), residual
+    return -0.5 * cost * parameters.likelihood_scale, residual
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})

@@ -26,7 +26,7 @@ class Steps(NamedTuple):
 
     gauss_newton_iterations: int
     over_relaxation: float  # share of the iteration's motion that is added to it, but to the last one's
-    visibility_interval: int  # iterations from one visibility update to the next; above 1 step 5 has none
+    visibility_interval: int  # iterations from one visibility update to the next
     damping_share: float  # added to lambda of Eq. 4 for each observed point
 
 

@@ -32,8 +32,20 @@ def accumulate_correspondences(
     if parameters.free_space_weight > 0.0:
         add_free_space(visible, skeleton, surface, observed, parameters, workspace)
     add_correspondences(
-        surface, visible, workspace.visibility.posed, workspace.weighted_targets, workspace.equations
+        surface,
+        skeleton,
+        workspace.transforms,
+        visible,
+        workspace.visibility.posed,
+        workspace.weighted_targets,
+        workspace.equations,
     )
+
+
+@numba.njit(cache=True, nogil=True)
+def metric_of(parameters: KernelParameters) -> Array:
+    """Weights (3,) of the camera's axes, depth's by its noise."""
+    return np.array([1.0, 1.0, parameters.stretch * parameters.stretch])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

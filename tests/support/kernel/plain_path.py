@@ -1,7 +1,7 @@
 """The plain path: steps 4a-4d and 5 point by point in numpy and scipy, the oracle that the kernel must match.
 
 Nothing is summed up before it must be: every correspondence has its three rows in the Jacobian matrix. A
-vertex whose skin is shared by two links is drawn as a part of each, by its share.
+vertex whose skin is shared by two links is drawn as a part of each, by its share, with its one residual.
 """
 
 from __future__ import annotations
@@ -16,7 +16,14 @@ from scipy.spatial import cKDTree
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics, back_project, project
 from common.frame import EMPTY, DepthFrame, SubjectFrame
-from common.kinematics import difference, dof_transforms, pose_vertices, retract, step_axes
+from common.kinematics import (
+    difference,
+    dof_transforms,
+    link_transforms,
+    pose_vertices,
+    retract,
+    step_axes,
+)
 from common.settings import RefineSettings
 from tests.support.bodies import moves
 from worker.kernel.packing import FREE_SPACE_WEIGHT, OUTLIER_DISTANCE, STEPS
@@ -138,10 +145,10 @@ def is_measurable(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.boo
     return facing
 
 
-def project_onto_silhouette(
-    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame, settings: RefineSettings
-) -> tuple[Array, Array]:
-    """For model points (Q, 3) in free space what draws them to the outline (Q, 3); distance squared."""
+def nearest_outline(
+    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Of model points (Q, 3) the subject's nearest pixels (Q, 2), column and row; which are in free space."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
     pixels = project(seen, camera)
@@ -152,10 +159,17 @@ def project_onto_silhouette(
     nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
     outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
     off = outline - pixels
-    apart = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)
-    shift = np.column_stack([off * seen[:, 2:] / (camera.fx, camera.fy), np.zeros(len(seen))])
-    shift *= apart[:, None]
+    return outline, facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)
+
+
+def project_onto_silhouette(
+    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame, settings: RefineSettings
+) -> tuple[Array, Array]:
+    """For model points (Q, 3) in free space what draws them to the outline (Q, 3); distance squared."""
+    camera = subject.frame.intrinsics
+    outline, apart = nearest_outline(seen, facing, subject)
     rays = (outline - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    shift = np.column_stack([rays * seen[:, 2:] - seen[:, :2], np.zeros(len(seen))]) * apart[:, None]
     along = np.sum(shift[:, :2] * rays, axis=1) / (settings.noise_lateral / settings.noise_depth) ** 2
     return seen + shift - along[:, None] * (0.0, 0.0, 1.0), np.sum(shift**2, axis=1)
 
@@ -186,12 +200,16 @@ def weigh_correspondences(
 def split_by_link(
     model: BodyModel, pose: Array, posed: Array, vertices: Indices, targets: Array, weights: Array
 ) -> Factors:
-    """Each correspondence once for every link that its vertex follows."""
+    """Each correspondence once for every link that its vertex follows, with the residual of the blend.
+
+    The point is where that link alone would carry the vertex; the target is moved along.
+    """
     links, shares = model.skin_links[vertices], model.skin_weights[vertices]  # (n, K)
     row, column = np.nonzero(shares)
-    return Factors(
-        pose, posed[vertices[row]], links[row, column], targets[row], weights[row] * shares[row, column]
-    )
+    link, blended = links[row, column], posed[vertices[row]]
+    carriers = link_transforms(model, pose[None])[0][link]
+    carried = np.einsum("nij,nj->ni", carriers[:, :, :3], model.vertices[vertices[row]]) + carriers[:, :, 3]
+    return Factors(pose, carried, link, targets[row] + carried - blended, weights[row] * shares[row, column])
 
 
 def move_with_links(model: BodyModel, factors: Factors, pose: Array) -> Array:
@@ -312,12 +330,10 @@ def clamp_to_limits(model: BodyModel, pose: Array) -> Array:
 
 
 def evaluate(
-    model: BodyModel, pose: Array, before: Indices, subject: SubjectFrame, settings: RefineSettings
+    model: BodyModel, pose: Array, subject: SubjectFrame, settings: RefineSettings
 ) -> tuple[float, float]:
-    """Step 5: log likelihood and mean residual, by what is visible or, if that counts, was so before."""
+    """Step 5: log posterior and mean residual, by what is visible in the pose."""
     posed, visible = visible_vertices(model, pose)
-    if len(before) > 0 and STEPS[settings.descent].visibility_interval > 1:
-        visible = before
     points = observed_points(subject)
     if len(visible) == 0:
         return -np.inf, np.inf
@@ -346,7 +362,7 @@ def refine(
         factors = weigh_correspondences(model, pose, posed, visible, subject, settings)
         moved = minimise(model, factors, len(subject.picked), settings)
         pose = moved if k == settings.icp_iterations - 1 else over_relax(model, pose, moved, settings)
-    return pose, *evaluate(model, pose, visible, subject, settings)
+    return pose, *evaluate(model, pose, subject, settings)
 
 
 def over_relax(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:

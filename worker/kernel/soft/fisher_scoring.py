@@ -12,6 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.kinematics.chain import forward_kinematics, motion_axes
 from common.kinematics.manifold import apply_step
 from worker.kernel.observation import BLOCK
 from worker.kernel.packing import KernelParameters, PackedObservation
@@ -19,9 +20,10 @@ from worker.kernel.soft.responsibilities import (
     OUTLIER_DENSITY,
     SoftBuffers,
     compute_responsibilities,
+    sample_distance,
     sample_radius,
 )
-from worker.kernel.soft.samples import SampleGrid
+from worker.kernel.soft.samples import SampleGrid, sample
 from worker.kernel.solver.gauss_newton import solve_ltl
 from worker.kernel.solver.normal_equations import NormalEquations
 from worker.kernel.solver.priors import (
@@ -30,11 +32,13 @@ from worker.kernel.solver.priors import (
     clamp_to_limits,
     hold_active_limits,
 )
-from worker.kernel.surface import Skeleton
+from worker.kernel.surface import Skeleton, Surface
+from worker.kernel.visibility import pose_surface
+from worker.kernel.workspace import Workspace
 
 Array = NDArray[np.float64]
 
-LEAST_RESPONSIBILITY = 1e-3  # what is below it is left out
+LEAST_RESPONSIBILITY = 3e-5  # what is below it is left out
 COMPLETE_SHARE = 0.02  # damping: share of the information there would be if each point's sample were known
 EXPECTED_STEP = 0.2  # radians and metres, a step's expected size
 LARGEST_STEP = 0.35  # radians and metres, a step's largest size
@@ -43,26 +47,55 @@ LARGEST_STEP = 0.35  # radians and metres, a step's largest size
 @numba.njit(cache=True, nogil=True)
 def fisher_scoring_step(
     pose: Array,
-    grid: SampleGrid,
     skeleton: Skeleton,
+    surface: Surface,
     observed: PackedObservation,
     parameters: KernelParameters,
-    buffers: SoftBuffers,
-    equations: NormalEquations,
+    workspace: Workspace,
 ) -> None:
-    """Move pose (D,) in place by one step; equations.w and .q hold the axes of motion in the pose."""
-    gram, gradient = equations.gram, equations.gradient
-    accumulate_scores(grid, skeleton, observed, parameters, buffers, equations)
+    """Move pose (D,) in place by one step."""
+    equations = workspace.equations
+    fill_soft_equations(pose, skeleton, surface, observed, parameters, workspace)
     for j in range(len(pose)):
-        gram[j, j] += COMPLETE_SHARE * buffers.complete[j] + (parameters.noise_lateral / EXPECTED_STEP) ** 2
-    add_limit_prior(skeleton, pose, LIMIT_SHARE * observed.count, gram, gradient)
-    hold_active_limits(skeleton, pose, gram, gradient)
+        equations.gram[j, j] += COMPLETE_SHARE * workspace.soft.complete[j]
+        equations.gram[j, j] += (parameters.noise_lateral / EXPECTED_STEP) ** 2
+    hold_active_limits(skeleton, pose, equations.gram, equations.gradient)
     step = equations.step
-    step[:] = -gradient
-    solve_ltl(skeleton.parents, gram, step)
+    step[:] = -equations.gradient
+    solve_ltl(skeleton.parents, equations.gram, step)
     step *= min(1.0, LARGEST_STEP / max(np.max(np.abs(step)), 1e-9))
     apply_step(skeleton.axes, skeleton.balls, step, pose)
     clamp_to_limits(skeleton, pose)
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_soft_equations(
+    pose: Array,
+    skeleton: Skeleton,
+    surface: Surface,
+    observed: PackedObservation,
+    parameters: KernelParameters,
+    workspace: Workspace,
+) -> None:
+    """Fill workspace.equations: information, and minus the slope of the log posterior, in units of s^2.
+
+    Of as many points as there are, with the samples that are seen at pose (D,).
+    """
+    view, equations, transforms = workspace.visibility, workspace.equations, workspace.transforms
+    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
+    pose_surface(surface, transforms, skeleton.link_dofs, view.posed)
+    motion_axes(
+        skeleton.parents,
+        skeleton.axes,
+        skeleton.points,
+        skeleton.balls,
+        transforms,
+        equations.w,
+        equations.q,
+    )
+    grid = sample(view, surface, sample_distance(parameters), workspace.samples)
+    accumulate_scores(grid, skeleton, observed, parameters, workspace.soft, equations)
+    add_limit_prior(skeleton, pose, LIMIT_SHARE * observed.count, equations.gram, equations.gradient)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -74,7 +107,10 @@ def accumulate_scores(
     buffers: SoftBuffers,
     equations: NormalEquations,
 ) -> None:
-    """Fill equations.gram with the points' information, .gradient with minus their score."""
+    """Fill equations.gram with the points' information, .gradient with minus their score.
+
+    equations.w and .q hold the axes of motion in the grid's pose.
+    """
     equations.gram[:] = 0.0
     equations.gradient[:] = 0.0
     buffers.complete[:] = 0.0
@@ -84,15 +120,26 @@ def accumulate_scores(
         compute_responsibilities(first, grid, observed, parameters, radius, buffers)
         for i in range(min(BLOCK, observed.count - first)):
             if buffers.totals[i] > 0.0:
-                for n in range(accumulate_wrenches(i, grid, skeleton, stretch_squared, radius, buffers)):
+                for n in range(
+                    accumulate_wrenches(i, grid, skeleton, stretch_squared, scale, radius, buffers)
+                ):
                     add_score(buffers.links[n], skeleton, stretch_squared, scale, buffers, equations)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def accumulate_wrenches(
-    i: int, grid: SampleGrid, skeleton: Skeleton, stretch_squared: float, radius: int, buffers: SoftBuffers
+    i: int,
+    grid: SampleGrid,
+    skeleton: Skeleton,
+    stretch_squared: float,
+    scale: float,
+    radius: int,
+    buffers: SoftBuffers,
 ) -> int:
     """Fill buffers.wrenches with point i's wrench on each link that can move; returns how many links.
+
+    Farther away a sample's density over the rays is narrower and higher, which draws it there as much as
+    chance residuals across draw it near. `scale` is 1 / s^2.
 
     The links are listed in buffers.links.
     """
@@ -117,7 +164,7 @@ def accumulate_wrenches(
             responsibility, z = densities[r * side + c, i] / total, np.float64(depth[row, column])
             x, y = (column + grid.left) * z * nearer, (row + grid.top) * z * nearer
             fx, fy = responsibility * (right * z - x), responsibility * (down * z - y)
-            fz = responsibility * stretch_squared * (here - z)
+            fz = responsibility * (stretch_squared * (here - z) + 2.0 / (scale * z)) - right * fx - down * fy
             wrench = wrenches[s]
             wrench[0] += fx
             wrench[1] += fy

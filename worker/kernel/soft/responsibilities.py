@@ -6,9 +6,10 @@ somewhere near its own ray and errs along it. With samples x_k of the visible su
 
     p(p_i) = sum_k a_k / (2 pi s^2) exp(-1/2 (|across(p_i - x_k)|^2 / s^2 + along(p_i - x_k)^2 / t^2)) + e
 
-with s and t the standard deviations across and along the ray, a_k the area that a sample stands for, and e
-what is left for outliers. A sample's responsibility for the point is g_ik = p_k(p_i) / p(p_i). All is in
-units of s^2, as the hard correspondences are.
+with s and t the standard deviations across and along the ray, across(p_i - x_k) what the ray passes the
+sample by at the sample's depth, a_k the area of a sample, which stands for the same solid angle at any
+depth, and e what is left for outliers. A sample's responsibility for the point is g_ik = p_k(p_i) / p(p_i).
+All is in units of s^2, as the hard correspondences are.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ SEARCH_DEVIATIONS = 2.5  # standard deviations across, within which samples are 
 LARGEST_RADIUS = 3  # pixels that this is at the most; samples are as far apart as it takes
 SIDE = 2 * LARGEST_RADIUS + 1
 OUTLIER_DENSITY = 1e-3  # e, where a point amid a surface, exactly on it, has 1
+FAR = np.float32(1e4)  # metres: farther than any sample
 VECTORISED = {"reassoc", "contract", "nsz"}  # the compiler may sum up lane by lane
 
 
@@ -41,7 +43,6 @@ class Rays(NamedTuple):
     right: Array  # (BLOCK,) of the ray, for each metre of depth
     down: Array
     depth: Points  # metres
-    pixel: Points  # between samples, standard deviations
     column: Indices  # of the first sample around the point
     row: Indices
     place: NDArray[np.uint32]  # of that sample, among all
@@ -51,7 +52,7 @@ class SoftBuffers(NamedTuple):
     """Buffers for the samples of a block of points, and for one point's wrench on each link."""
 
     rays: Rays
-    across: Points  # (2, SIDE, BLOCK) factors of the density by column and row
+    across: Points  # (2, SIDE, BLOCK) squared samples by which a ray passes by columns and rows
     densities: Points  # (SIDE ** 2, BLOCK) p_k(p_i), samples row by row
     totals: Points  # (BLOCK,) their sums
     wrenches: Array  # (L, 10) force, torque about the camera, sum of g_ik x_k, and of g_ik
@@ -67,7 +68,6 @@ def make_soft_buffers(dofs: int, links: int) -> SoftBuffers:
         Rays(
             np.empty(BLOCK),
             np.empty(BLOCK),
-            np.empty(BLOCK, dtype=np.float32),
             np.empty(BLOCK, dtype=np.float32),
             np.empty(BLOCK, dtype=np.int64),
             np.empty(BLOCK, dtype=np.int64),
@@ -111,42 +111,34 @@ def compute_responsibilities(
 
     The responsibility g_ik is densities / (totals + OUTLIER_DENSITY). Points beside the grid have density 0.
     """
-    ray_residuals(
-        observed.points,
-        first,
-        parameters.stretch,
-        parameters.noise_lateral,
-        radius,
-        grid,
-        buffers.rays,
-        buffers.across,
-    )
+    ray_residuals(observed.points, first, parameters.stretch, radius, grid, buffers.rays, buffers.across)
     for axis in range(2):
-        gaussian_masses(axis, 2 * radius + 1, buffers.rays.pixel, buffers.across)
-    exponent = np.float32(-0.5 / parameters.noise_depth**2)
+        square_residuals(axis, 2 * radius + 1, buffers.across)
     gather_depths(
         grid.depth.ravel(), grid.depth.shape[1], 2 * radius + 1, buffers.rays.place, buffers.densities
     )
     sample_densities(
-        2 * radius + 1, exponent, buffers.rays.depth, buffers.across, buffers.densities, buffers.totals
+        2 * radius + 1,
+        np.float32(1.0 / (grid.focal * parameters.noise_lateral) ** 2),
+        np.float32(-0.5 / parameters.noise_depth**2),
+        buffers.rays.depth,
+        buffers.across,
+        buffers.densities,
+        buffers.totals,
     )
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def ray_residuals(
-    points: Points,
-    first: int,
-    stretch: float,
-    noise: float,
-    radius: int,
-    grid: SampleGrid,
-    rays: Rays,
-    across: Points,
+    points: Points, first: int, stretch: float, radius: int, grid: SampleGrid, rays: Rays, across: Points
 ) -> None:
-    """Fill rays, and across[:, 0] with each ray's residual from the first sample around it, in samples."""
+    """Fill rays, and across[:, 0] with each ray's residual from the first sample around it, in samples.
+
+    What is beside the grid is held against its corner, where there are none.
+    """
     depth, width, height = grid.depth, grid.depth.shape[1] - 2 * radius, grid.depth.shape[0] - 2 * radius
     focal, left, top = grid.focal, grid.left, grid.top
-    right, down, depths, pixel, columns, rows, place = rays
+    right, down, depths, columns, rows, place = rays
     for i in range(BLOCK):
         z = points[2, first + i] / stretch
         right[i], down[i], depths[i] = points[0, first + i] / z, points[1, first + i] / z, z
@@ -154,43 +146,56 @@ def ray_residuals(
         column, row = int(np.floor(u + 0.5)) - radius, int(np.floor(v + 0.5)) - radius
         inside = 0 <= row < height and 0 <= column < width
         row, column = (row, column) if inside else (0, 0)
-        middle = depth[row + radius, column + radius]
-        pixel[i] = (middle if middle < np.inf else depths[i]) / focal / noise if inside else 0.0
         columns[i], rows[i], place[i] = column, row, row * depth.shape[1] + column
         across[0, 0, i], across[1, 0, i] = (column - u, row - v) if inside else (0.0, 0.0)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=VECTORISED)
-def gaussian_masses(axis: int, side: int, pixel: Points, across: Points) -> None:
-    """Turn across[axis, 0] into across[axis, :side]: a Gaussian's mass in each pixel around each point."""
+def square_residuals(axis: int, side: int, across: Points) -> None:
+    """Turn across[axis, 0] into across[axis, :side]: squared residuals from each sample on."""
     for k in range(side - 1, -1, -1):
         for i in range(BLOCK):
-            x = (across[axis, 0, i] + np.float32(k)) * pixel[i]
-            across[axis, k, i] = np.float32(0.3989422804) * pixel[i] * decay(np.float32(-0.5) * x * x)
+            x = across[axis, 0, i] + np.float32(k)
+            across[axis, k, i] = x * x
 
 
 @numba.njit(cache=True, nogil=True)
 def gather_depths(
     samples: Points, width: int, side: int, place: NDArray[np.uint32], densities: Points
 ) -> None:
-    """Fill densities (side ** 2, BLOCK) with the depths of the samples from each place on, row by row."""
+    """Fill densities (side ** 2, BLOCK) with the depths of the samples from each place on, row by row.
+
+    No sample is one that is far.
+    """
     for r in range(side):
         for c in range(side):
             for i in range(BLOCK):
-                densities[r * side + c, i] = samples[place[i] + np.uint32(r * width + c)]
+                densities[r * side + c, i] = min(samples[place[i] + np.uint32(r * width + c)], FAR)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=VECTORISED)
 def sample_densities(
-    side: int, exponent: np.float32, depth: Points, across: Points, densities: Points, totals: Points
+    side: int,
+    areas: np.float32,
+    exponent: np.float32,
+    depth: Points,
+    across: Points,
+    densities: Points,
+    totals: Points,
 ) -> None:
-    """Turn densities from samples' depths into p_k(p_i); totals takes the sums over k."""
+    """Turn densities from samples' depths into p_k(p_i); totals takes the sums over k.
+
+    `areas` is a sample's area (in units of s^2) for a squared metre of depth.
+    """
     totals[:] = 0.0
     for r in range(side):
         for c in range(side):
             for i in range(BLOCK):
-                away = depth[i] - densities[r * side + c, i]
-                density = across[0, c, i] * across[1, r, i] * decay(exponent * away * away)
+                z = densities[r * side + c, i]
+                away, area = depth[i] - z, areas * z * z
+                squares = across[0, c, i] + across[1, r, i]
+                passing = decay(exponent * away * away - np.float32(0.5) * area * squares)
+                density = np.float32(0.15915494309) * area * passing
                 densities[r * side + c, i] = density
                 totals[i] += density
 

@@ -43,28 +43,39 @@ def minimise(skeleton: Skeleton, pose: Array, solver: SolverParameters, equation
 
     The equations' moments and crosses are in the camera frame at the pose given.
     """
-    gram, gradient, step = equations.gram, equations.gradient, equations.step
+    step = equations.step
     forward_kinematics(
         skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.reference
     )
     for _ in range(solver.iterations):
-        forward_kinematics(
-            skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.moved
-        )
-        subtree_moments(skeleton, equations)
-        normal_equations(skeleton, solver.metric, equations)
+        fill_equations(skeleton, pose, solver, equations)
         for j in range(len(pose)):
-            gram[j, j] += solver.damping
-        if solver.stiffness > 0.0:
-            add_rest_prior(skeleton, pose, solver.stiffness, gram, gradient)
-        add_limit_prior(skeleton, pose, solver.limit_stiffness, gram, gradient)
-        hold_active_limits(skeleton, pose, gram, gradient)
-        step[:] = -gradient
-        solve_ltl(skeleton.parents, gram, step)  # Eq. 4
+            equations.gram[j, j] += solver.damping
+        hold_active_limits(skeleton, pose, equations.gram, equations.gradient)
+        step[:] = -equations.gradient
+        solve_ltl(skeleton.parents, equations.gram, step)  # Eq. 4
         apply_step(skeleton.axes, skeleton.balls, step, pose)
         clamp_to_limits(skeleton, pose)
         if np.max(np.abs(step)) < CONVERGED:
             break
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_equations(
+    skeleton: Skeleton, pose: Array, solver: SolverParameters, equations: NormalEquations
+) -> None:
+    """Fill equations.gram and .gradient at pose (D,), to which the body has moved since the sums were taken.
+
+    Where they were taken the gradient is that of half the posterior's cost, of as many points as there are.
+    """
+    forward_kinematics(
+        skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.moved
+    )
+    subtree_moments(skeleton, equations)
+    normal_equations(skeleton, solver.metric, equations)
+    if solver.stiffness > 0.0:
+        add_rest_prior(skeleton, pose, solver.stiffness, equations.gram, equations.gradient)
+    add_limit_prior(skeleton, pose, solver.limit_stiffness, equations.gram, equations.gradient)
 
 
 @numba.njit(cache=True, nogil=True)

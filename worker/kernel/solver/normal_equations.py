@@ -9,9 +9,9 @@ with A_j = [w_j]x [I | -q_j] for a rotation, column j of the Jacobian is A_j X, 
 over the links s that both (that) degrees of freedom move. A link's relative motion G takes M_s to
 G M_s G^T and C_s to G C_s, so a step costs the same for a thousand points as for a million.
 
-A vertex that is blended over several links adds to each of them in proportion to its weights. That leaves
-J^T r exact at the pose in which correspondences were searched, and makes J^T J an upper bound, so steps stay
-safe.
+A vertex that is blended over several links adds to each of them in proportion to its weights, from where that
+link alone would carry it, with the residual of the blend. That leaves J^T r exact at the pose in which
+correspondences were searched, and makes J^T J an upper bound, so steps stay safe.
 """
 
 from __future__ import annotations
@@ -69,6 +69,8 @@ def make_equations(dofs: int, links: int) -> NormalEquations:
 @numba.njit(cache=True, nogil=True)
 def add_correspondences(
     surface: Surface,
+    skeleton: Skeleton,
+    transforms: Array,
     visible: NDArray[np.uint32],
     posed: Array,
     weighted_targets: Array,
@@ -76,21 +78,51 @@ def add_correspondences(
 ) -> None:
     """Sum moments and crosses of the visible ones of posed (V, 3) with their observed points.
 
-    weighted_targets (V, 4) are those points' weighted sum and weight, in the order of `visible`.
+    weighted_targets (V, 4) are those points' weighted sum and weight, in the order of `visible`; of what is
+    blended they are lost. transforms (D + 1, 3, 4) are T_camera_rest, the last for links that nothing moves.
     """
     links, weights, sums = surface.skin_links, surface.skin_weights, equations.sums
     sums[:] = 0.0
     for m in range(len(visible)):
         v = visible[m]
         if weighted_targets[m, 3] > 0.0:
-            for k in range(links.shape[1]):
-                share = weights[v, k]
-                if not share > 0.0:
-                    break
-                x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
-                add_products(sums, links[v, k], share, x, y, z, weighted_targets, m)  # type: ignore[call-arg]
+            x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+            if not weights[v, 0] < 1.0:
+                add_products(sums, links[v, 0], 1.0, x, y, z, weighted_targets, m)  # type: ignore[call-arg]
+            else:
+                add_blended(surface, skeleton.link_dofs, transforms, v, m, posed, weighted_targets, sums)
     equations.moments[:] = sums[:, :, :4]
     equations.crosses[:] = sums[:, :, 4:7]
+
+
+@numba.njit(cache=True, nogil=True)
+def add_blended(
+    surface: Surface,
+    link_dofs: NDArray[np.int64],
+    transforms: Array,
+    v: int,
+    m: int,
+    posed: Array,
+    weighted_targets: Array,
+    sums: Array,
+) -> None:
+    """Add vertex v as a part of each of its links; row m of weighted_targets, its own, is lost."""
+    row, p = weighted_targets[m], surface.vertices[v]
+    x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+    for k in range(surface.skin_links.shape[1]):
+        share = surface.skin_weights[v, k]
+        if not share > 0.0:
+            break
+        link = surface.skin_links[v, k]
+        t = transforms[link_dofs[link]]
+        carried_x = t[0, 0] * p[0] + t[0, 1] * p[1] + t[0, 2] * p[2] + t[0, 3]
+        carried_y = t[1, 0] * p[0] + t[1, 1] * p[1] + t[1, 2] * p[2] + t[1, 3]
+        carried_z = t[2, 0] * p[0] + t[2, 1] * p[1] + t[2, 2] * p[2] + t[2, 3]
+        row[0] += row[3] * (carried_x - x)  # the target moves along, so that the residual stays the blend's
+        row[1] += row[3] * (carried_y - y)
+        row[2] += row[3] * (carried_z - z)
+        x, y, z = carried_x, carried_y, carried_z
+        add_products(sums, link, share, x, y, z, weighted_targets, m)  # type: ignore[call-arg]
 
 
 @numba.njit(cache=True, nogil=True)
