@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.certainty.gather import Gathered
-from coordinator.tracking.certainty.assessment import add_left_over, recall
+from coordinator.tracking.certainty.assessment import HIDDEN, add_left_over, recall
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.certainty.evidence import CLUES
 
@@ -18,7 +18,9 @@ Array = NDArray[np.float64]
 RIDGE = 1000.0  # joints that say nothing, for each weight of a clue of unit deviation
 EXTREMES = (0.5, 99.5)  # per cent of each clue beyond which it counts as its limit
 HIDDEN_WEIGHT = 10.0  # of joints of which less than half is shown, in the fit of the deviation
+UNSEEN_STEPS = np.linspace(0.0, 2.0, 201)  # of what is added to hidden joints' log deviation
 ONE_DEVIATION = 68.3  # per cent of joints that are to lie within it
+STILL = 1e-6  # a step that ends the fit
 MOST_OFF = 5.0  # deviations that a joint is off at the most, in a step of the fit
 
 
@@ -30,13 +32,21 @@ class Functions:
     high: Array
     probability: tuple[float, Array]
     deviation: tuple[float, Array]
+    unseen: float = 0.0  # added to the log deviation of hidden joints, for people that were not fitted
 
     def judge(self, one: Gathered) -> Array:
         """Log odds and log deviation (F, J, 2) of a recording's joints, as the tracker has them."""
         within = averaged(one, self.low, self.high)
         both = (self.probability, self.deviation)
         fitted = np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
-        return fitted + over_time(add_left_over(one.evidence), one.interval)
+        hidden = np.stack([np.zeros(one.evidence.shape[:2]), is_hidden(one.evidence)], axis=-1)
+        return fitted + over_time(add_left_over(one.evidence) + self.unseen * hidden, one.interval)
+
+
+def is_hidden(evidence: Array) -> NDArray[np.bool_]:
+    """Of which joints (...) less than half is shown, by evidence (..., K)."""
+    hidden: NDArray[np.bool_] = evidence[..., CLUES.index("shown")] < HIDDEN
+    return hidden
 
 
 def distances(gathered: Sequence[Gathered]) -> list[Array]:
@@ -62,6 +72,29 @@ def over_time(values: Array, intervals: Array) -> Array:
 
 
 def fit(gathered: Sequence[Gathered]) -> Functions:
+    """Fit both functions to joints whose reference holds, and what hidden ones are worse by of new people."""
+    return replace(fit_functions(gathered), unseen=fit_unseen(gathered))
+
+
+def fit_unseen(gathered: Sequence[Gathered]) -> float:
+    """What to add to hidden joints' log deviation, by people who are each judged by a fit to all others."""
+    people = sorted({one.person for one in gathered} - {""})
+    if len(people) < 2:
+        return 0.0
+    parts = []
+    for person in people:
+        functions = fit_functions([one for one in gathered if one.person != person])
+        mine = [one for one in gathered if one.person == person]
+        for one, off in zip(mine, distances(mine), strict=True):
+            at, hidden = one.holds & is_hidden(one.evidence), is_hidden(one.evidence).astype(np.float64)
+            log_ratio = np.log(off + 1e-9) - functions.judge(one)[..., 1]
+            parts.append(np.stack([log_ratio[at], over_time(hidden, one.interval)[at]], axis=1))
+    log_ratio, share = np.concatenate(parts).T
+    enough = [100.0 * np.mean(log_ratio < step * share) >= ONE_DEVIATION for step in UNSEEN_STEPS]
+    return float(UNSEEN_STEPS[int(np.argmax(enough))] if any(enough) else UNSEEN_STEPS[-1])
+
+
+def fit_functions(gathered: Sequence[Gathered]) -> Functions:
     """Fit both functions to joints whose reference holds."""
     holds = [one.holds for one in gathered]
     raw = np.concatenate([one.evidence[held] for one, held in zip(gathered, holds, strict=True)])
@@ -75,23 +108,39 @@ def fit(gathered: Sequence[Gathered]) -> Functions:
     ]
     chance, spread = np.concatenate(given).T
     logistic = fit_logistic(standard, off > OFF, chance)
-    linear = fit_deviation(
-        standard, off * np.exp(-spread), np.where(raw[:, CLUES.index("shown")] < 0.5, HIDDEN_WEIGHT, 1.0)
-    )
+    measured = np.concatenate([np.full(np.count_nonzero(g.holds), bool(g.person)) for g in gathered])
+    linear = fit_deviation(standard, off * np.exp(-spread), weights_of(is_hidden(raw), measured))
     return Functions(low, high, unstandardised(logistic, mean, scale), unstandardised(linear, mean, scale))
 
 
+def weights_of(hidden: NDArray[np.bool_], measured: NDArray[np.bool_]) -> Array:
+    """Weights (n,) of joints in the fit of the deviation; hidden ones of people and rendered count alike."""
+    people, rendered = np.count_nonzero(hidden & measured), np.count_nonzero(hidden & ~measured)
+    scarcer = rendered / people if people and rendered else 1.0
+    return np.where(hidden, HIDDEN_WEIGHT * np.where(measured, scarcer, 1.0), 1.0)
+
+
 def fit_logistic(evidence: Array, off: NDArray[np.bool_], given: Array) -> Array:
-    """Intercept and weights (K + 1,) of the log odds beside those given (n,), by Newton's method."""
+    """Intercept and weights (K + 1,) of the log odds beside those given (n,), by damped Newton steps."""
     columns, ridge = with_intercept(evidence)
     found = np.zeros(columns.shape[1])
     share = np.clip(off.mean(), 1e-3, 0.999)
     found[0] = np.log(share / (1.0 - share)) - given.mean()  # from elsewhere it need not converge
+
+    def cost(weights: Array) -> float:
+        log_odds = columns @ weights + given
+        return float(np.logaddexp(0.0, log_odds).sum() - off @ log_odds + 0.5 * weights @ ridge @ weights)
+
     for _ in range(50):
         chance = 1.0 / (1.0 + np.exp(-np.clip(columns @ found + given, -30.0, 30.0)))
         slope = columns.T @ (off - chance) - ridge @ found
         curvature = (columns * (chance * (1.0 - chance))[:, None]).T @ columns + ridge
-        found += np.linalg.solve(curvature, slope)
+        step = np.linalg.solve(curvature, slope)
+        while cost(found + step) > cost(found) and np.abs(step).max() > STILL:  # whole ones may diverge
+            step /= 2.0
+        found += step
+        if np.abs(step).max() <= STILL:
+            break
     return found
 
 

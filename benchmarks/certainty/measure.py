@@ -27,7 +27,7 @@ from common.errors import InputError
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.configuration.versions import versions
 from coordinator.tracking.certainty.assessment import table
-from coordinator.tracking.certainty.fitted import DEVIATION, PROBABILITY
+from coordinator.tracking.certainty.fitted import DEVIATION, PROBABILITY, UNSEEN
 
 FIT_SUBJECTS = (1, 2)
 RENDERED = ("skinned", "three_cameras", "rooms")
@@ -88,7 +88,7 @@ def measure(choice: Choice) -> int:
 def built_in() -> Functions:
     """What the tracker goes by."""
     low, high, probability, deviation = table()
-    return Functions(low, high, (PROBABILITY, probability), (DEVIATION, deviation))
+    return Functions(low, high, (PROBABILITY, probability), (DEVIATION, deviation), UNSEEN)
 
 
 def find_hard(data: Path, subjects: Sequence[int]) -> list[Recording]:

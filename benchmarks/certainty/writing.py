@@ -30,7 +30,8 @@ def write_functions(functions: Functions, file: Path) -> None:
     ]
     file.write_text(
         f"{HEAD}PROBABILITY = {functions.probability[0]:.4g}  # intercept of the log odds of being off\n"
-        f"DEVIATION = {functions.deviation[0]:.4g}  # and of the logarithm of its deviation in metres\n\n"
+        f"DEVIATION = {functions.deviation[0]:.4g}  # and of the logarithm of its deviation in metres\n"
+        f"UNSEEN = {functions.unseen:.2f}  # added to it where less than half of a joint is shown\n\n"
         "FITTED: dict[str, tuple[float, float, float, float]] = {\n"
         f"{''.join(rows)}}}\n"
         '"""Of each clue the least and the most, and its weight in the one and in the other."""\n'

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from benchmarks.certainty.fitting import averaged, distances, fit
+from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
 from coordinator.tracking.certainty.evidence import CLUES
@@ -43,6 +45,33 @@ def test_the_fit_holds_on_data_that_it_has_not_seen() -> None:
     shares = [off[(chance > low) & (chance < low + 0.1)].mean() for low in (0.0, 0.1, 0.2, 0.3)]
     assert shares == sorted(shares)
     assert dict(found.roc)[5.0] > 30.0
+
+
+def test_hidden_joints_of_people_who_were_not_fitted_are_said_to_be_farther_off() -> None:
+    """Of two people who differ, each judged by the fit to the other, 68 % of hidden joints are within one."""
+    near, far = drawn(6, "s1"), drawn(7, "s2")
+    far.apart[far.evidence[..., 0] < 0.5] *= 2.0
+    found = fit([near, far]).unseen
+    assert found > 0.0
+    assert fit([near]).unseen == 0.0
+    within = []
+    for one, other in ((near, far), (far, near)):
+        judged = replace(fit_functions([other]), unseen=found).judge(one)[..., 1]
+        within.append((distances([one])[0] < np.exp(judged))[one.evidence[..., 0] < 0.5])
+    assert np.mean(within[0].tolist() + within[1].tolist()) == pytest.approx(0.683, abs=0.01)
+
+
+def test_a_fit_from_far_off_comes_to_rest() -> None:
+    """Where joints are hardly ever off and much is given, whole Newton steps would run away."""
+    rng = np.random.default_rng(8)
+    evidence, given = rng.normal(size=(20_000, 3)), rng.normal(-2.0, 6.0, size=20_000)
+    chance = 1.0 / (1.0 + np.exp(-(evidence @ (3.0, -2.0, 0.0) + given - 5.0)))
+    off = rng.random(20_000) < chance
+    found = fit_logistic(evidence, off, given)
+    fitted = 1.0 / (1.0 + np.exp(-(found[0] + evidence @ found[1:] + given)))
+    assert fitted.mean() == pytest.approx(off.mean(), rel=1e-6)
+    assert found[1] > 1.0
+    assert found[2] < -0.5
 
 
 def test_a_persons_constant_offset_counts_for_nothing_and_an_exact_truth_has_none() -> None:

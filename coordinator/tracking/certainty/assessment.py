@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.certainty.evidence import CLUES
-from coordinator.tracking.certainty.fitted import DEVIATION, FITTED, PROBABILITY
+from coordinator.tracking.certainty.fitted import DEVIATION, FITTED, PROBABILITY, UNSEEN
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,8 @@ as `--method gradient` loses it. Of the joints of subjects 1 and 2 that are in p
 MUCH_LEFT = -4.83  # as the clue has it: 60 cm^2
 MOST_LEFT = 0.8  # e-folds beyond it that count
 
-LEFT = CLUES.index("unexplained")
+LEFT, SHOWN = CLUES.index("unexplained"), CLUES.index("shown")
+HIDDEN = 0.5  # share of a joint's surface below which it is hidden, and farther off of people not fitted
 
 
 def conclude(evidence: Array, verdict: Array) -> Certainty:
@@ -41,6 +42,8 @@ def judge_evidence(evidence: Array) -> Array:
     _, _, off, deviation = table()
     within = limit(evidence)
     fitted = np.stack([PROBABILITY + within @ off, DEVIATION + within @ deviation], axis=-1)
+    hidden = np.nan_to_num(evidence[..., SHOWN]) < HIDDEN
+    fitted[..., 1] += UNSEEN * hidden
     return fitted + add_left_over(evidence)
 
 
