@@ -21,6 +21,7 @@ from coordinator.tracking.certainty.assessment import conclude, judge_evidence, 
 from coordinator.tracking.certainty.certainty import FLAGGED, PROBABLE, SUSPECTED, Certainty
 from coordinator.tracking.certainty.evidence import CLUES, Sighted, weigh_evidence
 from coordinator.tracking.certainty.regions import regions_of
+from coordinator.tracking.certainty.unexplained import NEAR, find_left_over
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.status import explain_doubt, judge
@@ -210,3 +211,14 @@ def test_status_follows_from_the_joints(off: list[float], word: str, why: str) -
     certainty = Certainty(np.ones(3), np.array(off), np.full(3, 0.05))
     assert judge(Watch(), np.ones(1), np.zeros((1, 3, 3)), certainty) == word
     assert explain_doubt(("head", "left_knee", "left_hip"), certainty) == why
+
+
+def test_what_is_left_over_is_far_from_all_of_the_body() -> None:
+    """By numpy, point by point: some are near vertices that come late, some near none."""
+    rng = np.random.default_rng(3)
+    points, vertices = 0.3 * rng.normal(size=(200, 3)), 0.3 * rng.normal(size=(400, 3))
+    left = np.empty(len(points), dtype=np.bool_)
+    find_left_over(points, vertices, 0.5, left)
+    apart = np.linalg.norm((points[:, None] - vertices) * (1.0, 1.0, 0.5), axis=-1)
+    assert 0.1 < left.mean() < 0.9
+    np.testing.assert_array_equal(left, apart.min(axis=1) > NEAR)

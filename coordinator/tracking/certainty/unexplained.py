@@ -36,17 +36,12 @@ def unexplained_points(posed: Array, subject: SubjectFrame, stretch: float) -> t
 
 @numba.njit(cache=True, nogil=True)
 def find_left_over(points: Array, vertices: Array, stretch: float, left: NDArray[np.bool_]) -> None:
-    """Fill left (P,): whether a point (P, 3) is far from all vertices (V, 3).
-
-    Each point is held first against the vertex that was near the one before it, and those that follow.
-    """
-    near = 0
+    """Fill left (P,): whether a point (P, 3) is far from all vertices (V, 3)."""
     for p in range(len(points)):
         left[p] = True
-        for k in range(len(vertices)):
-            v = near + k if near + k < len(vertices) else near + k - len(vertices)
+        for v in range(len(vertices)):
             x, y = vertices[v, 0] - points[p, 0], vertices[v, 1] - points[p, 1]
             z = (vertices[v, 2] - points[p, 2]) * stretch
             if x * x + y * y + z * z <= NEAR * NEAR:
-                left[p], near = False, v
+                left[p] = False
                 break
