@@ -3,6 +3,7 @@
 GepfError
 ├── InputError       the user's input is at fault; the message says what and how to mend it (exit code 2)
 ├── ProtocolError    a message on the wire makes no sense or cannot be served
+│   └── VersionError it is of another version of the protocol
 └── BusError         the transport failed
     └── NoWorkers    nobody is there to refine particles, and the wait for one is over
 """
@@ -18,6 +19,10 @@ class InputError(GepfError):
 
 class ProtocolError(GepfError):
     """A message on the wire is malformed, too large, of another version, or cannot be served."""
+
+
+class VersionError(ProtocolError):
+    """A message is of another version of the protocol: gepf is not the same on both sides."""
 
 
 class BusError(GepfError):

@@ -10,7 +10,7 @@ import msgpack  # type: ignore[import-untyped]
 import msgspec
 
 from common.camera import Intrinsics
-from common.errors import ProtocolError
+from common.errors import ProtocolError, VersionError
 from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
@@ -131,7 +131,7 @@ def decode(payload: bytes, *kinds: type[M]) -> M:
     try:
         version = HEADER.decode(payload).version
         if version != expected:
-            raise ProtocolError(f"the message is of protocol version {version}, expected {expected}")
+            raise VersionError(f"the message is of protocol version {version}, expected {expected}")
         message: M = decoder_of(kinds).decode(payload)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
         tags = " or ".join(str(kind.__struct_config__.tag) for kind in kinds)

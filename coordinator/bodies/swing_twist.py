@@ -40,18 +40,17 @@ def swing_twist(rotations: Rotation) -> tuple[Array, Array]:
 def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
     """The same swings (N, 2), or a full turn less the other way about, whichever is nearer to `reference`.
 
-    A limb's are forward and outward: of both ways about, not the one that no limb goes.
+    Where a limb hops, farther than `BEHIND` either way, it is not the way that no limb goes: backward or inward.
     """
     angle = np.linalg.norm(swings, axis=-1, keepdims=True)
     other = swings * (1.0 - FULL_TURN / np.maximum(angle, 1e-9))
     reach = FULL_TURN - angle
-    nearer = np.linalg.norm(other - reference, axis=-1, keepdims=True) < np.linalg.norm(
-        swings - reference, axis=-1, keepdims=True
-    )
-    wound = (reach <= FARTHEST) & nearer
+    far, other_far = (np.linalg.norm(s - reference, axis=-1, keepdims=True) for s in (swings, other))
+    wound = (reach <= FARTHEST) & (other_far < far)
     if limb:
         behind, other_behind = (np.min(s, axis=-1, keepdims=True) < -BEHIND for s in (swings, other))
-        wound = (wound & (behind | ~other_behind)) | (behind & ~other_behind & (reach <= OVERHEAD))
+        forced = (wound & (behind | ~other_behind)) | (behind & ~other_behind & (reach <= OVERHEAD))
+        wound = np.where(np.where(wound, other_far, far) > BEHIND, forced, wound)
     return np.where(wound, other, swings)
 
 

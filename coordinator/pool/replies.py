@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from common.errors import ProtocolError
+from common.errors import ProtocolError, VersionError
 from common.protocol.messages import decode_refusal
 from coordinator.pool.dispatch.events import Ended, Event, Refused, Unavailable
 
@@ -22,6 +22,8 @@ def read_refusal(ticket: int, payload: bytes) -> Event:
     """A worker's reason, or the end of a request of which the bus itself knows no more."""
     try:
         refusal = decode_refusal(payload)
+    except VersionError as error:
+        return Refused(ticket, f"{error}; install the same gepf on both sides")
     except ProtocolError:
         return Ended(ticket)
     return (Unavailable if refusal.retryable else Refused)(ticket, refusal.reason)

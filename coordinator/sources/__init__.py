@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from common.errors import InputError
@@ -18,6 +19,9 @@ from coordinator.sources.stereo import LEFT, RIGHT, StereoFolder
 from coordinator.sources.utd_mhad import UtdMhadFile
 
 __all__ = ["ArraySource", "Format", "Source", "find_format", "open_source"]
+
+
+MOST_LOOKED_AT = 200  # entries of a folder, for a hint
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +126,14 @@ def within(folder: Path) -> str:
 
     A `.npz` may be a truth or a track, and is not proposed.
     """
-    inside = sorted(folder.iterdir()) if folder.is_dir() else []
-    likely = (each for each in inside if each.suffix.lower() != ".npz")
-    first = next((each for each in likely if any(form.fits(each) for form in FORMATS)), None)
+    inside = sorted(islice(folder.iterdir(), MOST_LOOKED_AT)) if folder.is_dir() else []
+    first = next((each for each in inside if each.suffix.lower() != ".npz" and is_known(each)), None)
     return "" if first is None else f"{first}, or "
+
+
+def is_known(path: Path) -> bool:
+    """Whether something is in a format that is read; not if it cannot be looked at."""
+    try:
+        return any(form.fits(path) for form in FORMATS)
+    except OSError:
+        return False

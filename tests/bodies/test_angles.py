@@ -167,6 +167,20 @@ def test_an_arm_swung_over_the_head_goes_on(angles: Angles) -> None:
     assert found[-1, angles.names.index("left_shoulder_flexion")] == pytest.approx(220.0)
 
 
+@pytest.mark.parametrize("cone", [15.0, 25.0, 40.0])
+def test_a_swing_that_goes_round_the_vertical_never_leaps(cone: float) -> None:
+    """An arm that circles over the head is followed in small steps: only a hop is held against what limbs do."""
+    round_it = np.radians(np.linspace(0.0, 360.0, 73))
+    bone = np.stack([np.cos(round_it), np.zeros(73), np.sin(round_it)], axis=1)
+    across = Rotation.from_rotvec(bone * np.radians(180.0 - cone))
+    swings, _ = swing_twist(across)
+    followed = [swings[:1]]
+    for swing in swings[1:]:
+        followed.append(nearest_swing(swing[None], followed[-1], limb=True))
+    steps = np.abs(np.diff(np.degrees(np.concatenate(followed)), axis=0))
+    assert steps.max() < 20.0
+
+
 def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None:
     """The pelvis' turn is counted on, and forward tilt stays that of the person's own front."""
     poses = np.zeros((100, len(angles.dof_names)))

@@ -19,7 +19,7 @@ from common.body import BodyModel
 from common.errors import BusError, InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
-from common.protocol.messages import decode_refusal, encode_request
+from common.protocol.messages import decode_refusal, encode_refusal, encode_request
 from common.protocol.wire import PROTOCOL
 from common.refinement import Refined, concatenate
 from common.settings import RefineSettings
@@ -314,6 +314,20 @@ def test_bad_worker_does_not_spoil_the_result(
             for number in range(3):
                 assert refined_bytes(refiner, number) == expected(number)
         assert (refiner.statistics.replies_malformed > 0) == malformed
+
+
+def test_a_worker_of_another_version_is_named(endpoint: str) -> None:
+    """A run with nobody else ends with what to do; beside others it is counted, and the bytes are the same."""
+    other = encode_refusal("cannot read it").replace(b"version" + bytes([PROTOCOL]), b"version\x02")
+    with pool(endpoint) as refiner, answering(endpoint, "old", lambda request: request.refuse(other)):
+        refiner.wait_for(1)
+        refiner.publish(frame(1))
+        with pytest.raises(ProtocolError, match="version 2, expected .*install the same gepf"):
+            refiner.submit(MODEL, POSES, SETTINGS).result()
+        with serving(endpoint, "good"):
+            refiner.wait_for(2)
+            assert refined_bytes(refiner, 2) == expected(2)
+        assert refiner.statistics.batches_refused > 0
 
 
 def test_of_many_answers_the_first_counts(endpoint: str) -> None:

@@ -105,6 +105,20 @@ def test_what_is_not_told_apart_is_ambiguous() -> None:
     assert judge(doubted.searched(alike=False), weights, joints, sure) == "tracked"
 
 
+def test_a_frame_without_anybody_is_not_said_to_look_alike() -> None:
+    """Whoever was in doubt before is gone."""
+    gone = Watch().searched(alike=True).saw_nobody()
+    assert not gone.alike
+    assert gone.reason == ""
+
+
+def test_both_ways_come_the_likeliest_first() -> None:
+    """Also where who faces the other way was left out for being near a likelier one."""
+    found = standing([-1.0, -2.0, -2.1, -30.0], FRONT, 0.25 * np.pi, 0.5 * np.pi + 0.05, -0.7)
+    kept = both_ways(found, NAMES, 3, 0.2).log_likelihood
+    assert kept.tolist() == sorted(kept, reverse=True)
+
+
 def test_a_posture_is_recalled_where_the_body_is_now() -> None:
     """As it was and turned by quarters, within a hand's breadth of where it is."""
     there = poses(SIDE)

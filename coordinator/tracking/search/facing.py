@@ -37,11 +37,11 @@ def turned_round(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[
 
 def both_ways(standing: Standing, names: tuple[str, ...], count: int, apart: float) -> Standing:
     """The likeliest that differ, and the likeliest that faces the other way, if none of them does."""
-    best = standing.best(count, apart)
-    turned = np.flatnonzero(turned_round(names, standing.joints, standing.joints[0]))
-    if not len(turned) or turned_round(names, best.joints, best.joints[0]).any():
-        return best
-    return best.with_others(standing.take(turned[:1]))
+    kept = standing.differing(count, apart)
+    turned = turned_round(names, standing.joints, standing.joints[0])
+    if not turned[kept].any():
+        kept = np.sort(np.append(kept, np.flatnonzero(turned)[:1]))
+    return standing.take(kept)
 
 
 def told_apart(names: tuple[str, ...], standing: Standing, body: Array, log_likelihood: float) -> bool:

@@ -132,7 +132,7 @@ class Search:
         """The poses that explain a frame best, of a body of this size or, for None, of any.
 
         Most candidates are for the first of the ways up. Others are in the pose in which the body was seen
-        `last` (D,), moved and turned. Who faces the other way is tried to the end.
+        `last` (D,), moved and turned. Of a size that is known, who faces the other way is tried to the end.
         """
         size = size or self._known
         sizes = [size] if size else list(ANY)

@@ -44,22 +44,16 @@ class Standing:
 
     def best(self, count: int, apart: float) -> Standing:
         """The likeliest that differ from all likelier ones by more than `apart` metres in the mean joint."""
+        return self.take(self.differing(count, apart))
+
+    def differing(self, count: int, apart: float) -> NDArray[np.int64]:
+        """Where these are, ascending."""
         kept: list[int] = []
         for n in range(len(self.poses)):
             distances = np.linalg.norm(self.joints[kept] - self.joints[n], axis=-1).mean(axis=-1)
             if len(kept) < count and np.all(distances > apart):
                 kept.append(n)
-        return self.take(np.array(kept, dtype=np.int64))
-
-    def with_others(self, others: Standing) -> Standing:
-        """These and others, which are less likely than all of them."""
-        return Standing(
-            np.concatenate([self.poses, others.poses]),
-            np.concatenate([self.sizes, others.sizes]),
-            np.concatenate([self.log_likelihood, others.log_likelihood]),
-            np.concatenate([self.residual, others.residual]),
-            np.concatenate([self.joints, others.joints]),
-        )
+        return np.array(kept, dtype=np.int64)
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:

@@ -70,7 +70,7 @@ class Watch:
 
     def saw_nobody(self) -> Self:
         """After a frame that shows nobody, or not where the body was."""
-        return replace(self, seeks=True, pause=0, failures=0, why="")
+        return replace(self, seeks=True, pause=0, failures=0, why="", alike=False)
 
     def waited(self) -> Self:
         """After a frame in which an unknown body was not looked for."""
