@@ -40,7 +40,7 @@ def swing_twist(rotations: Rotation) -> tuple[Array, Array]:
 def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
     """The same swings (N, 2), or a full turn less the other way about, whichever is nearer to `reference`.
 
-    Where a limb hops, farther than `BEHIND` either way, it is not the way that no limb goes: backward or inward.
+    Where a limb hops by more than `BEHIND`, it is not the way that no limb goes, backward or inward.
     """
     angle = np.linalg.norm(swings, axis=-1, keepdims=True)
     other = swings * (1.0 - FULL_TURN / np.maximum(angle, 1e-9))

@@ -169,7 +169,7 @@ def test_an_arm_swung_over_the_head_goes_on(angles: Angles) -> None:
 
 @pytest.mark.parametrize("cone", [15.0, 25.0, 40.0])
 def test_a_swing_that_goes_round_the_vertical_never_leaps(cone: float) -> None:
-    """An arm that circles over the head is followed in small steps: only a hop is held against what limbs do."""
+    """An arm that circles over the head goes in small steps: only a hop is held against what limbs do."""
     round_it = np.radians(np.linspace(0.0, 360.0, 73))
     bone = np.stack([np.cos(round_it), np.zeros(73), np.sin(round_it)], axis=1)
     across = Rotation.from_rotvec(bone * np.radians(180.0 - cone))

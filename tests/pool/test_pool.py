@@ -317,12 +317,12 @@ def test_bad_worker_does_not_spoil_the_result(
 
 
 def test_a_worker_of_another_version_is_named(endpoint: str) -> None:
-    """A run with nobody else ends with what to do; beside others it is counted, and the bytes are the same."""
+    """A run with nobody else ends with what to do; beside others it is counted, with the same bytes."""
     other = encode_refusal("cannot read it").replace(b"version" + bytes([PROTOCOL]), b"version\x02")
     with pool(endpoint) as refiner, answering(endpoint, "old", lambda request: request.refuse(other)):
         refiner.wait_for(1)
         refiner.publish(frame(1))
-        with pytest.raises(ProtocolError, match="version 2, expected .*install the same gepf"):
+        with pytest.raises(ProtocolError, match=r"version 2, expected .*install the same gepf"):
             refiner.submit(MODEL, POSES, SETTINGS).result()
         with serving(endpoint, "good"):
             refiner.wait_for(2)

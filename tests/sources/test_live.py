@@ -231,6 +231,7 @@ def until_recorded(out: Path) -> Callable[[threading.Event], None]:
 def track_live(where: str, out: Path, *options: str) -> int:
     """`gepf track` of the plate in the stream, without workers of its own."""
     given = {"--out": out, "--workers": 0, "--listen": where, "--particles": 20, **plate(out.parent)}
+    given |= {"--idle-timeout": 60}  # should the end be lost, no test waits for ever
     return main(["track", f"zenoh:{KEY}", *(str(part) for pair in given.items() for part in pair), *options])
 
 
@@ -380,7 +381,7 @@ def recording(tmp_path: Path) -> Path:
 
 def tracking(where: str, tmp_path: Path) -> list[str]:
     """`gepf track` of the plate on the workers of others."""
-    given = {"--workers": 0, "--listen": where, **plate(tmp_path)}
+    given = {"--workers": 0, "--listen": where, "--idle-timeout": 60, **plate(tmp_path)}
     options = [str(part) for pair in given.items() for part in pair]
     return ["track", f"zenoh:{KEY}", "--out", str(tmp_path / "run"), *options]
 
