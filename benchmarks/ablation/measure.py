@@ -83,18 +83,24 @@ def alone(work: Callable[[Job], list[Trial]], job: Job) -> list[Trial] | Crash:
 
 
 def finished(choice: Choice) -> list[Trial]:
-    """The trials of the file, if they are of the same settings and frames; else none."""
+    """The trials of the file, none if there is none; InputError if they are of other settings or frames."""
     if not choice.out.is_file():
         return []
     try:
         before = msgspec.json.decode(choice.out.read_bytes(), type=Ablation)
-    except msgspec.DecodeError:
-        return []
+    except msgspec.DecodeError as error:
+        raise InputError(
+            f"{choice.out} is no result of this benchmark; give another file with --out"
+        ) from error
     rows = {row.name for row in choose_rows(choice.only)}
     same = (before.settings, before.every, before.frames, {one.row for one in before.effects}) == (
         PRESETS["default"], choice.every, choice.frames, rows
     )  # fmt: skip
-    return before.trials if same else []
+    if not same:
+        raise InputError(
+            f"{choice.out} holds trials of other settings, rows or frames; give another file with --out"
+        )
+    return before.trials
 
 
 def choose_jobs(choice: Choice) -> list[Job]:

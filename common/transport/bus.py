@@ -150,8 +150,8 @@ class Bus(Closing):
         deadline = time.monotonic() + within
         with mapped("looking at links"):
             links = self._session.info.declare_link_events_listener(history=True)
-            while time.monotonic() < deadline:
-                if links.try_recv() is not None:
-                    return True
+            while links.try_recv() is None:
+                if time.monotonic() >= deadline:
+                    return False
                 time.sleep(0.02)
-        return False
+        return True

@@ -1,4 +1,4 @@
-"""A twist that only a bent joint further on shows: an upper arm's rotation, seen by the forearm.
+"""Angles that the picture may not show: an upper arm's rotation while the elbow is straight, an ankle's bend.
 
 While the elbow is straight, the forearm lies on the line that the arm turns about, and any rotation explains
 the picture as well. What the tracker reports then is chance. Such a twist is carried over from the frames

@@ -24,7 +24,7 @@ from coordinator.sources import open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import select_frames
 
-LOOK = 0.05  # seconds between looks for a listener
+LOOK = 0.05  # seconds between looks for a listener, and for a look at links
 FASTEST = 1000.0  # frames per second
 
 

@@ -79,8 +79,9 @@ class ZenohRefiner:
             self._bus = stack.enter_context(
                 open_coordinator([*own, *pool.listen_endpoints], pool.connect_endpoints, pool.security)
             )
-            if pool.connect and not self._bus.is_linked(within=LOOK):
-                self._report(f"nobody answers at {pool.connect} yet; trying on")
+            where = (pool.asked or pool).connect
+            if where and not self._bus.is_linked(within=LOOK):
+                self._report(f"nobody answers at {where} yet; trying on")
             self._publication = Publication(self._bus, self.run)
             self._bus.announce(keys.run_alive(self.run))
             names = [f"{self.run}-0"] if pool.lanes else []

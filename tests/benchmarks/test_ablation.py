@@ -110,16 +110,18 @@ def test_the_table_replaces_what_stands_between_the_marks(tmp_path: Path) -> Non
 
 
 def test_a_run_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
-    """Trials of the same settings and frames are kept; those of others, or of an older form, are not."""
+    """Trials of the same settings and frames are kept; a file of others is left alone."""
     out = tmp_path / "ablation.json"
     trials = [trial("a3_s1", 0, row.name, 90.0) for row in choose_rows()]
     assert finished(choice(out)) == []
     keep(summarise(choice(out), trials), out)
     assert finished(choice(out)) == trials
-    assert finished(choice(out, frames=10)) == []
-    assert finished(choice(out, only=("explore",))) == []
+    for asked in (choice(out, frames=10), choice(out, only=("explore",))):
+        with pytest.raises(InputError, match="trials of other settings"):
+            finished(asked)
     out.write_text('{"effects": []}')
-    assert finished(choice(out)) == []
+    with pytest.raises(InputError, match="give another file with --out"):
+        finished(choice(out))
 
 
 @pytest.mark.skipif(not (DATA / "utd_mhad").exists(), reason="the UTD-MHAD data are not there")

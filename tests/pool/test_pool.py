@@ -247,13 +247,13 @@ def test_run_says_that_it_waits(endpoint: str) -> None:
 @pytest.mark.parametrize(("lanes", "says"), [(1, "the local worker is not ready yet"), (0, "no worker is")])
 def test_runs_that_share_a_worker_say_that_it_is_not_ready(endpoint: str, lanes: int, says: str) -> None:
     """They wait for the pool's own, if it has one; others are invited to where the user said."""
-    asked = Pool(workers=lanes, listen="tcp/host:7447")
+    asked = Pool(workers=lanes, listen="tcp/host:7447", connect="tcp/router:7447")
     options = Pool(workers=0, connect=endpoint, worker_timeout=0.6, patience=0.1, asked=asked)
     said: list[str] = []
     invitation = "gepf-worker --connect tcp/host:7447"
     with ZenohRefiner(options, said.append) as refiner, pytest.raises(NoWorkers, match=invitation):
         refined_bytes(refiner, 1)
-    assert said[0] == f"nobody answers at {endpoint} yet; trying on"
+    assert said[0] == "nobody answers at tcp/router:7447 yet; trying on"
     assert said[1].startswith(says)
 
 

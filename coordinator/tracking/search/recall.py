@@ -13,7 +13,7 @@ from coordinator.tracking.search.signature import CELL, COLUMNS, ROWS, sign
 
 Array = NDArray[np.float64]
 
-TURNS = 4  # about its own upright axis
+TURNS = 4  # about the root's second axis, which is upright in a person
 VERTICES = 1700  # of the surface, that are enough to fill the cells
 
 
@@ -29,7 +29,7 @@ def recall(model: BodyModel, pose: Array, points: Array) -> Alike:
 
 
 def turned(pose: Array) -> Array:
-    """A pose (D,) turned about the body's own upright axis (TURNS, D), evenly all round."""
+    """A pose (D,) turned about its root's second axis (TURNS, D), evenly all round."""
     poses = np.tile(pose, (TURNS, 1))
     for n, each in enumerate(poses):
         about = euler_matrix(np.array([0.0, 2.0 * np.pi * n / TURNS, 0.0]))
@@ -38,7 +38,7 @@ def turned(pose: Array) -> Array:
 
 
 def middle(points: Array) -> Array:
-    """The middle (3,) of what is seen of points (P, 3) along the third axis, as the library has it."""
+    """The middle (3,) of what is seen of points (P, 3) along the third axis, as people's library has it."""
     found = np.empty(3)
     sign(np.ascontiguousarray(points), CELL, np.empty((ROWS, COLUMNS), dtype=np.float32), found)
     return found

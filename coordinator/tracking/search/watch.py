@@ -19,7 +19,7 @@ REMEMBERED = 60
 LEFT = 0.35  # share of the body's pixels that is next to nothing, if somebody is seen elsewhere
 COMPANY = "somebody else is in contact, or was near: --people 2 tracks both"
 LOOKS_ALIKE = "front and back look alike: it may face the other way"
-AGAIN = 5  # frames between searches while front and back look alike
+AGAIN = 5  # while front and back look alike it is searched again in every frame of this many since a find
 CHOOSY = 6  # searches in which only what explains the frame well is believed
 
 

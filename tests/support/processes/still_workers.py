@@ -58,7 +58,7 @@ class StillWorkers:
     def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
         """The same poses, all equally likely."""
         assert all(poses.shape[1] == len(part.model.dof_names) for part in parts_of(body, len(poses)))
-        assert settings.noise_depth > 0.0
+        assert settings.noise_depth >= settings.noise_lateral
         return Ready(Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01)))
 
     @contextmanager
