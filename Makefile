@@ -21,7 +21,7 @@ demo: setup ## people who move fast, tracked with one particle and with many; ta
 
 test: setup ## the tests, on two cores; kernels are compiled before
 	$(BIN)/python -m tests.support.kernel.warm_kernel
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile --max-worker-restart 0
 
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow --timeout 3600

@@ -45,6 +45,17 @@ def test_noise_that_is_a_million_times_another() -> None:
     assert np.all(np.isfinite(refined.log_likelihood))
 
 
+@pytest.mark.parametrize("error", [1e4, 1e6])
+def test_where_there_is_no_sample_no_point_comes_from(error: float) -> None:
+    """Not even if depth may err by a thousand kilometres, of which a missing sample is no farther away."""
+    settings = RefineSettings(sensor="camera", noise_depth=error)
+    for beside in (0.0, 0.5, 1.5):
+        poses = POSES[:3] + beside * np.eye(POSES.shape[1])[0]
+        refined = refine(MODEL, observe(tiny_frame()), poses, settings)
+        decode_refined(encode_refined(refined), poses.shape)
+        assert np.all(np.isfinite(refined.log_likelihood))
+
+
 @pytest.mark.parametrize("ratio", [1e4, 1e6])
 def test_mean_distance_is_none_below_zero(ratio: float) -> None:
     """With depth stretched a lot, which rounds away all else, a residual is still a number."""

@@ -150,7 +150,7 @@ def accumulate_wrenches(
     nearer, least = 1.0 / grid.focal, LEAST_RESPONSIBILITY * total
     for r in range(side):
         for c in range(side):
-            if densities[r * side + c, i] < least:
+            if not densities[r * side + c, i] >= least:  # or it is no number
                 continue
             row, column = rays.row[i] + r, rays.column[i] + c
             s = grid.links[row, column]

@@ -192,7 +192,7 @@ def sample_densities(
         for c in range(side):
             for i in range(BLOCK):
                 z = densities[r * side + c, i]
-                away, area = depth[i] - z, areas * z * z
+                away, area = depth[i] - z, areas * z * z if z < FAR else np.float32(0.0)
                 squares = across[0, c, i] + across[1, r, i]
                 passing = decay(exponent * away * away - np.float32(0.5) * area * squares)
                 density = np.float32(0.15915494309) * area * passing
