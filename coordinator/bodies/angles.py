@@ -25,7 +25,7 @@ from coordinator.bodies.human.anatomy import (
     whole_body,
 )
 from coordinator.bodies.human.mpeg4 import JOINT_ANGLES
-from coordinator.bodies.levers import SHOWN, carry_over, weigh
+from coordinator.bodies.levers import SHOWN
 from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
 
 Array = NDArray[np.float64]
@@ -91,30 +91,18 @@ class Angles:
             if {f"{side}_shoulder_rotation", f"{side}_elbow_flexion"} <= set(names)
         }
 
-    @property
-    def shown_by_feet(self) -> list[int]:
-        """Rotations of the thighs and flexions of the ankles: a foot of few points is all that shows them."""
-        return [a for a, name in enumerate(self.names) if name.endswith(("_hip_rotation", "_ankle_flexion"))]
+    def follow(self, poses: Array) -> Array:
+        """Angles (F, A) of the poses (F, D) of successive frames, each on the turn nearest to the one before.
 
-    def follow(self, poses: Array, agreement: Array | None = None) -> Array:
-        """Angles (F, A) of the poses (F, D) of successive frames, each nearest to the frame before.
-
-        An upper arm's rotation is carried over where its elbow is straight (`coordinator.bodies.levers`), and
-        it, a thigh's and the bend of an ankle where the hypotheses disagree about them: `agreement` (F, A) is
-        1 where they do not.
+        A rotation that nothing shows, as the elbow is straight, does not say on which turn the next one is.
         """
         angles = self.measure(poses)
-        trust = np.ones_like(angles) if agreement is None else agreement
         last = angles[0].copy() if len(angles) else np.empty(0)
         for frame in angles:
             frame[:] = self.near(frame[None], last)[0]
             hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN]
             seen = np.delete(np.arange(len(frame)), hidden)
             last[seen] = frame[seen]
-        for twist, bend in self.levers.items():
-            angles[:, twist] = carry_over(angles[:, twist], weigh(angles[:, bend]) * trust[:, twist])
-        for shown in self.shown_by_feet:
-            angles[:, shown] = carry_over(angles[:, shown], trust[:, shown])
         return angles
 
     def _ball(self, ball: BallJoint, poses: Array) -> Array:

@@ -247,52 +247,6 @@ def test_both_shoulders_have_the_angles_of_the_isb(angles: Angles) -> None:
     assert np.allclose(found[0, [1, 4]], ARM_TILT)
 
 
-def test_a_rotation_that_nothing_shows_is_carried_over(angles: Angles) -> None:
-    """While the elbow is straight, the upper arm's rotation is that of the frames around."""
-    poses = np.zeros((30, len(angles.dof_names)))
-    elbow, twist = (angles.dof_names.index(f"r_{name}") for name in ("elbow_flexion", "shoulder_twisting"))
-    poses[:, elbow], poses[:, twist] = np.radians(80.0), np.radians(20.0)
-    poses[10:20, elbow] = np.radians(1.0)
-    poses[10:20, twist] = np.radians(np.resize([110.0, -110.0], 10))
-    found = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
-    assert np.allclose(found, 20.0, atol=4.0)
-
-
-def test_a_rotation_that_the_elbow_shows_stays(angles: Angles) -> None:
-    """With the elbow at a right angle, a swing of the forearm keeps its peaks within a degree."""
-    poses = np.zeros((60, len(angles.dof_names)))
-    poses[:, angles.dof_names.index("r_elbow_flexion")] = np.radians(90.0)
-    swung = 40.0 * np.sin(np.linspace(0.0, 4.0 * np.pi, 60))
-    poses[:, angles.dof_names.index("r_shoulder_twisting")] = np.radians(swung)
-    found = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_rotation")])
-    assert np.allclose(found, swung, atol=1.0)
-
-
-@pytest.mark.parametrize(
-    ("dof", "angle"),
-    [
-        ("r_shoulder_twisting", "right_shoulder_rotation"),
-        ("r_hip_twisting", "right_hip_rotation"),
-        ("r_ankle_flexion", "right_ankle_flexion"),
-    ],
-)
-def test_an_angle_about_which_hypotheses_disagree_is_carried_over(
-    angles: Angles, dof: str, angle: str
-) -> None:
-    """A hop that nobody agrees on goes, the same hop with all agreed stays, and no other angle changes."""
-    poses = np.zeros((30, len(angles.dof_names)))
-    poses[:, angles.dof_names.index("r_elbow_flexion")] = np.radians(30.0)
-    poses[15:18, angles.dof_names.index(dof)] = np.radians(70.0)
-    agreement = np.ones((30, len(angles.names)))
-    agreement[15:18] = 0.002
-    hopping = angles.names.index(angle)
-    sure, unsure = (np.degrees(angles.follow(poses, trust)) for trust in (None, agreement))
-    assert np.ptp(sure[:, hopping]) > 50.0
-    assert np.ptp(unsure[:, hopping]) < 15.0
-    others = np.delete(np.arange(len(angles.names)), hopping)
-    assert np.array_equal(sure[:, others], unsure[:, others])
-
-
 @pytest.mark.parametrize("backward", [20.0, 30.0, 80.0])
 def test_an_arm_found_again_over_the_head_is_not_said_to_be_behind(angles: Angles, backward: float) -> None:
     """A hop from behind the trunk to over the head: the shorter way would be backward, which no arm goes."""

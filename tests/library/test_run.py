@@ -30,11 +30,12 @@ def run(tmp_path: Path) -> gepf.Run:
 def test_angles_by_any_of_their_names(run: gepf.Run) -> None:
     """Plain, MPEG-4's and the ISB's, in radians or degrees; the error of an unknown name lists the known."""
     plain, mpeg4 = run.angle("right_elbow_flexion"), run.angle("r_elbow_flexion")
-    assert np.array_equal(plain, mpeg4)
+    known = np.arange(30) != 2  # where it is lost, only the pose keeps the guess
+    assert np.allclose(plain[known], mpeg4[known], atol=1e-9)
     assert np.array_equal(run.angle("right_elbow_flexion", degrees=True), np.degrees(plain))
     assert run.angle("left_shoulder_isb_elevation").shape == (30,)
     assert {"left_shoulder_isb_elevation"} < set(run.isb_angle_names)
-    assert run.angle_deviation("right_elbow_flexion", degrees=True)[0] == pytest.approx(8.0)
+    assert run.angle_deviation("right_elbow_flexion", degrees=True)[0] == pytest.approx(5.0)
     assert np.isnan(run.angle_deviation("right_elbow_flexion")[2])
     with pytest.raises(gepf.InputError, match="unknown angle 'elbow'; choose from pelvis_forward_tilt,"):
         run.angle("elbow")
@@ -114,7 +115,8 @@ def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
     with pytest.raises(gepf.InputError, match="unknown angle 'elbow'"):
         first.angle("elbow")
     run = gepf.load(tracker.save(estimates, tmp_path / "saved"))
-    assert run.angle("right_elbow_flexion", degrees=True)[0] == pytest.approx(elbow)
+    assert run.angle("r_elbow_flexion", degrees=True)[0] == pytest.approx(elbow)
+    assert run.angle("right_elbow_flexion", degrees=True)[0] == pytest.approx(elbow, abs=0.1)  # evened out
     assert run.summary["status"]["tracked"] == 2
     run.report()
     with pytest.raises(gepf.InputError, match="holds a run already"):

@@ -1,0 +1,138 @@
+"""Angles that a frame does not show are evened out with the frames around; those that are known stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.activation import activate
+from common.body import BodyModel
+from common.kinematics import joint_positions
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.results.recording.recorded import assemble
+from coordinator.results.track import Track
+from coordinator.tracking.certainty.certainty import Certainty
+from coordinator.tracking.estimate import Estimate, Status
+
+Array = NDArray[np.float64]
+
+SURE = 0.02  # metres
+
+
+@pytest.fixture
+def model() -> BodyModel:
+    """A person with the usual degrees of freedom."""
+    whole = human()
+    return activate(whole, DEFAULT_ACTIVE, np.zeros(len(whole.dof_names)))
+
+
+def standing(model: BodyModel, frames: int, **degrees: Array | float) -> Array:
+    """Poses (F, D), upright, with some degrees of freedom."""
+    poses = np.zeros((frames, len(model.dof_names)))
+    for dof, values in degrees.items():
+        poses[:, model.dof(dof)] = np.radians(values)
+    return poses
+
+
+def tracked(
+    model: BodyModel,
+    poses: Array,
+    others: Array | None = None,
+    off: dict[str, Array] | None = None,
+    unknown: tuple[int, ...] = (),
+) -> Track:
+    """The track of such poses (F, D), with other hypotheses (F, D) as likely, and with joints off (F,)."""
+    estimates = []
+    for f, pose in enumerate(poses):
+        shown = pose[None] if others is None else np.stack([pose, others[f]])
+        joints, deviation = joint_positions(model, pose[None])[0], np.full(len(model.joint_names), SURE)
+        for joint, metres in (off or {}).items():
+            deviation[model.joint_names.index(joint)] = metres[f]
+        certainty = Certainty(np.ones_like(deviation), np.zeros_like(deviation), deviation)
+        status: Status = "lost" if f in unknown else "tracked"
+        weights = np.full(len(shown), 1.0 / len(shown))
+        estimates.append(
+            Estimate(f, f / 30.0, status, pose, joints, shown, weights, 0.01, certainty=certainty)
+        )
+    return assemble(model, estimates)
+
+
+def angle(track: Track, name: str) -> tuple[Array, Array]:
+    """An angle (F,) and its deviation (F,), degrees."""
+    assert track.angle_names is not None
+    assert track.angle is not None
+    assert track.angle_deviation is not None
+    at = track.angle_names.index(name)
+    return np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
+
+
+def test_a_rotation_that_nothing_shows_is_that_of_the_frames_around(model: BodyModel) -> None:
+    """While the elbow is straight and what is reported hops by 220; it is said to be that unsure."""
+    elbow, twist = np.full(30, 80.0), np.full(30, 20.0)
+    elbow[10:20], twist[10:20] = 1.0, np.resize([110.0, -110.0], 10)
+    poses = standing(model, 30, r_elbow_flexion=elbow, r_shoulder_twisting=twist)
+    found, deviation = angle(tracked(model, poses), "right_shoulder_rotation")
+    assert np.allclose(found, 20.0, atol=7.0)
+    assert deviation[10:20].min() > 100.0
+
+
+def test_a_rotation_that_the_elbow_shows_stays(model: BodyModel) -> None:
+    """With the elbow at a right angle, a swing of the forearm keeps its peaks."""
+    swung = 40.0 * np.sin(np.linspace(0.0, 4.0 * np.pi, 60))
+    poses = standing(model, 60, r_elbow_flexion=90.0, r_shoulder_twisting=swung)
+    found, _ = angle(tracked(model, poses), "right_shoulder_rotation")
+    assert np.allclose(found, swung, atol=1.0)
+
+
+@pytest.mark.parametrize(
+    ("dof", "name"),
+    [
+        ("r_shoulder_twisting", "right_shoulder_rotation"),
+        ("r_hip_twisting", "right_hip_rotation"),
+        ("r_ankle_flexion", "right_ankle_flexion"),
+        ("l_elbow_flexion", "left_elbow_flexion"),
+    ],
+)
+def test_a_hop_on_which_hypotheses_disagree_is_evened_out(model: BodyModel, dof: str, name: str) -> None:
+    """The same hop with all agreed stays, and no angle of another limb changes."""
+    poses = standing(model, 30, r_elbow_flexion=30.0)
+    hopped = poses.copy()
+    hopped[15:18, model.dof(dof)] += np.radians(70.0)
+    sure, unsure = tracked(model, hopped), tracked(model, hopped, others=poses)
+    assert np.ptp(angle(sure, name)[0]) > 50.0
+    found, deviation = angle(unsure, name)
+    assert np.abs(np.diff(found)).max() < 40.0
+    assert deviation[15:18].min() > 40.0
+    assert np.allclose(angle(sure, "left_knee_flexion")[0], angle(unsure, "left_knee_flexion")[0], atol=0.01)
+
+
+def test_a_limb_that_is_found_again_does_not_hop(model: BodyModel) -> None:
+    """An elbow that was 130 degrees off for long, and known to be, comes back as fast as people move."""
+    bend, off = np.full(40, 5.0), np.full(40, SURE)
+    bend[20:], off[:20] = 135.0, 0.4
+    track = tracked(model, standing(model, 40, r_elbow_flexion=bend), off={"right_wrist": off})
+    found, deviation = angle(track, "right_elbow_flexion")
+    assert np.abs(np.diff(found)).max() < 60.0
+    assert np.allclose(found[20:], 135.0, atol=2.0)
+    assert found[0] == pytest.approx(5.0, abs=2.0)
+    assert deviation[:20].min() > 60.0
+    assert deviation[20:].max() < 10.0
+
+
+def test_a_fast_motion_that_is_seen_stays_as_it_is(model: BodyModel) -> None:
+    """A punch: 70 degrees from one frame to the next, all hypotheses and joints sure."""
+    bend = np.r_[np.full(10, 120.0), 50.0, np.full(10, 0.0)]
+    found, _ = angle(tracked(model, standing(model, 21, l_elbow_flexion=bend)), "left_elbow_flexion")
+    assert np.allclose(found, bend, atol=0.1)
+
+
+def test_angles_of_frames_in_which_the_body_is_lost_are_those_of_the_frames_around(model: BodyModel) -> None:
+    """What stands there is a guess; how far it is off is not said."""
+    bend = np.linspace(0.0, 90.0, 31)
+    guessed = bend.copy()
+    guessed[10:13] = 150.0
+    track = tracked(model, standing(model, 31, r_knee_flexion=guessed), unknown=(10, 11, 12))
+    found, deviation = angle(track, "right_knee_flexion")
+    assert np.abs(found - bend).max() < 40.0
+    assert np.isnan(deviation[10:13]).all()
