@@ -27,7 +27,7 @@ from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.search.watch import GIVEN
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
-    ENOUGH,
+    GUESS,
     LARGEST_STEP,
     Measured,
     Shown,
@@ -66,39 +66,41 @@ class InPart(StillWorkers):
         return ready
 
 
-def test_evidence_adds_up_to_the_least_squares_estimate() -> None:
-    """Frames whose log likelihoods are parabolas give the maximum of their sum and of what is usual."""
-    peaks, curvature = np.log([[1.60, 1.1], [1.64, 1.12], [1.62, 1.08]]), np.array([2000.0, 300.0])
+def test_evidence_adds_up_to_the_weighted_mean() -> None:
+    """Of the peaks of parabolas, however sharp, and of what is usual before."""
+    peaks, weights = np.log([[1.60, 1.1], [1.64, 1.12], [1.62, 1.08]]), np.array([0.5, 1.0, 0.25])
     measured = first = Measured.guessed(1.62, 1.07)
-    for n, peak in enumerate(peaks):
-        told = Shown(curvature * (peak - np.log(measured.about)), curvature, 0.5)
+    for n, (peak, weight) in enumerate(zip(peaks, weights, strict=True)):
+        curvature = np.array([2000.0, 300.0]) * (n + 1)
+        told = Shown(curvature * (peak - np.log(measured.about)), curvature, float(weight))
         measured = measured.after(told, 0.1 * n)
-    weight = 0.5 * curvature
-    expected = (first.pull + (weight * peaks).sum(axis=0)) / (first.information + 3.0 * weight)
+    expected = (GUESS * np.log(first.size) + weights @ peaks) / (GUESS + weights.sum())
     np.testing.assert_allclose(np.log(measured.size), expected)
-    assert (measured.frames, measured.weight) == (3, 1.5)
+    assert (measured.frames, measured.weight) == (3, 1.75)
 
 
 def test_no_frame_may_ask_for_much() -> None:
     """A flat or hollow log likelihood counts as a weak one, with a bounded step."""
     told = Shown(np.array([1e5, -1e5]), np.array([-100.0, 0.0]), 1.0)
     before = Measured.guessed(1.7, 1.07)
-    after = before.after(told, 0.0)
-    step = np.log(after.size) - np.log(before.size)
+    step = np.log(before.after(told, 0.0).size) - np.log(before.size)
     assert np.all(np.abs(step) < LARGEST_STEP)
-    assert np.all(after.information > before.information)
 
 
-def test_the_body_changes_a_few_times_and_then_no_more() -> None:
-    """After 2, 4, 8, ... frames, and when enough was seen; those closer than 0.1 s are passed."""
-    measured, changed = Measured.guessed(1.7, 1.07), []
-    for n in range(40):
+def test_frames_are_asked_ever_more_rarely() -> None:
+    """Twelve a tenth of a second apart, twelve a fifth, and so on; the body changes after every third."""
+    measured, asked, changed = Measured.guessed(1.7, 1.07), [], []
+    for n in range(20 * 30):
         if measured.asks(n / 30.0):
             measured = measured.after(Shown(np.zeros(2), np.ones(2), 1.0), n / 30.0)
+            asked.append(n)
             changed += [measured.frames] if measured.ripe else []
-    assert changed == [2, 4, 8, 12]
-    assert measured.done
-    assert measured.weight == ENOUGH
+    apart = np.diff(asked)
+    np.testing.assert_array_equal(apart[:11], 3)
+    np.testing.assert_array_equal(apart[11:23], 6)
+    np.testing.assert_array_equal(apart[23:35], 12)
+    assert changed == list(range(3, len(asked) + 1, 3))
+    assert 40 < len(asked) < 60  # of 600
 
 
 def test_bent_and_badly_explained_frames_count_less() -> None:

@@ -23,7 +23,7 @@ from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import Checkpoint
 
 HEAD = struct.Struct("<II")
-FORM = 8
+FORM = 9
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

@@ -1,11 +1,11 @@
 """A person's stature and girth from many frames: one frame alone is off by a few centimetres.
 
 Each frame is asked how likely it is with the body a little larger, smaller, thicker and thinner, the pose
-refined anew. Slope and curvature of the log likelihood in the logarithm of a measure are what the frame says
-of it; they add up, with what is usual before. Whoever stands upright shows stature: a frame counts less the
-more the body is bent, and the worse it is explained. Hypotheses keep their poses when the body changes,
-which is after 2, 4, 8, ... frames, until enough was seen. The sizes that frames are asked about stay the same
-until the person turns out to be of quite another one.
+refined anew. Slope and curvature of the log likelihood in the logarithm of a measure say which measure the
+frame asks for; what is known is the mean over frames. Whoever stands upright shows stature: a frame counts
+less the more the body is bent, and the worse it is explained. How curved a frame's likelihood is says little
+of how right it is, so it does not count. Hypotheses keep their poses when the body changes. The sizes that
+frames are asked about stay the same until the person turns out to be of quite another one.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from common.kinematics import joint_positions
 Array = NDArray[np.float64]
 
 USUAL_GIRTH = 1.07
-DEVIATIONS = (0.1, 0.1)  # of stature about the first guess, and of girth about the usual: shares
-ENOUGH = 12.0  # frames of an upright body
-LONGEST = 60  # frames that are asked at the most
-INTERVAL = 0.095  # seconds between them, at the least
+GUESS = np.array([0.1, 0.7])  # frames that the first guess of stature counts as, and the usual girth
+INTERVAL = 0.095  # seconds between frames that are asked, at the least
+RARER = 12  # frames after which they are twice as far apart, again and again
+CHANGES = 3  # frames after which the body changes
 FAR = 0.02  # share by which the size may be off those that frames are asked about
 LEAST_CURVATURE = np.array([300.0, 30.0])  # of a frame
 LARGEST_STEP = 0.06  # that a frame may ask for, as a share
-UPRIGHT = (0.90, 0.96)  # head to ankle, as a share of a straight body's: bent, and straight
-BENT = 0.05  # weight of a bent body's frame
+UPRIGHT = (0.97, 0.99)  # head to ankle, as a share of a straight body's: bent, and straight
+BENT = 0.01  # weight of a bent body's frame
 EXPLAINED = -10.0  # log likelihood from which on a frame counts in full
 
 
@@ -45,10 +45,9 @@ class Shown:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What is known of log stature (m) and log girth (2,): information, and information times estimate."""
+    """What is known of log stature (m) and log girth: their weighted sum (2,) over frames."""
 
-    information: Array
-    pull: Array
+    total: Array
     about: tuple[float, float]  # stature and girth about which frames are asked
     frames: int = 0
     weight: float = 0.0
@@ -57,35 +56,34 @@ class Measured:
     @classmethod
     def guessed(cls, stature: float, girth: float) -> Self:
         """Before any frame was asked: about this stature, and about the usual girth, whatever was found."""
-        information = 1.0 / np.square(DEVIATIONS)
-        return cls(information, information * np.log([stature, USUAL_GIRTH]), (stature, girth))
+        return cls(GUESS * np.log([stature, USUAL_GIRTH]), (stature, girth))
+
+    @property
+    def logarithms(self) -> Array:
+        """Log stature (m) and log girth (2,)."""
+        mean: Array = self.total / (GUESS + self.weight)
+        return mean
 
     @property
     def size(self) -> tuple[float, float]:
         """Stature in metres, and girth."""
-        stature, girth = np.exp(self.pull / self.information).tolist()
+        stature, girth = np.exp(self.logarithms).tolist()
         return stature, girth
 
     @property
     def is_far(self) -> bool:
         """Whether the size is quite another one than those that frames are asked about."""
-        off: Array = np.abs(self.pull / self.information - np.log(self.about))
+        off: Array = np.abs(self.logarithms - np.log(self.about))
         return bool(np.any(off > FAR))
 
     @property
     def ripe(self) -> bool:
-        """Whether it is time to change the body: after 2, 4, 8, ... frames, and at the end."""
-        doubled = self.frames >= 2 and self.frames & (self.frames - 1) == 0
-        return doubled or self.done
-
-    @property
-    def done(self) -> bool:
-        """Whether enough was seen."""
-        return self.weight >= ENOUGH or self.frames >= LONGEST
+        """Whether it is time to change the body."""
+        return self.frames > 0 and self.frames % CHANGES == 0
 
     def asks(self, time_s: float) -> bool:
-        """Whether the frame of this time is to be asked."""
-        return not self.done and not 0.0 <= time_s - self.time_s < INTERVAL
+        """Whether the frame of this time is to be asked: ever more rarely."""
+        return not 0.0 <= time_s - self.time_s < INTERVAL * 2.0 ** (self.frames // RARER)
 
     def passed(self, time_s: float) -> Self:
         """After a frame that was asked and gave no answer."""
@@ -95,11 +93,9 @@ class Measured:
         """With what a frame says that was asked."""
         curvature = np.maximum(shown.curvature, LEAST_CURVATURE)
         step = np.clip(shown.slope / curvature, -LARGEST_STEP, LARGEST_STEP)
-        information = shown.weight * curvature
         known = replace(
             self,
-            information=self.information + information,
-            pull=self.pull + information * (np.log(self.about) + step),
+            total=self.total + shown.weight * (np.log(self.about) + step),
             frames=self.frames + 1,
             weight=self.weight + shown.weight,
             time_s=time_s,
