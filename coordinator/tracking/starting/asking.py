@@ -16,7 +16,7 @@ from common.sizes import Body, Sized, Sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.starting.measuring import Shown, uprightness, weigh_frame
+from coordinator.tracking.starting.measuring import Measured, Shown, uprightness, weigh_frame
 from coordinator.tracking.starting.start import Start
 
 Array = NDArray[np.float64]
@@ -26,6 +26,7 @@ STEP = 0.04  # of a measure, as a share
 THICKER = 0.1  # than usual, of the second body from which those of all girths are made
 BETWEEN = (1.0, 1.0 + THICKER)  # girths of these two
 ROUNDS = 3  # of ICP for each body
+WITHOUT_GIRTH = 3  # variants: the body, one larger and one smaller
 CELL = 5.0 / (18.0 * np.sqrt(3.0))
 """Mean square distance of points of a surface from the nearest of its vertices, of the area of each."""
 
@@ -87,18 +88,22 @@ class Asker:
         in_sizes = self._bodies.people and self._bodies.measures is None
         return in_sizes and set(ROOT_DOFS) <= set(start.model.dof_names)
 
-    def ask(self, start: Start, about: Measures, pose: Array, rules: RefineSettings) -> Shown | None:
-        """What the frame says of a body of about these measures and this pose (D,).
+    def ask(self, start: Start, about: Measured, pose: Array, rules: RefineSettings) -> Shown | None:
+        """What the frame says of a body of about what is known and of this pose (D,).
 
         None where one of the sizes was not answered in time, or did not come to rest.
         """
-        variants, settings = self._vary(start, about), msgspec.structs.replace(rules, icp_iterations=ROUNDS)
-        poses = np.repeat(pose[None], len(variants.grains), axis=0)
-        refined = self._refiner.submit(variants.body, poses, settings).result()
-        fits = refined.log_likelihood + 0.5 * variants.grains / rules.likelihood_scale**2
+        variants, settings = (
+            self._vary(start, about.about),
+            msgspec.structs.replace(rules, icp_iterations=ROUNDS),
+        )
+        asked = len(variants.grains) if about.asks_girth else WITHOUT_GIRTH
+        body = replace(variants.body, sizes=variants.body.sizes[:asked])
+        refined = self._refiner.submit(body, np.repeat(pose[None], asked, axis=0), settings).result()
+        fits = refined.log_likelihood + 0.5 * variants.grains[:asked] / rules.likelihood_scale**2
         if not np.isfinite(fits).all():
             return None
-        here, (up, down) = float(fits[0]), fits[1:].reshape(2, 2).T
+        here, (up, down) = float(fits[0]), fits[1:].reshape(-1, 2).T
         weight = weigh_frame(uprightness(start.model, refined.poses[0]), here)
         return Shown((up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2, weight)
 

@@ -22,7 +22,7 @@ from common.kinematics import joint_positions
 Array = NDArray[np.float64]
 
 USUAL_GIRTH = 1.07
-GUESS = np.array([0.1, 0.7])  # frames that the first guess of stature counts as, and the usual girth
+GUESS = np.array([0.1, 0.35])  # frames that the first guess of stature counts as, and the usual girth
 INTERVAL = 0.095  # seconds between frames that are asked, at the least
 RARER = 12  # frames after which they are twice as far apart, again and again
 CHANGES = 3  # frames after which the body changes
@@ -36,7 +36,10 @@ EXPLAINED = -10.0  # log likelihood from which on a frame counts in full
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """What one frame says: slope and curvature (2,) of its log likelihood in log stature and log girth."""
+    """What one frame says: slope and curvature (K,) of its log likelihood in log stature and log girth.
+
+    Stature comes first; where it is alone (K = 1), nothing was asked about girth.
+    """
 
     slope: Array
     curvature: Array
@@ -45,23 +48,23 @@ class Shown:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What is known of log stature (m) and log girth: their weighted sum (2,) over frames."""
+    """What is known of log stature (m) and log girth: sums over frames, and their weights, (2,) each."""
 
     total: Array
+    weight: Array
     about: tuple[float, float]  # stature and girth about which frames are asked
     frames: int = 0
-    weight: float = 0.0
     time_s: float = -np.inf
 
     @classmethod
     def guessed(cls, stature: float, girth: float) -> Self:
         """Before any frame was asked: about this stature, and about the usual girth, whatever was found."""
-        return cls(GUESS * np.log([stature, USUAL_GIRTH]), (stature, girth))
+        return cls(GUESS * np.log([stature, USUAL_GIRTH]), GUESS, (stature, girth))
 
     @property
     def logarithms(self) -> Array:
         """Log stature (m) and log girth (2,)."""
-        mean: Array = self.total / (GUESS + self.weight)
+        mean: Array = self.total / self.weight
         return mean
 
     @property
@@ -81,6 +84,11 @@ class Measured:
         """Whether it is time to change the body."""
         return self.frames > 0 and self.frames % CHANGES == 0
 
+    @property
+    def asks_girth(self) -> bool:
+        """Whether the next frame is asked about girth, too: every other one."""
+        return self.frames % 2 == 0
+
     def asks(self, time_s: float) -> bool:
         """Whether the frame of this time is to be asked: ever more rarely."""
         return not 0.0 <= time_s - self.time_s < INTERVAL * 2.0 ** (self.frames // RARER)
@@ -91,15 +99,13 @@ class Measured:
 
     def after(self, shown: Shown, time_s: float) -> Self:
         """With what a frame says that was asked."""
-        curvature = np.maximum(shown.curvature, LEAST_CURVATURE)
+        asked = slice(len(shown.slope))
+        curvature = np.maximum(shown.curvature, LEAST_CURVATURE[asked])
         step = np.clip(shown.slope / curvature, -LARGEST_STEP, LARGEST_STEP)
-        known = replace(
-            self,
-            total=self.total + shown.weight * (np.log(self.about) + step),
-            frames=self.frames + 1,
-            weight=self.weight + shown.weight,
-            time_s=time_s,
-        )
+        total, weight = self.total.copy(), self.weight.copy()
+        total[asked] += shown.weight * (np.log(self.about)[asked] + step)
+        weight[asked] += shown.weight
+        known = replace(self, total=total, weight=weight, frames=self.frames + 1, time_s=time_s)
         return replace(known, about=known.size) if known.is_far else known
 
 

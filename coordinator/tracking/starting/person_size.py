@@ -44,8 +44,8 @@ class PersonSize:
             return
         poses, weights = belief.poses[:RECORDED], belief.weights[:RECORDED]
         if is_settled(watch, weights, joint_positions(start.model, poses)):
-            shown = self._asker.ask(start, self.measured.about, belief.poses[0], rules)
             known = self.measured
+            shown = self._asker.ask(start, known, belief.poses[0], rules)
             self.measured = known.passed(time_s) if shown is None else known.after(shown, time_s)
 
     def give(self, start: Start) -> Start:
