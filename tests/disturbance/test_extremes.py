@@ -25,7 +25,7 @@ from worker.kernel.icp import reject_diverged
 from worker.kernel.job import refine
 from worker.kernel.observation import observe
 from worker.kernel.surface import pack_model
-from worker.kernel.visibility import LARGEST_SIDE, make_visibility_buffers, rasterise_front
+from worker.kernel.visibility import LARGEST_SIDE, SPARE, make_visibility_buffers, rasterise_front
 from worker.warm_up import tiny_frame, tiny_model
 
 
@@ -102,7 +102,7 @@ def test_drawing_ends() -> None:
     view = make_visibility_buffers(3 * (full + 1))
     view.image[:] = np.tile(corners, (full + 1, 1))
     view.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
-    buffer = np.empty((side, side), dtype=np.float32)
+    buffer = np.empty((side, side + SPARE), dtype=np.float32)
     triangles = np.arange(3 * (full + 1), dtype=np.uint32).reshape(-1, 3)
     rasterise_front(view, triangles, 0, 0, buffer)
     assert np.all(view.front)

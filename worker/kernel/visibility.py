@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.bounds import MOST_PIXELS
 from common.kinematics.chain import forward_kinematics
+from worker.kernel.drawing import LANES, draw_row
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.tiles import pose_lanes
 
@@ -25,6 +26,7 @@ PIXEL = 0.012  # metres at the body's mean distance
 TOLERANCE = 0.03  # metres that a visible point may lie behind the depth buffer
 NEAR = 0.1  # metres; what is closer to the camera's plane is not drawn
 LARGEST_SIDE = 512  # pixels
+SPARE = LANES - 1  # pixels at the end of each row, in which nothing is
 
 
 class VisibilityBuffers(NamedTuple):
@@ -33,7 +35,7 @@ class VisibilityBuffers(NamedTuple):
     posed: Array  # (V, 3) metres, camera frame
     image: Array  # (V, 2) pixels of the depth buffer
     front: NDArray[np.bool_]  # (V,) part of a triangle that faces us
-    buffer: NDArray[np.float32]  # (LARGEST_SIDE ** 2,)
+    buffer: NDArray[np.float32]  # (LARGEST_SIDE * (LARGEST_SIDE + SPARE),)
     visible: Numbers  # (V,)
 
 
@@ -43,7 +45,7 @@ def make_visibility_buffers(vertices: int) -> VisibilityBuffers:
         np.empty((vertices, 3)),
         np.empty((vertices, 2)),
         np.empty(vertices, dtype=np.bool_),
-        np.empty(LARGEST_SIDE * LARGEST_SIDE, dtype=np.float32),
+        np.empty(LARGEST_SIDE * (LARGEST_SIDE + SPARE), dtype=np.float32),
         np.empty(vertices, dtype=np.uint32),
     )
 
@@ -86,7 +88,7 @@ def visible_vertices(view: VisibilityBuffers, triangles: Numbers) -> Numbers:
     left, top, right, bottom = project_vertices(view.posed, view.image)
     width = max(1, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
     height = max(1, min(LARGEST_SIDE, bottom - top + 1))
-    buffer = view.buffer[: height * width].reshape(height, width)
+    buffer = view.buffer[: height * (width + SPARE)].reshape(height, width + SPARE)
     rasterise_front(view, triangles, left, top, buffer)
     posed, image, front, visible = view.posed, view.image, view.front, view.visible
     count = 0
@@ -106,6 +108,7 @@ def rasterise_front(
 ) -> None:
     """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
 
+    The last SPARE columns of the buffer (H, W + SPARE) stay infinite: a row is drawn LANES pixels at a time.
     What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing: no surface can
     keep us drawing for ever. All in one function: what is called for each triangle counts references.
     """
@@ -123,7 +126,7 @@ def rasterise_front(
         ax, ay = image[a, 0] - left, image[a, 1] - top
         first_column = max(0, ceiling(ax + min(0.0, bx, cx)))
         first_row = max(0, ceiling(ay + min(0.0, by, cy)))
-        last_column = min(buffer.shape[1] - 1, int(ax + max(0.0, bx, cx)))
+        last_column = min(buffer.shape[1] - 1 - SPARE, int(ax + max(0.0, bx, cx)))
         last_row = min(buffer.shape[0] - 1, int(ay + max(0.0, by, cy)))
         if first_column > last_column or first_row > last_row or budget <= 0:
             continue
@@ -132,14 +135,9 @@ def rasterise_front(
         bx, by, cx, cy = bx * scale, by * scale, cx * scale, cy * scale
         z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
         for row in range(first_row, last_row + 1):
-            y = row - ay
-            for column in range(first_column, last_column + 1):
-                x = column - ax
-                wb, wc = x * cy - y * cx, bx * y - by * x
-                depth, behind = np.float32(z + wb * zb + wc * zc), buffer[np.uint64(row), np.uint64(column)]
-                covered = min(wb, wc, 1.0 - wb - wc) >= -1e-9
-                nearer = depth if covered & (depth < behind) else behind  # no branch to guess
-                buffer[np.uint64(row), np.uint64(column)] = nearer
+            for column in range(first_column, last_column + 1, LANES):
+                x, y = column - ax, row - ay
+                draw_row(buffer, row, column, x, y, bx, by, cx, cy, z, zb, zc)  # type: ignore[call-arg]
 
 
 @numba.njit(cache=True, nogil=True)

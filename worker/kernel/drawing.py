@@ -1,0 +1,62 @@
+"""A row of a triangle in vector registers: as many pixels at once as nearly all triangles are wide.
+
+Written in the compiler's own vector type: of a loop over the few pixels of a row it makes branches to guess.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from worker.kernel.tiles import DOUBLE, FLOAT, lanes_at, spread
+
+LANES = 4  # pixels of a row
+INSIDE = -1e-9  # from which on a share of a corner counts as none, so that nothing shows between triangles
+DOUBLES, FLOATS = ir.VectorType(DOUBLE, LANES), ir.VectorType(FLOAT, LANES)
+ROUNDING = ("contract",)  # a product and a sum may become one
+
+
+@intrinsic
+def draw_row(  # type: ignore[no-untyped-def]
+    _, buffer, row, column, x, y, bx, by, cx, cy, z, zb, zc
+):
+    """Lower buffer[row, column : column + LANES] to a triangle's depth, where it covers a pixel's middle.
+
+    buffer (H, W) float32, in the rows of which all these pixels lie. The rest is float64: x and y lead from
+    corner a to the first of them, b and c from corner a to the others, each over twice the triangle's area;
+    z is the depth of corner a, zb and zc are by how much the others lie behind it.
+    """
+    return types.void(buffer, row, column, x, y, bx, by, cx, cy, z, zb, zc), write_row
+
+
+def write_row(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+    """The code of `draw_row`."""
+
+    def minus(one: Any, other: Any) -> Any:
+        return builder.fsub(one, other, flags=ROUNDING)
+
+    def plus(one: Any, other: Any) -> Any:
+        return builder.fadd(one, other, flags=ROUNDING)
+
+    def times(one: Any, other: Any) -> Any:
+        return builder.fmul(one, other, flags=ROUNDING)
+
+    buffer = context.make_array(signature.args[0])(context, builder, values[0])
+    row, column = (context.cast(builder, values[k], signature.args[k], types.intp) for k in (1, 2))
+    width = builder.extract_value(buffer.shape, 1)
+    pixels = lanes_at(builder, buffer, builder.add(builder.mul(row, width), column), FLOATS)
+    x, y, bx, by, cx, cy, z, zb, zc = (spread(builder, value, DOUBLES) for value in values[3:])
+    x = plus(x, DOUBLES([float(lane) for lane in range(LANES)]))
+    of_b, of_c = minus(times(x, cy), times(y, cx)), minus(times(bx, y), times(by, x))
+    of_a = minus(minus(DOUBLES([1.0] * LANES), of_b), of_c)
+    depth = builder.fptrunc(plus(plus(z, times(of_b, zb)), times(of_c, zc)), FLOATS)
+    behind = builder.load(pixels, align=4)
+    nearer = builder.fcmp_ordered("<", depth, behind)
+    for share in (of_a, of_b, of_c):
+        nearer = builder.and_(nearer, builder.fcmp_ordered(">=", share, DOUBLES([INSIDE] * LANES)))
+    builder.store(builder.select(nearer, depth, behind), pixels, align=4)
+    return context.get_dummy_value()
