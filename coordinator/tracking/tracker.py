@@ -310,8 +310,9 @@ class Tracker:
     def _decide(self, followed: Belief, rival: Finding | None) -> Belief:
         """The hypotheses that were followed, or those that were found elsewhere, if they are likelier."""
         verdict = weigh(followed.log_weights[0], followed.residual[0], self.rules)
-        anew = rival is not None and rival.standing.log_likelihood[0] > followed.log_weights[0] + SURELY
-        if anew and rival is not None:
+        anew = False
+        if rival is not None and rival.standing.log_likelihood[0] > followed.log_weights[0] + SURELY:
+            anew = self._watch.seeks or rival.is_elsewhere(self._joints_of(followed))
             followed, verdict = self._begin_with(rival), rival.verdict
         self._watch = self._watch.followed(verdict, anew=anew)
         if rival is not None:
@@ -320,8 +321,13 @@ class Tracker:
 
     def _looks_alike(self, believed: Belief, rival: Finding) -> bool:
         """Whether a search found the body the other way round, about as likely."""
-        names, joints = self.model.joint_names, joint_positions(self.model, believed.poses[:1])[0]
-        return not told_apart(names, rival.standing, joints, believed.log_weights[0])
+        joints = self._joints_of(believed)
+        return not told_apart(self.model.joint_names, rival.standing, joints, believed.log_weights[0])
+
+    def _joints_of(self, belief: Belief) -> Array:
+        """Positions (J, 3) of the likeliest hypothesis' joints, camera frame, metres."""
+        joints: Array = joint_positions(self.model, belief.poses[:1])[0]
+        return joints
 
     def _begin_with(self, finding: Finding) -> Belief:
         """The belief in what was found."""

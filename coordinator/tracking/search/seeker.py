@@ -65,6 +65,10 @@ class Finding:
         size = Size(self.start.stature, self.start.girth)
         return self.verdict.strain <= DOUBTFUL and not size.extreme
 
+    def is_elsewhere(self, joints: Array) -> bool:
+        """Whether it is another posture or place than that of joints (J, 3), and not the same one refined."""
+        return bool(apart(self.standing.joints[0], joints) > ELSEWHERE)
+
 
 class Seeker:
     """Finds a body in single frames.
@@ -159,8 +163,13 @@ class Seeker:
     def _mention_rivals(verdict: Verdict, standing: Standing) -> Verdict:
         """Say where other poses explain the frame as well."""
         close = standing.log_likelihood > standing.log_likelihood[0] - ALIKE
-        apart = np.linalg.norm(standing.joints - standing.joints[0], axis=-1).max(axis=-1) > ELSEWHERE
-        count = int(np.sum(close & apart))
+        count = int(np.sum(close & (apart(standing.joints, standing.joints[0]) > ELSEWHERE)))
         if verdict.why or not count:
             return verdict
         return Verdict(verdict.strain, f"{count + 1} poses look alike; the likeliest was taken")
+
+
+def apart(one: Array, other: Array) -> Array:
+    """How far the joint is, at the most, between joints (..., J, 3) of two postures, metres."""
+    farthest: Array = np.linalg.norm(one - other, axis=-1).max(axis=-1)
+    return farthest

@@ -13,7 +13,7 @@ PATIENCE = 2  # frames in a row that may be badly explained before the body is l
 LONGEST_PAUSE = 5  # frames between searches for a body of which nothing is known
 CHECKS = (2, 5, 9)  # frames after a find in which it is held against a new search
 DOUBTFUL = 0.85  # strain from which on it is held against a search every so many frames
-EVERY = 10
+EVERY = 10  # frames, counted from the last of these checks
 TIGHT, SETTLED = 0.12, 8  # metres from a body that was just found, and for how many frames
 REMEMBERED = 60
 LEFT = 0.35  # share of the body's pixels that is next to nothing, if somebody is seen elsewhere
@@ -51,7 +51,8 @@ class Watch:
     @property
     def checks(self) -> bool:
         """Whether to look elsewhere, though the body seems to be where it is."""
-        doubtful = self.strain > DOUBTFUL and self.tracked % EVERY == 0
+        later = self.tracked - CHECKS[-1]
+        doubtful = self.strain > DOUBTFUL and later > 0 and later % EVERY == 0
         again = self.alike and self.tracked % AGAIN == 0
         return self.seeks or self.tracked in CHECKS or doubtful or again
 
@@ -90,7 +91,7 @@ class Watch:
         return replace(self, company=REMEMBERED)
 
     def followed(self, verdict: Verdict, *, anew: bool) -> Self:
-        """After a frame in which the body was tracked, or found `anew`."""
+        """After a frame in which the body was tracked, or found `anew`: when it was lost, or elsewhere."""
         company = max(0, self.company - 1)
         if verdict.strain <= (1.0 if self.seeks else LOST):
             tracked = 0 if anew else self.tracked + 1

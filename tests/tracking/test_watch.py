@@ -1,0 +1,66 @@
+"""When a body that is tracked is looked for elsewhere, and what counts as found anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from coordinator.tracking.search.seeker import ELSEWHERE, Finding, Seeker
+from coordinator.tracking.search.verdict import Verdict
+from coordinator.tracking.search.watch import AGAIN, CHECKS, DOUBTFUL, EVERY, Watch
+from coordinator.tracking.state import TrackerState
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+from tests.support.people import SETTINGS, STANDING, known, shown
+
+LIKELIER = 5.0  # log likelihood
+
+
+def searched(watch: Watch, strain: float, frames: int) -> list[int]:
+    """The numbers of the frames that are searched, of so many explained with this strain."""
+    numbers = []
+    for number in range(frames):
+        if watch.checks:
+            numbers.append(number)
+        watch = watch.followed(Verdict(strain), anew=False)
+    return numbers
+
+
+def test_who_was_found_is_held_against_a_search_soon_and_then_while_in_doubt() -> None:
+    """Not in the very next frame, and none in a row; where front and back are alike, more often."""
+    last = CHECKS[-1]
+    assert searched(Watch(), 0.5, 40) == list(CHECKS)
+    assert searched(Watch(strain=0.9), 0.9, 40) == [*CHECKS, *range(last + EVERY, 40, EVERY)]
+    alike = searched(Watch(alike=True), 0.5, 12)
+    assert alike == sorted({*CHECKS, *range(0, 12, AGAIN)})
+    assert DOUBTFUL < 0.9
+
+
+@pytest.mark.parametrize(("moved", "lost", "anew"), [(0.0, False, False), (1.0, False, True), (0.0, True, True)])
+def test_the_same_posture_refined_is_not_found_anew(
+    monkeypatch: pytest.MonkeyPatch, moved: float, lost: bool, anew: bool
+) -> None:
+    """Its pose is taken, and the count of frames goes on; elsewhere, or of who was lost, it begins again."""
+    find_again = Seeker.find_again
+
+    def likelier(seeker: Seeker, *given: Any) -> Finding:
+        found = find_again(seeker, *given)
+        standing = found.standing
+        shifted = replace(
+            standing, log_likelihood=standing.log_likelihood + LIKELIER, joints=standing.joints + moved
+        )
+        return replace(found, standing=shifted)
+
+    monkeypatch.setattr(Seeker, "find_again", likelier)
+    frames, before = shown("standing").frames, CHECKS[0]
+    first = Tracker(DirectRefiner(), SETTINGS, known(), STANDING)
+    first.track(frames[0])
+    checkpoint = replace(first.state.checkpoint, watch=Watch(tracked=before, seeks=lost))
+    begun = TrackerState(first.state.start, checkpoint)
+    tracker = Tracker(DirectRefiner(), SETTINGS, known(), STANDING, state=begun)
+    estimate = tracker.track(frames[1])
+    assert estimate.status == "tracked"
+    assert tracker.watch.tracked == (0 if anew else before + 1)
+    assert ELSEWHERE < 1.0
