@@ -38,7 +38,9 @@ def test_who_was_found_is_held_against_a_search_soon_and_then_while_in_doubt() -
     assert DOUBTFUL < 0.9
 
 
-@pytest.mark.parametrize(("moved", "lost", "anew"), [(0.0, False, False), (1.0, False, True), (0.0, True, True)])
+@pytest.mark.parametrize(
+    ("moved", "lost", "anew"), [(0.0, False, False), (1.0, False, True), (0.0, True, True)]
+)
 def test_the_same_posture_refined_is_not_found_anew(
     monkeypatch: pytest.MonkeyPatch, moved: float, lost: bool, anew: bool
 ) -> None:

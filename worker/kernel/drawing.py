@@ -21,7 +21,7 @@ ROUNDING = ("contract",)  # a product and a sum may become one
 
 
 @intrinsic
-def draw_row(  # type: ignore[no-untyped-def]
+def draw_row(  # type: ignore[no-untyped-def] # noqa: PLR0913 compiled code takes numbers
     _, buffer, row, column, x, y, bx, by, cx, cy, z, zb, zc
 ):
     """Lower buffer[row, column : column + LANES] to a triangle's depth, where it covers a pixel's middle.
