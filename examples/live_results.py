@@ -1,7 +1,7 @@
 """Hear what a tracker knows while it tracks.
 
 gepf track SEQ --out DIR --listen tcp/127.0.0.1:7447 --publish robot/person
-python examples/live_results.py tcp/127.0.0.1:7447 robot/person
+python examples/live_results.py tcp/127.0.0.1:7447 robot/person [JOINT ANGLE]
 """
 
 from __future__ import annotations
@@ -12,16 +12,21 @@ import msgpack  # type: ignore[import-untyped]
 import zenoh
 
 
-def main(endpoint: str, key: str) -> None:
-    """A line a frame: where the right wrist is, and how far the right elbow is bent."""
+def main(endpoint: str, key: str, joint: str = "right_wrist", angle: str = "right_elbow_flexion") -> None:
+    """A line a frame: where a joint is, and an angle, where they are known."""
     with connect(endpoint) as session, session.declare_subscriber(key) as subscriber:
         for sample in subscriber:
             told = msgpack.unpackb(sample.payload.to_bytes())
             if told["kind"] == "estimates-end":
                 break
-            x, y, z = told["joints"].get("right_wrist", (0.0, 0.0, 0.0))
-            elbow = told["angles"].get("right_elbow_flexion", 0.0)
-            print(f"{told['frame']} {told['status']}: wrist {x:.2f} {y:.2f} {z:.2f} m, elbow {elbow:.2f} rad")
+            joints, angles = told["joints"], told["angles"]
+            if joint not in joints or angle not in angles:
+                sys.exit(f"choose a joint of {', '.join(joints)} and an angle of {', '.join(angles)}")
+            known = ""
+            if joints[joint] is not None:  # as it is before anybody is found
+                x, y, z = joints[joint]
+                known = f": {joint} {x:.2f} {y:.2f} {z:.2f} m, {angle} {angles[angle]:.2f} rad"
+            print(f"{told['frame']} {told['status']}{known}", flush=True)
 
 
 def connect(endpoint: str) -> zenoh.Session:
@@ -41,4 +46,6 @@ def connect(endpoint: str) -> zenoh.Session:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:3])
+    if len(sys.argv) not in (3, 5):
+        sys.exit(__doc__)
+    main(*sys.argv[1:])

@@ -13,7 +13,7 @@ from common.errors import BusError, InputError
 from common.transport.bus import Bus
 from common.transport.session import Security, session_settings
 from common.transport.tls_probe import why_refused
-from common.transport.zenoh_errors import mapped
+from common.transport.zenoh_errors import bus_error
 
 ATTEMPT_MS = 2_000  # to connect, until we ask why we are not let in
 UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time
@@ -97,5 +97,15 @@ def open_session(settings: dict[str, Any], shared_pool_bytes: int) -> Bus:
     transport = settings["transport"] | {"shared_memory": shared}
     config = json.dumps(settings | {"transport": transport})
     endpoints = [*settings["listen"]["endpoints"], *settings["connect"]["endpoints"]]
-    with mapped("opening " + ", ".join(endpoints)):
+    try:
         return Bus(zenoh.open(zenoh.Config.from_json5(config)))
+    except zenoh.ZError as error:
+        check_in_use(settings["listen"]["endpoints"], str(error))
+        raise bus_error("opening " + ", ".join(endpoints), error) from error
+
+
+def check_in_use(listen: Sequence[str], error: str) -> None:
+    """InputError if it is somebody else who listens at one of these endpoints."""
+    if "Address already in use" in error:
+        taken = [endpoint for endpoint in listen if f"{endpoint}:" in error] or listen
+        raise InputError(f"{taken[0]} is in use by another program; end that, or choose another port")

@@ -27,7 +27,8 @@ USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + TRUNK}
 def choose_model(model: str) -> str:
     """The human template or a file that there is."""
     if model != HUMAN and not Path(model).is_file():
-        raise InputError(f"unknown model '{model}'; give {HUMAN}, a URDF file, or a file of gepf fit")
+        what = f"no such file: {model}" if Path(model).suffix else f"unknown model '{model}'"
+        raise InputError(f"{what}; give {HUMAN}, a URDF file, or a file of gepf fit")
     return model
 
 

@@ -7,6 +7,7 @@ else. What takes long to load is imported by the command that needs it.
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import signal
@@ -66,10 +67,18 @@ def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = 
         mend = f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
         return complain(error, FAILED, mend)
     except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
-        return complain(error, FAILED, f"{type(error).__name__}: {error} (gepf --debug shows where)")
+        return complain(error, FAILED, describe_fault(error))
     if code == INTERRUPTED:
         say("stopped")
     return code if isinstance(code, int) else DONE
+
+
+def describe_fault(error: Exception) -> str:
+    """A fault that nobody foresaw; where the disk is full, what to do then."""
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        where = f" for {error.filename}" if error.filename else ""
+        return f"no space is left on the disk{where}; make room; gepf track --resume goes on with a run"
+    return f"{type(error).__name__}: {error} (gepf --debug shows where)"
 
 
 def complain(error: Exception, code: int, message: str | None = None) -> int:

@@ -25,6 +25,8 @@ class Speaking(Protocol):
 def check_results(job: Job) -> None:
     """InputError for a key that cannot be used, or that nobody could listen to."""
     if job.results is None:
+        if job.results_json:
+            raise InputError("--publish-json says how results are published; add --publish KEY")
         return
     if job.pool.listen is None and job.pool.connect is None:
         raise InputError("nobody could hear the results; add --listen or --connect with an endpoint")

@@ -181,14 +181,16 @@ def conclude(recorded: Recorded, show: Show) -> bool:
 
 def draw(run: Run, recorded: Recorded, truth: Truth | None, show: Show) -> None:
     """Pictures of a finished run."""
-    model = recorded.state.start.model
-    out, frames = run.job.out, f"{len(run.numbers)} frames"
+    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
+    out, frames = run.job.out, counted(len(run.numbers), "frame")
     if not run.job.pictures:
         show.say(f"{frames} are in {out}; gepf pictures {out} draws them")
         return
     try:
-        files = draw_pictures(run.source, model, read_track(out), out, show, truth, run.colours)
+        files = draw_pictures(run.source, body, read_track(out), out, show, truth, run.colours)
     except KeyboardInterrupt:
         show.say(f"{frames} are in {out}, without pictures; gepf pictures {out} draws them")
         raise
-    show.say(f"{frames} and {len(files)} pictures are in {out}: {describe_status(recorded.estimates)}")
+    show.say(
+        f"{frames} and {counted(len(files), 'picture')} are in {out}: {describe_status(recorded.estimates)}"
+    )

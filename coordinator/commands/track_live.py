@@ -19,6 +19,7 @@ from coordinator.commands.track import conclude, describe_pool, write_results
 from coordinator.commands.workers import Connect, ListeningRefiner
 from coordinator.files.names import HYPOTHESES_FILE
 from coordinator.results.configuration.run_configuration import AUTOMATIC, live_run_configuration
+from coordinator.results.model_file import read_tracked_body
 from coordinator.results.recording.recorded import Recorded
 from coordinator.results.recording.recorder import Recorder
 from coordinator.results.track import filled, read_track
@@ -28,6 +29,8 @@ from coordinator.tracking.observing.isolation import Isolation, prepare
 from coordinator.tracking.pace import keep_up
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker
+
+MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +68,7 @@ def track_stream(job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bo
         finally:
             recorded = finish(run, meter, complete=complete)
         if recorded is None or not recorder.frames:
-            raise InputError(f"the stream on {key} ended before any depth came; start its publisher later")
+            raise InputError(f"no depth came on {key} before the stream's end; {MEND_STREAM}")
     draw(run, show)
     return conclude(recorded, show)
 
@@ -138,5 +141,5 @@ def draw(run: LiveRun, show: Show) -> None:
     if run.job.pictures:
         from coordinator.pictures.hypotheses import draw_hypotheses
 
-        draw_hypotheses(filled(track), None, out / HYPOTHESES_FILE)
+        draw_hypotheses(filled(track), read_tracked_body(out), None, out / HYPOTHESES_FILE)
     show.say(f"{len(track.frame)} of {run.frames.counts.received} frames were tracked; results are in {out}")

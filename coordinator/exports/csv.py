@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from coordinator.bodies.human.isb import isb_angles, isb_names
 from coordinator.exports.recorded import RecordedRun
-from coordinator.results.track import Track
+from coordinator.results.track import Track, emptied
 
 Columns = dict[str, NDArray[np.float64]]
 
 
 def export_csv(run: RecordedRun, file: BinaryIO) -> None:
     """A run's CSV; of a low-passed one also the angles as they were tracked, in columns `..._raw_deg`."""
-    raw = {f"{name}_raw": values for name, values in named(run.raw.angle_names, run.raw.angle).items()}
-    write_csv(run.track, file, in_degrees(raw) if run.smoothed_hz else {})
+    raw_track = emptied(run.raw, run.placed)
+    raw = {f"{name}_raw": values for name, values in named(raw_track.angle_names, raw_track.angle).items()}
+    write_csv(run.told, file, in_degrees(raw) if run.smoothed_hz else {})
 
 
 def write_csv(track: Track, file: BinaryIO, more: Columns | None = None) -> None:

@@ -15,7 +15,7 @@ from coordinator.results.track import Track
 
 def export_json(run: RecordedRun, file: BinaryIO) -> None:
     """A run's JSON; a low-passed one says so."""
-    write_json(run.track, file, {"smoothed_hz": run.smoothed_hz} if run.smoothed_hz else {})
+    write_json(run.told, file, {"smoothed_hz": run.smoothed_hz} if run.smoothed_hz else {})
 
 
 def write_json(track: Track, file: BinaryIO, more: Mapping[str, object]) -> None:

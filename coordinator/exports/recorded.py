@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.level import level_from_camera
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.model_file import TrackedBody, read_tracked_body
-from coordinator.results.track import Track, filled
+from coordinator.results.track import Track, emptied, filled
 
 USUAL_RATE = 30.0
 
@@ -30,7 +30,13 @@ class RecordedRun:
     track: Track
     folder: Path
     raw: Track  # as it was tracked
+    placed: NDArray[np.bool_]  # (F,) frames that have a pose; the others are given the first one
     smoothed_hz: float | None = None
+
+    @property
+    def told(self) -> Track:
+        """The track for who reads values: NaN in frames before anybody was found."""
+        return emptied(self.track, self.placed)
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -80,9 +86,10 @@ class RecordedRun:
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged."""
-    track = filled(read_track_with_angles(folder))
+    found = read_track_with_angles(folder)
+    track = filled(found)
     shown = track if smooth_hz is None else smoothed(track, folder, smooth_hz)
-    return RecordedRun(folder.resolve().name, shown, folder, track, smooth_hz)
+    return RecordedRun(folder.resolve().name, shown, folder, track, found.placed, smooth_hz)
 
 
 def smoothed(track: Track, folder: Path, cutoff_hz: float) -> Track:

@@ -23,6 +23,7 @@ from coordinator.pictures.overlay import FINER, Painter, Shown
 from coordinator.pictures.sheet import spread, tile
 from coordinator.pictures.view import View, around
 from coordinator.results.evaluation import compare
+from coordinator.results.model_file import TrackedBody
 from coordinator.results.track import Track, filled
 from coordinator.results.truth import Truth
 from coordinator.sources.pictures.colour_folder import ColourFolder
@@ -42,7 +43,7 @@ logger = logging.getLogger(__name__)
 
 def draw_run(
     source: Source,
-    model: BodyModel,
+    body: TrackedBody,
     track: Track,
     out: Path,
     truth: Truth | None = None,
@@ -53,7 +54,7 @@ def draw_run(
 
     Of a run that never found anybody there are no curves, which are the last two.
 
-    `model` is the body that was tracked, with the track's degrees of freedom. Without OpenGL it is drawn as
+    `body` is what was tracked, with the track's degrees of freedom. Without OpenGL it is drawn as
     its vertices, and a warning says so. With `colours`, overlay and sheet are drawn over these.
     `advance` is called with the steps that are done and their number.
     """
@@ -63,7 +64,7 @@ def draw_run(
     view, fault = around(track, source.intrinsics, *PICTURE_SIZE), opengl_fault()
     if fault is not None:
         logger.warning("pictures show the body as dots: %s", fault)
-    close = Scene(source, model, track, colours, view, fault is None)
+    close = Scene(source, body.model, track, colours, view, fault is None)
     pictures = list(paint(close, chosen, lambda done: advance(done, steps)))
     write_animation(pictures, len(track.frame) / source.fps / len(chosen), files[0])
     wide = replace(close, view=whole_view(source.intrinsics), finer=1)
@@ -73,7 +74,7 @@ def draw_run(
     advance(steps - 1, steps)
     if track.placed.any():
         files.append(out / HYPOTHESES_FILE)
-        draw_hypotheses(filled(track), truth, files[-1])
+        draw_hypotheses(filled(track), body, truth, files[-1])
         if truth is not None and comparable(track, truth):
             files.append(out / ERRORS_FILE)
             draw_errors(track, truth, files[-1])

@@ -58,11 +58,21 @@ def styled() -> Any:
     return mpl.rc_context(cast("Any", STYLE))
 
 
-def draw_status(axes: Axes, frame: NDArray[np.int64], status: NDArray[np.str_]) -> None:
+def edges(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where each frame's share of a time axis begins, and the last one's ends (F + 1,), seconds."""
+    steps = np.diff(time_s)
+    half = 0.5 * float(np.median(steps)) if len(steps) else 0.5
+    between = time_s[:-1] + 0.5 * steps
+    return np.concatenate([[time_s[0] - half], between, [time_s[-1] + half]])
+
+
+def draw_status(axes: Axes, time_s: NDArray[np.float64], status: NDArray[np.str_]) -> None:
     """Fill a strip with the colour of each frame's status, and name those that occur."""
+    ends = edges(time_s)
     for name, colour in STATUS.items():
-        axes.fill_between(frame, 0, 1, where=status == name, step="mid", color=colour, linewidth=0)
-    axes.set(ylim=(0, 1), yticks=[], ylabel="status")
+        spans = [(ends[f], ends[f + 1] - ends[f]) for f in np.flatnonzero(status == name)]
+        axes.broken_barh(spans, (0, 1), color=colour, linewidth=0, antialiased=False)
+    axes.set(ylim=(0, 1), yticks=[], ylabel="status", xlim=(ends[0], ends[-1]), xlabel="seconds")
     axes.yaxis.label.set(rotation=0, ha="right", va="center")
     axes.grid(visible=False)
     for side in ("left", "bottom"):

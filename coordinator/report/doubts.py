@@ -30,6 +30,8 @@ class Doubt:
     status: str
     first: int
     last: int
+    first_s: float
+    last_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +67,12 @@ def find_doubts(track: Track) -> list[Doubt]:
     """All stretches, in order."""
     doubts = []
     for status, stretch in groupby(
-        zip(track.status, track.frame, strict=True), key=lambda pair: str(pair[0])
+        zip(track.status, track.frame, track.time_s, strict=True), key=lambda each: str(each[0])
     ):
-        frames = [int(frame) for _, frame in stretch]
+        frames = [(int(frame), float(time_s)) for _, frame, time_s in stretch]
         if status != "tracked":
-            doubts.append(Doubt(status, frames[0], frames[-1]))
+            (first, first_s), (last, last_s) = frames[0], frames[-1]
+            doubts.append(Doubt(status, first, last, first_s, last_s))
     return doubts
 
 

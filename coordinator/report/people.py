@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from coordinator.files.names import ANIMATION_FILE
+from coordinator.files.names import ANIMATION_FILE, FILM_FILE
 from coordinator.report.doubts import find_banner
 from coordinator.report.facts import describe_run, describe_status
 from coordinator.report.page import embed, template, write_page, write_report
@@ -42,5 +42,6 @@ def show_person(person: Path, out: Path) -> dict[str, object]:
         "banner": find_banner(track, summary),
         "status": describe_status(track),
         "facts": describe_run(track, summary),
+        "film": embed(person / FILM_FILE),
         "picture": embed(person / ANIMATION_FILE),
     }

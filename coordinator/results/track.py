@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,6 +15,8 @@ from common.errors import InputError
 from coordinator.files.arrays import read_arrays
 from coordinator.files.names import LOG_FILE
 from coordinator.tracking.estimate import UNKNOWN
+
+Array = NDArray[np.float64]
 
 TRACK_FILE = "track.npz"
 
@@ -60,14 +63,23 @@ def filled(track: Track) -> Track:
     """The track with the first pose that was found in the frames before it; zeros where none ever was."""
     if track.placed.all():
         return track
-    missing = ~track.placed
-    first = int(np.argmax(track.placed)) if track.placed.any() else None
+    first = int(np.argmax(track.placed))
+    return where_missing(track, ~track.placed, lambda values: values[first] if track.placed.any() else 0.0)
+
+
+def emptied(track: Track, placed: NDArray[np.bool_]) -> Track:
+    """The track with NaN for pose, joints and angles of the frames (F,) that are not `placed`."""
+    return where_missing(track, ~placed, lambda _: np.nan)
+
+
+def where_missing(track: Track, missing: NDArray[np.bool_], value: Callable[[Array], Array | float]) -> Track:
+    """The track with another pose, joints and angles in some frames (F,): what `value` makes of the field."""
     changed: dict[str, Any] = {}
     for name in ("pose", "joint_positions", "angle"):
         values = getattr(track, name)
         if values is not None:
             changed[name] = values.copy()
-            changed[name][missing] = 0.0 if first is None else values[first]
+            changed[name][missing] = value(values)
     return replace(track, **changed)
 
 

@@ -78,15 +78,22 @@ def deviations(track: Track, angles: Angles, about: NDArray[np.float64], most: f
 
 def hypotheses_spread(track: Track, angles: Angles, about: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far the hypotheses' angles are from these (F, A), in the root mean square, radians."""
-    frames, most, dofs = track.hypothesis_pose.shape
     known = np.isfinite(track.hypothesis_weight)
-    poses = np.where(known[..., None], track.hypothesis_pose, track.pose[:, None]).reshape(-1, dofs)
-    others = angles.near(angles.measure(poses), np.repeat(about, most, axis=0))
-    squares = (others.reshape(frames, most, about.shape[1]) - about[:, None]) ** 2
+    away = np.where(known[..., None], hypotheses_near(track, angles, about) - about[:, None], 0.0)
+    squares = away**2
     weight = np.where(known, track.hypothesis_weight, 0.0)
     mean = np.einsum("fm,fma->fa", weight, squares) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
     spread: NDArray[np.float64] = np.sqrt(mean)
     return spread
+
+
+def hypotheses_near(track: Track, angles: Angles, about: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The hypotheses' angles (F, M, A), radians, on the turns nearest to `about` (F, A); else NaN."""
+    frames, most, dofs = track.hypothesis_pose.shape
+    known = np.isfinite(track.hypothesis_weight)
+    poses = np.where(known[..., None], track.hypothesis_pose, track.pose[:, None]).reshape(-1, dofs)
+    others = angles.near(angles.measure(poses), np.repeat(about, most, axis=0))
+    return np.where(known[..., None], others.reshape(frames, most, about.shape[1]), np.nan)
 
 
 def misfit(track: Track, angles: Angles, about: NDArray[np.float64], most: float) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from coordinator.cli.application import describe_fault
 from tests.disturbance.resume_kills import Place, count
 from tests.support.processes.programs import is_alive, wait_until
 from tests.support.processes.warm_processes import Workers, coordinate, start
@@ -116,3 +118,11 @@ def test_a_wait_for_workers_has_an_end(place: Place, out: Path, tmp_path: Path) 
     )
     assert 2 <= frames_of(out) < FRAMES
     assert (out / "track.npz").exists()
+
+
+def test_a_full_disk_is_told_with_what_to_do() -> None:
+    """The system's error is no riddle: what is full, and how a run goes on."""
+    told = describe_fault(OSError(errno.ENOSPC, "No space left on device", "run/frames.log"))
+    assert told.startswith("no space is left on the disk for run/frames.log; make room")
+    assert "--resume" in told
+    assert describe_fault(OSError(errno.EIO, "bad")).endswith("(gepf --debug shows where)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from coordinator.cli import main
 from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
 from coordinator.exports.smoothing import angles_about, smooth_track
+from coordinator.results.track import write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_run
@@ -184,3 +186,23 @@ def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.Captur
     assert "9 frames, 1 of them lost, low pass 6 Hz" in said
     head = out.read_text().splitlines()[0].split(",")
     assert {"upper_deg", "upper_raw_deg"} <= set(head)
+
+
+def test_frames_before_anybody_was_found_are_empty_in_csv_and_json(tmp_path: Path) -> None:
+    """Their numbers would be made up: NaN as in the run's own CSV, null in JSON; low-passed, too."""
+    body = hinges()
+    track = write_run(tmp_path / "run", body, swing(body, 9), lost=(0, 1))
+    for values in (track.pose, track.joint_positions, track.hypothesis_pose, track.hypothesis_weight):
+        values[:2] = np.nan
+    with (tmp_path / "run" / "track.npz").open("wb") as file:
+        write_track(track, file)
+    for smooth in (None, 6.0):
+        export_run(tmp_path / "run", "csv", tmp_path / "a.csv", smooth_hz=smooth)
+        head, *lines = [line.split(",") for line in (tmp_path / "a.csv").read_text().splitlines()]
+        places = [head.index(name) for name in ("upper_deg", "upper")]
+        assert [[line[at] for at in places] for line in lines[:2]] == [["nan", "nan"]] * 2
+        assert all("nan" not in [line[at] for at in places] for line in lines[2:])
+        export_run(tmp_path / "run", "json", tmp_path / "a.json", smooth_hz=smooth)
+        told = json.loads((tmp_path / "a.json").read_text())
+        assert set(told["pose"][0]) == {None}
+        assert None not in told["pose"][2]

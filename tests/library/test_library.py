@@ -75,7 +75,7 @@ def test_how_far_joints_may_be_off_is_estimated() -> None:
 @pytest.mark.parametrize(
     ("mistake", "says"),
     [
-        (lambda: gepf.Tracker("nobody.urdf"), "unknown model 'nobody.urdf'.*human"),
+        (lambda: gepf.Tracker("nobody.urdf"), "no such file: nobody.urdf; give human"),
         (lambda: gepf.Tracker(PERSON, workers=0), "workers=0.*give None, 1 or more, or a Pool"),
         (lambda: gepf.Tracker(PERSON, workers="nowhere"), "nowhere"),
         (lambda: gepf.Tracker(PERSON, workers="tcp/localhost:9", start={"wing": 1.0}), "wing"),

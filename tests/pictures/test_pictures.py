@@ -18,19 +18,23 @@ from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import DepthFrame
 from common.kinematics import joint_positions
+from coordinator.bodies.angles import angles_of
 from coordinator.pictures.animation import encode_gif
-from coordinator.pictures.hypotheses import half_turn, most_varying
+from coordinator.pictures.hypotheses import most_varying
 from coordinator.pictures.overlay import MODEL_COLOUR, STATUS_COLOURS, Painter
 from coordinator.pictures.run import draw_run, shown_at
 from coordinator.pictures.shading import contours, lambert, shade_depth
 from coordinator.pictures.sheet import spread, tile
+from coordinator.pictures.style import draw_status, new_figure, save, styled
 from coordinator.pictures.view import View, around
+from coordinator.results.model_file import TrackedBody
 from coordinator.results.track import Track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import Source, open_source
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.scenes.arm import MOVING
 from coordinator.synthesis.sequence import synthesise
+from tests.support.bodies import person
 
 FRAMES = 4
 
@@ -87,7 +91,7 @@ def test_a_run_gets_its_five_pictures_and_none_is_blank(
     source: Source, model: BodyModel, track: Track, truth: Truth, tmp_path: Path
 ) -> None:
     """All are there, of a size to be looked at, with light and dark, and small enough to be sent."""
-    files = draw_run(source, model, track, tmp_path, truth)
+    files = draw_run(source, TrackedBody(model, {}), track, tmp_path, truth)
     assert {f.name for f in files} == {
         "overlay.gif",
         "overlay.mp4",
@@ -110,7 +114,7 @@ def test_without_truth_there_is_no_picture_of_errors(
     source: Source, model: BodyModel, track: Track, tmp_path: Path
 ) -> None:
     """Four pictures remain."""
-    assert len(draw_run(source, model, track, tmp_path)) == 4
+    assert len(draw_run(source, TrackedBody(model, {}), track, tmp_path)) == 4
     assert not (tmp_path / "errors.png").exists()
 
 
@@ -124,7 +128,7 @@ def test_truth_of_something_else_is_reported_and_the_other_pictures_are_drawn(
 ) -> None:
     """A run that is done does not fail because its truth cannot be compared."""
     elsewhere = replace(truth, frame=truth.frame + 1000)
-    assert len(draw_run(source, model, track, tmp_path, elsewhere)) == 4
+    assert len(draw_run(source, TrackedBody(model, {}), track, tmp_path, elsewhere)) == 4
     assert "no picture of the errors" in caplog.text
 
 
@@ -138,7 +142,7 @@ def test_without_opengl_the_body_is_dots_and_one_line_says_so(
 ) -> None:
     """Pictures degrade, the run goes on, and the warning names the packages once."""
     monkeypatch.setenv("EGL_DEVICE_ID", "99")
-    files = draw_run(source, model, track, tmp_path)
+    files = draw_run(source, TrackedBody(model, {}), track, tmp_path)
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert "libegl1" in caplog.text
     assert pixels(files[1]).std() > 15.0
@@ -309,23 +313,32 @@ def test_contours_run_around_a_surface_and_along_its_steps() -> None:
         assert not plain.any()
 
 
-@given(st.floats(-50.0, 50.0))
-def test_half_turn_takes_whole_turns_away(angle: float) -> None:
-    """The result points the same way and lies within half a turn."""
-    short = float(half_turn(np.array([angle]))[0])
-    assert -np.pi <= short <= np.pi
-    assert np.cos(short) == pytest.approx(np.cos(angle), abs=1e-9)
-    assert np.sin(short) == pytest.approx(np.sin(angle), abs=1e-9)
+def test_the_angles_that_vary_most_are_shown_and_the_whole_bodys_turn_is_not() -> None:
+    """A person's angles by their plain names; the pelvis may turn as it will."""
+    model = person()
+    angles = angles_of(model)
+    reported = np.zeros((FRAMES, len(angles.names)))
+    turning = [name for name in angles.names if name.startswith(("pelvis", "right"))][-6:]
+    for k, name in enumerate(turning):
+        reported[:, angles.names.index(name)] = np.arange(FRAMES) * 0.01 * (k + 1)
+    reported[:, angles.names.index("pelvis_turn")] = np.arange(FRAMES)
+    assert sorted(angles.names[a] for a in most_varying(angles, reported)) == sorted(turning)
 
 
-def test_the_angles_that_vary_most_are_shown_and_the_place_is_not(track: Track) -> None:
-    """Root degrees of freedom are left out; whole turns do not count as variation."""
-    names = ("root_tx", "root_ry", *(f"a{k}" for k in range(8)))
-    pose = np.zeros((FRAMES, 10))
-    pose[:, 2:] = np.arange(FRAMES)[:, None] * 0.01 * np.arange(8)
-    pose[:, :2] = np.arange(FRAMES)[:, None]
-    pose[2, 2] = 2.0 * np.pi
-    assert most_varying(replace(track, dof_names=names, pose=pose)) == [4, 5, 6, 7, 8, 9]
+def test_a_frame_of_another_status_is_seen_in_the_strip(tmp_path: Path) -> None:
+    """One ambiguous frame among tracked ones has its own share of the strip, and so has every other."""
+    status = np.array(["tracked"] * 10 + ["ambiguous"] + ["tracked"] * 9)
+    with styled():
+        figure = new_figure(4.0, 3.0)
+        axes = figure.subplots()
+        draw_status(axes, np.arange(20) / 25.0, status)
+        axes.set_axis_off()
+        save(figure, tmp_path / "strip.png")
+    row = pixels(tmp_path / "strip.png")[60]  # above the names
+    amber = np.all(np.abs(row - [0xF5, 0xBE, 0x46]) < 8, axis=1).sum()
+    green = np.all(np.abs(row - [0x5C, 0xC8, 0x78]) < 8, axis=1).sum()
+    assert green > 0
+    assert amber / green == pytest.approx(1 / 19, rel=0.25)
 
 
 def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path, track: Track) -> None:
@@ -348,7 +361,7 @@ def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path
         **{name: getattr(track, name)[:1] for name in ("hypothesis_pose", "hypothesis_weight", "status")},
     )
     assert scene.model.joint_names == model.joint_names
-    files = draw_run(OneFrame(), model, one, tmp_path)  # type: ignore[arg-type]
+    files = draw_run(OneFrame(), TrackedBody(model, {}), one, tmp_path)  # type: ignore[arg-type]
     assert len(files) >= 3
     for file in files:
         assert file.suffix == ".mp4" or pixels(file).std() > 5.0

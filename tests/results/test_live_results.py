@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -45,6 +46,40 @@ def estimate(frame: int, turn: float, status: Status = "tracked") -> Estimate:
     certainty = Certainty(np.full(count, 0.75), np.full(count, 0.25), np.full(count, 0.05))
     known = None if status == "lost" else certainty
     return Estimate(frame, frame / 30.0, status, pose, joints, pose[None], np.ones(1), 0.01, certainty=known)
+
+
+def nobody(frame: int) -> Estimate:
+    """A frame before anybody was found: nothing is known of a pose."""
+    there = estimate(frame, 0.0, "lost")
+    return replace(
+        there,
+        status="absent",
+        pose=np.full_like(there.pose, np.nan),
+        joint_positions=np.full_like(there.joint_positions, np.nan),
+        hypothesis_pose=np.empty((0, len(there.pose))),
+        hypothesis_weight=np.empty(0),
+    )
+
+
+def test_before_anybody_is_found_all_is_null() -> None:
+    """Such frames are published too, with nulls, and angles begin with who comes."""
+    heard = Heard()
+    results = LiveResults(heard, as_json=True)
+    results.put(nobody(0), person(), {})
+    results.put(estimate(1, 0.5), person(), {})
+    absent, found = (msgspec.json.decode(payload) for payload in heard.payloads)
+    assert absent["status"] == "absent"
+    for what in ("pose", "angles", "angle_deviation", "joints", "joint_deviation"):
+        assert set(absent[what].values()) == {None}
+    assert found["angles"]["pelvis_turn"] == pytest.approx(-0.5)
+
+
+def test_the_example_without_arguments_says_how_it_is_used() -> None:
+    """One who only tries it reads its use, no trace."""
+    done = subprocess.run([sys.executable, str(EXAMPLE)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "examples/live_results.py tcp/" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_a_message_says_all_of_itself() -> None:
@@ -108,11 +143,12 @@ def test_the_example_listens(endpoint: str, head_start: float) -> None:
             results, began = LiveResults(publisher), time.monotonic()
             while not publisher.followed and time.monotonic() < began + 30.0:
                 time.sleep(0.02)
+            results.put(nobody(6), person(), {})
             results.put(estimate(7, 0.0), person(), {})
             results.end()
             said, _ = listener.communicate(timeout=30.0)
         finally:
             listener.kill()
     assert listener.returncode == 0
-    assert said.startswith("7 tracked: wrist -0.")
-    assert said.endswith("elbow 0.00 rad\n")
+    assert said.startswith("6 absent\n7 tracked: right_wrist -0.")
+    assert said.endswith("right_elbow_flexion 0.00 rad\n")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import signal
+import socket
+import subprocess
 import sys
 import threading
 import time
@@ -502,6 +504,18 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_p
     assert not (tmp_path / "run").exists()
 
 
+def test_a_port_in_use_is_named(tmp_path: Path) -> None:
+    """Two runs cannot listen at one place: exit code 2, and the line says which port to change."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        done = subprocess.run(
+            [*GEPF, *tracking(endpoint, tmp_path)], capture_output=True, text=True, check=False, timeout=60
+        )
+    assert done.returncode == 2
+    assert f"gepf: {endpoint} is in use by another program; end that, or choose another port" in done.stderr
+    assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.parametrize(
     ("command", "line"),
     [
@@ -515,6 +529,7 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_p
             ["track", f"zenoh:{KEY}", "--out", "x", "--listen", "tcp/127.0.0.1:1", "--depth-scale", "1000"],
             "--depth-scale is for recorded sequences",
         ),
+        (["track", "PLATE", "--out", "y", "--publish-json"], "add --publish KEY"),
         (["track", "x", "--out", "y", "--deadline", "0"], "give milliseconds above 0"),
         (["track", "x", "--out", "y", "--deadline", "nan"], "give milliseconds above 0"),
         (["track", "x", "--out", "y", "--deadline", "9", "--method", "annealed"], "leave --deadline out"),

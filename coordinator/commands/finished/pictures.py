@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from common.body import BodyModel
 from common.errors import InputError
 from coordinator.commands.console.interrupts import ENDING, noted_interrupts
 from coordinator.commands.console.progress import Show
 from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import PicturesOptions
-from coordinator.results.model_file import read_tracked_body
+from coordinator.results.model_file import TrackedBody, read_tracked_body
 from coordinator.results.summary import PEOPLE, read_summary
 from coordinator.results.track import Track, read_track
 from coordinator.results.truth import Truth, read_truth
@@ -31,7 +30,7 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
         raise InputError(f"the frames of {run} are not where they were; say where with --sequence SEQ")
     colours = open_colours(options.color, summary, source, track)
     truth = read_truth(source.truth) if source.truth and PEOPLE not in summary else None
-    files = draw_pictures(source, read_tracked_body(run).model, track, run, show, truth, colours)
+    files = draw_pictures(source, read_tracked_body(run), track, run, show, truth, colours)
     show.say(f"{len(files)} pictures are in {run}: {', '.join(file.name for file in files)}")
 
 
@@ -46,7 +45,7 @@ def open_colours(
 
 def draw_pictures(
     source: Source,
-    model: BodyModel,
+    body: TrackedBody,
     track: Track,
     out: Path,
     show: Show,
@@ -57,4 +56,4 @@ def draw_pictures(
     with noted_interrupts(*ENDING), show.steps("drawing pictures") as advance:
         from coordinator.pictures.run import draw_run
 
-        return draw_run(source, model, track, out, truth, colours, advance)
+        return draw_run(source, body, track, out, truth, colours, advance)

@@ -12,7 +12,7 @@ from coordinator.commands.options.job import Job
 from coordinator.commands.people.group import Group, advance, open_all_results, open_group, put_all
 from coordinator.commands.people.track import conclude
 from coordinator.commands.track import describe_pool
-from coordinator.commands.track_live import check_live, until_interrupted
+from coordinator.commands.track_live import MEND_STREAM, check_live, until_interrupted
 from coordinator.commands.workers import Connect, ListeningRefiner
 from coordinator.results.configuration.run_configuration import live_run_configuration
 from coordinator.scene.scope import Scope
@@ -43,7 +43,7 @@ def track_people_live(job: Job, show: Show, connect: Connect[ListeningRefiner]) 
             said = {"complete": complete, "frame_rate": rate, "pool": describe_pool(job.pool), **counts}
             found = group.finish(said, complete=complete)
         if not found:
-            raise InputError(f"the stream on {key} ended before any depth came; start its publisher later")
+            raise InputError(f"no depth came on {key} before the stream's end; {MEND_STREAM}")
     return conclude(found, job, show)
 
 

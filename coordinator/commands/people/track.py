@@ -17,6 +17,7 @@ from coordinator.commands.people.group import Group, advance, open_all_results, 
 from coordinator.commands.track import describe_pool
 from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.results.configuration.run_configuration import run_configuration
+from coordinator.results.model_file import TrackedBody
 from coordinator.results.people import is_complete, person_folder
 from coordinator.results.recording.recorded import Recorded
 from coordinator.results.summary import count_doubts, describe_status
@@ -130,8 +131,8 @@ def draw(run: PeopleRun, found: Mapping[int, Recorded], colours: ColourFolder | 
         return
     for number, recorded in found.items():
         folder = person_folder(run.job.out, number)
-        model = recorded.state.start.model
-        draw_pictures(run.source, model, read_track(folder), folder, show, None, colours)
+        body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
+        draw_pictures(run.source, body, read_track(folder), folder, show, None, colours)
 
 
 def conclude(found: Mapping[int, Recorded], job: Job, show: Show) -> bool:

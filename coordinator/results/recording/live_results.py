@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from coordinator.bodies.angles import angles_of
+from coordinator.bodies.angles import Angles, angles_of
 from coordinator.results.recording.recorded import assemble
+from coordinator.results.track import Track
 from coordinator.tracking.estimate import Estimate
 
 VERSION = 1
@@ -49,8 +50,7 @@ class LiveResults:
         estimated_at = self._clock()
         angles = angles_of(model, held)
         track = assemble(model, [estimate], held=held)
-        measured = angles.measure(track.pose)
-        self._last = measured[0] if self._last is None else angles.near(measured, self._last)[0]
+        values = self._follow(angles, track)
         self._outlet.put(
             self._encode(
                 {
@@ -62,9 +62,9 @@ class LiveResults:
                     "status": estimate.status,
                     "residual": known(estimate.residual),
                     "pose": by_name(model.dof_names, estimate.pose),
-                    "angles": by_name(angles.names, self._last),
+                    "angles": by_name(angles.names, values),
                     "angle_deviation": by_name(angles.names, first(track.angle_deviation)),
-                    "joints": dict(zip(model.joint_names, estimate.joint_positions.tolist(), strict=True)),
+                    "joints": places(model.joint_names, estimate.joint_positions),
                     "why": estimate.why,
                     "joint_deviation": by_name(model.joint_names, first(track.joint_deviation)),
                     "joint_off_probability": by_name(model.joint_names, first(track.joint_off_probability)),
@@ -72,6 +72,14 @@ class LiveResults:
                 }
             )
         )
+
+    def _follow(self, angles: Angles, track: Track) -> NDArray[np.float64]:
+        """The only frame's angles (A,), on the turns nearest to the last that were known; NaN before."""
+        if not track.placed[0]:
+            return np.full(len(angles.names), np.nan)
+        measured = angles.measure(track.pose)
+        self._last = measured[0] if self._last is None else angles.near(measured, self._last)[0]
+        return self._last
 
     def end(self) -> None:
         """Say that no more will come."""
@@ -86,6 +94,12 @@ def first(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
     """Values by name; null for what nobody knows."""
     return {name: known(value) for name, value in zip(names, values.tolist(), strict=True)}
+
+
+def places(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, list[float] | None]:
+    """Points (J, 3) by name; null for who is nowhere yet."""
+    known = {name: place.tolist() for name, place in zip(names, values, strict=True)}
+    return {name: place if np.isfinite(place).all() else None for name, place in known.items()}
 
 
 def known(value: float) -> float | None:
