@@ -18,8 +18,8 @@ from common.body import ROTATION, BodyModel
 Array = NDArray[np.float64]
 Kinds = NDArray[np.int64]
 
-PREDICTED, RESTING, ONE_LIMB, REACHING, SPREAD = range(5)  # kinds of proposals
-SHARES = np.array([0.15, 0.1, 0.1, 0.25, 0.4])  # of the particles
+PREDICTED, RESTING, ONE_LIMB, REACHING, SPREAD, HIDING = range(6)  # kinds of proposals
+SHARES = np.array([0.15, 0.1, 0.1, 0.25, 0.4])  # of the particles; one limb hides in place of being thrown
 GOLDEN = 0.6180339887498949  # any run of its multiples is spread evenly over the unit interval
 
 LIMB_DEVIATION = np.radians(30.0)  # by which a limb is thrown, in each of its joints, one standard deviation

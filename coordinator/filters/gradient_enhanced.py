@@ -20,16 +20,20 @@ from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, likeliest_way_on
 from coordinator.filters.covariance import estimate_covariances
 from coordinator.filters.exploration import (
+    HIDING,
+    ONE_LIMB,
     REACHING,
     RESTING,
     SPREAD,
     choose_kinds,
     perturb,
 )
+from coordinator.filters.limbs.hiding import find_hidden
+from coordinator.filters.limbs.layout import view_limbs
+from coordinator.filters.limbs.reaching import find_reaches
 from coordinator.filters.merging import merge
 from coordinator.filters.motion import draw_noise, propagate
 from coordinator.filters.proposal import Proposal
-from coordinator.filters.reaching import find_reaches
 from coordinator.filters.resampling import systematic
 from coordinator.filters.sighting import Sighting
 
@@ -140,15 +144,18 @@ def explore(
     motion = sighting.expect(past.velocities, settings.velocity_share)
     at_rest = sighting.expect(past.velocities, 0.0)
     likeliest = propagate(model, past.poses[:1], motion[:1], np.zeros_like(motion[:1]))[0]
-    reaching = np.flatnonzero(kinds == REACHING)
-    reaches = find_reaches(model, likeliest, sighting.points, len(reaching), rng)
-    if reaches is None:
-        kinds[reaching] = SPREAD
+    reaching, thrown = (np.flatnonzero(kinds == kind) for kind in (REACHING, ONE_LIMB))
+    view = view_limbs(model, likeliest, sighting.points)
+    reaches = find_reaches(view, likeliest, len(reaching), rng)
+    hidden = find_hidden(model, likeliest, view, len(thrown), rng)
+    kinds[reaching] = SPREAD if reaches is None else REACHING
+    kinds[thrown] = ONE_LIMB if hidden is None else HIDING
     noise = draw_noise(past.covariances, ancestors, rng, kinds == SPREAD)
     noise = perturb(model, kinds, noise, rng)
     moving = np.where((kinds == RESTING)[:, None], at_rest[ancestors], motion[ancestors])
     particles = propagate(model, past.poses[ancestors], moving, noise)
-    if reaches is not None:
-        for n, dofs, angles in zip(reaching, reaches.dofs, reaches.angles, strict=True):
-            particles[n, dofs] = angles
+    for which, ways in ((reaching, reaches), (thrown, hidden)):
+        if ways is not None:
+            for n, dofs, angles in zip(which, ways.dofs, ways.angles, strict=True):
+                particles[n, dofs] = angles
     return particles

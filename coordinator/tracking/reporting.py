@@ -13,7 +13,7 @@ from coordinator.tracking.certainty.certainty import Certainty, unknown_certaint
 from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import RECORDED, UNKNOWN, Estimate
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.status import explain_doubt, judge
+from coordinator.tracking.status import explain_doubt, explain_leaps, find_leaps, judge
 from coordinator.tracking.step import Tracked
 
 Array = NDArray[np.float64]
@@ -31,13 +31,17 @@ def report(tracked: Tracked) -> Reported:
     """What was found in a frame that was collected, when the one before it had been reported."""
     with tracked.clock.stage("report"):
         watch, model = tracked.state.checkpoint.watch, tracked.state.start.model
+        names = model.joint_names
         belief = tracked.belief
         reported = tracked.state.start.pose if belief is None else belief.reported
         weights = np.empty(0) if belief is None else belief.weights[:RECORDED]
         shown = reported[None][:0] if belief is None else belief.poses[:RECORDED]
         joints = joint_positions(model, np.concatenate([reported[None], shown]))
         certainty, verdict = assess(tracked, reported, shown, weights)
-        status = tracked.status or judge(watch, weights, joints[1:], certainty)
+        leaps = leaps_of(tracked, joints[0])
+        status = tracked.status or judge(watch, weights, joints[1:], joints[0], certainty)
+        if status == "tracked" and leaps.any():
+            status = "ambiguous"
     estimate = Estimate(
         frame=tracked.frame.number,
         time_s=tracked.frame.time_s,
@@ -48,12 +52,20 @@ def report(tracked: Tracked) -> Reported:
         hypothesis_weight=weights / weights.sum() if len(weights) else weights,
         residual=np.nan if belief is None else float(belief.residual[0]),
         particles_answered=tracked.answered,
-        why=watch.reason or explain_doubt(model.joint_names, certainty),
+        why=watch.reason or explain_doubt(names, certainty) or explain_leaps(names, leaps),
         stage_seconds=tracked.clock.seconds,
         certainty=unknown_certainty(len(model.joint_names)) if status in UNKNOWN else certainty,
     )
     checkpoint = replace(tracked.state.checkpoint, verdict=verdict)
     return Reported(estimate, replace(tracked.state, checkpoint=checkpoint))
+
+
+def leaps_of(tracked: Tracked, joints: Array) -> NDArray[np.bool_]:
+    """Which joints (J, 3) of a frame's report are not where they may have gone since the one before."""
+    if tracked.sighted is None or tracked.sighted.first:
+        return np.zeros(len(joints), dtype=np.bool_)
+    past = joint_positions(tracked.state.start.model, tracked.sighted.past[None])[0]
+    return find_leaps(joints, past, tracked.sighted.interval)
 
 
 def assess(

@@ -13,11 +13,14 @@ Array = NDArray[np.float64]
 
 APART = 0.15  # metres, between a joint of one hypothesis and of another
 MOST = 0.5  # share of the joints
+FASTEST = 12.0  # metres a second, of a joint beside the body's own way: who throws or kicks stays below
 RIVAL = 0.5  # weight of a hypothesis, relative to the likeliest, from which on it is a rival
 
 
-def judge(watch: Watch, weights: Array, joints: Array, certainty: Certainty) -> Status:
+def judge(watch: Watch, weights: Array, joints: Array, reported: Array, certainty: Certainty) -> Status:
     """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), likeliest first.
+
+    `reported` (J, 3) are the joints that are reported, which need not be the likeliest's.
 
     `searching`: the body may be anywhere. `lost`: the reported pose does not explain what is seen, or most
     joints are probably off. `ambiguous`: some joint may be, or a hypothesis about as likely has it elsewhere,
@@ -29,17 +32,17 @@ def judge(watch: Watch, weights: Array, joints: Array, certainty: Certainty) -> 
         return "lost"
     if watch.alike or np.any(certainty.off_probability > SUSPECTED):
         return "ambiguous"
-    return "ambiguous" if has_rival(weights, joints) else "tracked"
+    return "ambiguous" if has_rival(weights, joints, reported) else "tracked"
 
 
 def is_settled(watch: Watch, weights: Array, joints: Array) -> bool:
     """Whether hypotheses explain what is seen, and agree; before anything is said of single joints."""
-    return not (watch.seeks or watch.unexplained or watch.alike or has_rival(weights, joints))
+    return not (watch.seeks or watch.unexplained or watch.alike or has_rival(weights, joints, joints[0]))
 
 
-def has_rival(weights: Array, joints: Array) -> bool:
-    """Whether a hypothesis about as likely as the first has some joint elsewhere."""
-    apart = np.linalg.norm(joints - joints[:1], axis=-1).max(axis=1)
+def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
+    """Whether the first hypothesis, or one about as likely, has some joint elsewhere than it is reported."""
+    apart = np.linalg.norm(joints - reported, axis=-1).max(axis=1)
     return bool(np.any((apart > APART) & (weights > RIVAL * weights[0])))
 
 
@@ -51,3 +54,19 @@ def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
         return ""
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
     return f"may be more than {100 * OFF:.0f} cm off: {listed}"
+
+
+def find_leaps(joints: Array, past: Array, interval: float) -> NDArray[np.bool_]:
+    """Which joints (J,) of (J, 3) went farther since the frame before (J, 3), seconds ago, than people move.
+
+    The way that all of them went is taken off: that of who is found again.
+    """
+    way = joints - past
+    leaps: NDArray[np.bool_] = np.linalg.norm(way - way.mean(axis=0), axis=-1) > FASTEST * interval
+    return leaps
+
+
+def explain_leaps(names: tuple[str, ...], leaps: NDArray[np.bool_]) -> str:
+    """Which joints (J,) leapt, in words; empty where none did."""
+    listed = ", ".join(name.replace("_", " ") for name, leapt in zip(names, leaps, strict=True) if leapt)
+    return f"found elsewhere: {listed}" if listed else ""

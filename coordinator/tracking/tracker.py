@@ -198,7 +198,7 @@ class Tracker:
             rules = self.rules
             stretch = rules.noise_lateral / rules.noise_depth
             lone = len(proposal.poses) == 1
-            sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch, lone)
+            sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch, lone, first)
             return Submitted(frame, self._request(proposal), sighted, True, rival, first, clock)
 
     def send_ahead(self, frame: DepthFrame | None) -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from common.kinematics import pose_vertices
-from coordinator.filters.explaining import NEAR
-from coordinator.filters.reaching import find_reaches, layout_of
+from coordinator.filters.limbs.explaining import NEAR
+from coordinator.filters.limbs.layout import layout_of, view_limbs
+from coordinator.filters.limbs.reaching import find_reaches
 from tests.support.bodies import hinges, puppet
 
 MODEL = puppet()
@@ -35,7 +36,7 @@ def explained(pose: np.ndarray, points: np.ndarray) -> float:
 def test_a_lost_arm_reaches_for_what_is_seen_of_it() -> None:
     """The believed pose has the arm down; most of the ways that are found explain more than it does."""
     believed, points = np.zeros(len(MODEL.dof_names)), seen(raised())
-    reaches = find_reaches(MODEL, believed, points, 8, np.random.default_rng(0))
+    reaches = find_reaches(view_limbs(MODEL, believed, points), believed, 8, np.random.default_rng(0))
     assert reaches is not None
     assert len(reaches.dofs) == len(reaches.angles) == 8
     before, after = explained(believed, points), []
@@ -51,20 +52,23 @@ def test_a_lost_arm_reaches_for_what_is_seen_of_it() -> None:
 def test_where_all_is_explained_nothing_reaches() -> None:
     """The true pose leaves no point over, so there is nothing to reach for."""
     pose = raised()
-    assert find_reaches(MODEL, pose, seen(pose), 8, np.random.default_rng(0)) is None
+    assert find_reaches(view_limbs(MODEL, pose, seen(pose)), pose, 8, np.random.default_rng(0)) is None
 
 
 def test_nothing_seen_nothing_reached() -> None:
     """Without points, or without a limb that hangs on something, no way is tried."""
     nothing = np.empty((0, 3))
-    assert find_reaches(MODEL, raised(), nothing, 8, np.random.default_rng(0)) is None
+    assert find_reaches(view_limbs(MODEL, raised(), nothing), raised(), 8, np.random.default_rng(0)) is None
     assert not layout_of(hinges()).limbs
 
 
 def test_the_same_seed_reaches_the_same() -> None:
     """All chance is the generator's."""
     believed, points = np.zeros(len(MODEL.dof_names)), seen(raised())
-    one, other = (find_reaches(MODEL, believed, points, 5, np.random.default_rng(3)) for _ in range(2))
+    one, other = (
+        find_reaches(view_limbs(MODEL, believed, points), believed, 5, np.random.default_rng(3))
+        for _ in range(2)
+    )
     assert one is not None
     assert other is not None
     for first, second in zip(one.angles, other.angles, strict=True):

@@ -93,7 +93,7 @@ def test_what_is_not_told_apart_is_ambiguous() -> None:
     sure = Certainty(*np.zeros((3, 3)))
     doubted = Watch(tracked=CHECKS[-1] + 1).searched(alike=True)
     weights, joints = np.ones(1), np.zeros((1, 3, 3))
-    assert judge(doubted, weights, joints, sure) == "ambiguous"
+    assert judge(doubted, weights, joints, joints[0], sure) == "ambiguous"
     assert doubted.reason == LOOKS_ALIKE
     assert not is_settled(doubted, weights, joints)
     for _ in range(AGAIN):
@@ -102,7 +102,7 @@ def test_what_is_not_told_apart_is_ambiguous() -> None:
         if doubted.checks:
             break
     assert doubted.checks
-    assert judge(doubted.searched(alike=False), weights, joints, sure) == "tracked"
+    assert judge(doubted.searched(alike=False), weights, joints, joints[0], sure) == "tracked"
 
 
 def test_a_frame_without_anybody_is_not_said_to_look_alike() -> None:

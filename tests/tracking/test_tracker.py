@@ -30,7 +30,7 @@ from coordinator.tracking.pipeline import follow
 from coordinator.tracking.search.verdict import weigh
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.status import judge
+from coordinator.tracking.status import explain_leaps, find_leaps, judge
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner, DirectRequest
 from tests.support.people import (
@@ -332,7 +332,27 @@ def test_one_word_says_how_sure_it_is(
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
     sure = Certainty(np.ones(2), np.zeros(2), np.zeros(2))
-    assert judge(watch, np.array(weights), joints, sure) == word
+    assert judge(watch, np.array(weights), joints, joints[0], sure) == word
+
+
+def test_a_report_that_is_not_the_likeliest_is_not_tracked() -> None:
+    """The motion speaks for the pose that is reported, the frame for one that has a joint elsewhere."""
+    joints, sure = np.zeros((2, 2, 3)), Certainty(np.ones(2), np.zeros(2), np.zeros(2))
+    joints[1, 1, 0] = 0.3
+    assert judge(Watch(), np.array([0.9, 0.1]), joints, joints[0], sure) == "tracked"
+    assert judge(Watch(), np.array([0.9, 0.1]), joints, joints[1], sure) == "ambiguous"
+
+
+def test_a_joint_that_went_faster_than_people_is_named() -> None:
+    """A wrist that is elsewhere in the next frame; who walks, or is found again as a whole, does not leap."""
+    names, past = ("head", "right_wrist", "left_wrist", "pelvis"), np.zeros((4, 3))
+    walked, hopped = np.add(past, (3.0, 0.0, 0.0)), past.copy()
+    hopped[1] = (0.0, 0.6, 0.0)
+    assert not find_leaps(walked, past, 1.0 / 30.0).any()
+    assert find_leaps(hopped, past, 1.0 / 30.0).tolist() == [False, True, False, False]
+    assert not find_leaps(hopped, past, 1.0 / 10.0).any()
+    assert explain_leaps(names, find_leaps(hopped, past, 1.0 / 30.0)) == "found elsewhere: right wrist"
+    assert explain_leaps(names, find_leaps(past, past, 1.0 / 30.0)) == ""
 
 
 def test_the_subject_is_cut_out_where_it_is() -> None:

@@ -50,6 +50,7 @@ class Sighted:
     interval: float  # seconds since then
     stretch: float  # lateral over depth noise
     lone: bool = False  # a single particle was drawn: that no other hypothesis is left says nothing
+    first: bool = False  # nothing was reported before but a guess
 
 
 class Limbs(NamedTuple):

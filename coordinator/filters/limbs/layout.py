@@ -1,9 +1,4 @@
-"""Limbs that reach for what nothing explains (preset `default`).
-
-A limb that is lost is seldom hidden: the camera sees it, and no part of the model is near what it sees. So
-for each limb many ways to hold it are drawn, and those are kept that come near the points that the rest of
-the body leaves unexplained. A limb's own points count as well: what is left behind is no gain.
-"""
+"""What of a body is looked at limb by limb: branches of the tree that end in tips, with some vertices."""
 
 from __future__ import annotations
 
@@ -17,20 +12,18 @@ from common.body import ROTATION, BodyModel
 from common.kinematics import link_transforms
 from common.kinematics.arrays import contiguous
 from common.kinematics.skinning import blend_each
-from coordinator.filters.explaining import count_explained, mark_by_limb
 from coordinator.filters.exploration import find_limbs
+from coordinator.filters.limbs.explaining import mark_by_limb
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+Skin = tuple[Array, Indices, Array]  # vertices at rest (V, 3), their links and shares (V, K)
 
 POINTS = 300  # observed points that are looked at
 BODY_VERTICES = 800  # of the model, in its present pose
 LIMB_VERTICES = 40  # of a limb in each way to hold it
-DRAWS = 96  # ways to hold a limb that are tried first
-BEST, VARIANTS = 8, 8  # of these, and how often each is varied
-VARIATION = np.radians(20.0)  # one standard deviation
-LEAST_GAIN = 0.01  # of the observed points
+LEAST = 0.01  # of the observed points: so many are worth a way to hold a limb
 
 
 class Limb(NamedTuple):
@@ -47,52 +40,47 @@ class Limb(NamedTuple):
     joints: Array
     vertices: Array  # (LIMB_VERTICES, 3) at rest
     carriers: Indices  # (LIMB_VERTICES,) places in dofs
+    skin: Skin  # the same vertices
 
 
 class Layout(NamedTuple):
     """What of a body is looked at."""
 
-    some: tuple[Array, Indices, Array]  # vertices at rest (V, 3), their links and shares (V, K)
+    some: Skin
     limb_of: Indices  # (V,) of each of them
     groups: int  # limbs, and what they hang on
     limbs: tuple[Limb, ...]
 
 
-class Reaches(NamedTuple):
+class LimbView(NamedTuple):
+    """What a frame shows near the limbs of a pose."""
+
+    layout: Layout
+    points: Array  # (P, 3) observed
+    near: Flags  # (K, P) whether a point is near a limb, or near what limbs hang on
+    explained_by: Indices  # (P,) how many are near a point
+
+    def alone(self, limb: Limb) -> Flags:
+        """The points (P,) that no other limb explains."""
+        alone: Flags = self.explained_by == self.near[limb.number]
+        return alone
+
+
+class Ways(NamedTuple):
     """Ways to hold a limb, each of a limb of its own."""
 
     dofs: list[Indices]
     angles: list[Array]
 
 
-def find_reaches(
-    model: BodyModel, pose: Array, observed: Array, count: int, rng: np.random.Generator
-) -> Reaches | None:
-    """Ways to hold limbs of pose (D,) so that they explain more of the observed points (P, 3).
-
-    None where no limb could.
-    """
+def view_limbs(model: BodyModel, pose: Array, observed: Array) -> LimbView | None:
+    """What of the observed points (P, 3) is near the limbs of pose (D,); None without a point or a limb."""
     layout = layout_of(model)
     if not layout.limbs or not len(observed):
         return None
     points = observed[:: max(1, len(observed) // POINTS)]
     near = find_near(model, pose, points, layout)
-    explained_by = near.sum(axis=0)  # (P,) limbs
-    if np.count_nonzero(explained_by == 0) < max(3.0, LEAST_GAIN * len(points)):
-        return None
-    found: list[tuple[Limb, Array, Array]] = []
-    for limb in layout.limbs:
-        alone = explained_by == near[limb.number]  # what no other limb explains
-        held, reached = try_ways(limb, pose, points[alone], rng)
-        explained = np.count_nonzero(alone & near[limb.number])
-        found.append((limb, held, np.maximum(0.0, reached - explained)))
-    if not any(gain.any() for _, _, gain in found):
-        return None
-    weights = np.concatenate([gain for _, _, gain in found]) ** 2
-    drawn = rng.choice(len(weights), size=count, p=weights / weights.sum())
-    limb_at = np.repeat(np.arange(len(found)), [len(gain) for _, _, gain in found])
-    angles = [way for _, held, _ in found for way in held]
-    return Reaches([found[limb_at[k]][0].dofs for k in drawn], [angles[k] for k in drawn])
+    return LimbView(layout, points, near, near.sum(axis=0))
 
 
 def find_near(model: BodyModel, pose: Array, points: Array, layout: Layout) -> Flags:
@@ -103,35 +91,6 @@ def find_near(model: BodyModel, pose: Array, points: Array, layout: Layout) -> F
     near = np.empty((layout.groups, len(points)), dtype=np.bool_)
     mark_by_limb(contiguous(points.T), posed[0], layout.limb_of, near)
     return near
-
-
-def try_ways(limb: Limb, pose: Array, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Ways (K, d) to hold a limb of pose (D,), and how many of the points (P, 3) each comes near."""
-    held = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
-    reached = count_reached(limb, pose, held, points)
-    best = np.argsort(-reached, kind="stable")[:BEST]
-    varied = np.repeat(held[best], VARIANTS, axis=0)
-    varied = np.clip(varied + VARIATION * rng.standard_normal(varied.shape), limb.low, limb.high)
-    again = count_reached(limb, pose, varied, points)
-    return np.concatenate([held[best], varied]), np.concatenate([reached[best], again])
-
-
-def count_reached(limb: Limb, pose: Array, held: Array, points: Array) -> Array:
-    """How many of the points (P, 3) the limb comes near, held in each of the ways (K, d)."""
-    reached = np.empty(len(held))
-    count_explained(
-        limb.kinds,
-        limb.parents,
-        limb.axes,
-        limb.joints,
-        pose[limb.chain],
-        held,
-        limb.vertices,
-        limb.carriers,
-        points,
-        reached,
-    )
-    return reached
 
 
 @lru_cache(maxsize=16)
@@ -178,6 +137,7 @@ def lay_out_limb(model: BodyModel, number: int, dofs: Indices, vertices: Indices
         model.points[chain],
         model.vertices[some],
         carriers,
+        (model.vertices[some], model.skin_links[some], model.skin_weights[some]),
     )
 
 

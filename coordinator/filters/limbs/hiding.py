@@ -1,0 +1,97 @@
+"""Limbs that the frame does not show, held in other ways in which it would not show them (preset `default`).
+
+Of a limb behind the body nothing is known but that it is hidden. Hypotheses that all hold it in one way
+would say that it is known, and none would be near when it comes out elsewhere. So ways to hold it are drawn
+from all that it can do, and those are kept in which what is seen would hide it as well.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.kinematics import link_transforms
+from common.kinematics.skinning import blend_each
+from coordinator.filters.limbs.layout import LEAST, Indices, Limb, LimbView, Ways
+
+Array = NDArray[np.float64]
+
+DRAWS = 32  # ways to hold a limb that are tried
+HIDDEN = 0.8  # of a limb's vertices, from which on it is hidden
+CELL = 0.05  # metres, at the points' mean distance
+BEHIND = -0.02  # metres from what is seen, from which on a vertex is hidden
+
+
+class Cover(NamedTuple):
+    """What is seen as the nearest distance (H, W) in each direction, infinite where nothing is."""
+
+    nearest: Array
+    scale: float  # cells for each unit of x / z and y / z
+    corner: Indices  # (2,) column and row of the first cell
+
+
+def find_hidden(
+    model: BodyModel, pose: Array, view: LimbView | None, count: int, rng: np.random.Generator
+) -> Ways | None:
+    """Ways to hold the limbs of pose (D,) that the frame does not show; None where it shows all of them."""
+    if view is None:
+        return None
+    unseen = [limb for limb in view.layout.limbs if is_unseen(limb, view)]
+    if not unseen:
+        return None
+    cover, found = cover_of(view.points), list[tuple[Limb, Array]]()
+    for limb in unseen:
+        held = np.vstack([pose[limb.dofs], rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))])
+        hidden = share_hidden(model, pose, limb, held, cover) >= HIDDEN
+        if hidden[0] and hidden[1:].any():
+            found.append((limb, held[1:][hidden[1:]]))
+    if not found:
+        return None
+    drawn = [found[k] for k in rng.integers(len(found), size=count)]
+    return Ways([limb.dofs for limb, _ in drawn], [held[rng.integers(len(held))] for _, held in drawn])
+
+
+def is_unseen(limb: Limb, view: LimbView) -> bool:
+    """Whether nothing that is seen is the limb's alone."""
+    own = np.count_nonzero(view.near[limb.number] & view.alone(limb))
+    return bool(own < LEAST * len(view.points))
+
+
+def cover_of(points: Array) -> Cover:
+    """What points (P, 3) hide: each the cell that it is in and those around."""
+    scale = float(points[:, 2].mean()) / CELL
+    cells = cells_of(points, scale)
+    corner = cells.min(axis=0) - 1
+    width, height = cells.max(axis=0) - corner + 2
+    column, row = (cells - corner).T
+    single = np.full((height + 2, width + 2), np.inf)
+    np.minimum.at(single, (row + 1, column + 1), points[:, 2])
+    shifted = [single[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    nearest: Array = np.minimum.reduce(shifted)
+    return Cover(nearest, scale, corner)
+
+
+def cells_of(points: Array, scale: float) -> Indices:
+    """Column and row (..., 2) of points (..., 3) before the camera."""
+    cells: Indices = np.floor(points[..., :2] / points[..., 2:] * scale).astype(np.int64)
+    return cells
+
+
+def share_hidden(model: BodyModel, pose: Array, limb: Limb, held: Array, cover: Cover) -> Array:
+    """Share (K,) of a limb's vertices that are behind what is seen, held in ways (K, d) of pose (D,)."""
+    poses = np.repeat(pose[None], len(held), axis=0)
+    poses[:, limb.dofs] = held
+    vertices, links, shares = limb.skin
+    posed = np.empty((len(held), len(vertices), 3))
+    blend_each(vertices, links, shares, link_transforms(model, poses), posed)
+    height, width = cover.nearest.shape
+    before = posed[..., 2] > CELL
+    cells = cells_of(np.where(before[..., None], posed, 1.0), cover.scale) - cover.corner
+    column, row = np.moveaxis(cells, -1, 0)
+    inside = before & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    nearest = cover.nearest[np.where(inside, row, 0), np.where(inside, column, 0)]
+    hidden: Array = np.mean(inside & (posed[..., 2] > nearest + BEHIND), axis=1)
+    return hidden

@@ -1,0 +1,71 @@
+"""Limbs that reach for what nothing explains (preset `default`).
+
+A limb that is lost is seldom hidden: the camera sees it, and no part of the model is near what it sees. So
+for each limb many ways to hold it are drawn, and those are kept that come near the points that the rest of
+the body leaves unexplained. A limb's own points count as well: what is left behind is no gain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.filters.limbs.explaining import count_explained
+from coordinator.filters.limbs.layout import LEAST, Limb, LimbView, Ways
+
+Array = NDArray[np.float64]
+
+DRAWS = 96  # ways to hold a limb that are tried first
+BEST, VARIANTS = 8, 8  # of these, and how often each is varied
+VARIATION = np.radians(20.0)  # one standard deviation
+
+
+def find_reaches(view: LimbView | None, pose: Array, count: int, rng: np.random.Generator) -> Ways | None:
+    """Ways to hold limbs of pose (D,) so that they explain more of the observed points.
+
+    None where no limb could.
+    """
+    if view is None or np.count_nonzero(view.explained_by == 0) < max(3.0, LEAST * len(view.points)):
+        return None
+    found: list[tuple[Limb, Array, Array]] = []
+    for limb in view.layout.limbs:
+        alone = view.alone(limb)
+        held, reached = try_ways(limb, pose, view.points[alone], rng)
+        explained = np.count_nonzero(alone & view.near[limb.number])
+        found.append((limb, held, np.maximum(0.0, reached - explained)))
+    if not any(gain.any() for _, _, gain in found):
+        return None
+    weights = np.concatenate([gain for _, _, gain in found]) ** 2
+    drawn = rng.choice(len(weights), size=count, p=weights / weights.sum())
+    limb_at = np.repeat(np.arange(len(found)), [len(gain) for _, _, gain in found])
+    angles = [way for _, held, _ in found for way in held]
+    return Ways([found[limb_at[k]][0].dofs for k in drawn], [angles[k] for k in drawn])
+
+
+def try_ways(limb: Limb, pose: Array, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Ways (K, d) to hold a limb of pose (D,), and how many of the points (P, 3) each comes near."""
+    held = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
+    reached = count_reached(limb, pose, held, points)
+    best = np.argsort(-reached, kind="stable")[:BEST]
+    varied = np.repeat(held[best], VARIANTS, axis=0)
+    varied = np.clip(varied + VARIATION * rng.standard_normal(varied.shape), limb.low, limb.high)
+    again = count_reached(limb, pose, varied, points)
+    return np.concatenate([held[best], varied]), np.concatenate([reached[best], again])
+
+
+def count_reached(limb: Limb, pose: Array, held: Array, points: Array) -> Array:
+    """How many of the points (P, 3) the limb comes near, held in each of the ways (K, d)."""
+    reached = np.empty(len(held))
+    count_explained(
+        limb.kinds,
+        limb.parents,
+        limb.axes,
+        limb.joints,
+        pose[limb.chain],
+        held,
+        limb.vertices,
+        limb.carriers,
+        points,
+        reached,
+    )
+    return reached
