@@ -28,9 +28,9 @@ class DepthFrame:
         return self.depth.astype(np.float32) / np.float32(self.depth_scale)
 
 
-UNKNOWN, SUBJECT, EMPTY, HIDDEN = 0, 1, 2, 3
-"""Kinds of pixels: nothing was measured, or it is unclear what; the subject; something farther was measured,
-so that the subject is not there; something nearer was, behind which it may be."""
+UNKNOWN, SUBJECT, EMPTY, HIDDEN, UNMEASURED = 0, 1, 2, 3, 4
+"""Kinds of pixels: it is unclear what was measured; the subject; something farther was, so that the subject
+is not there; something nearer was, behind which it may be; nothing was."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,12 +41,14 @@ class SubjectFrame:
     view: (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open; what
     lies outside was not seen, what lies inside it and not in the crop is known to be empty.
     kinds: uint8 (H, W) of the crop; None where all that is not the subject's is empty.
+    emptiness: from 0 to 1, how surely the subject is not where nothing was measured.
     """
 
     frame: DepthFrame
     picked: NDArray[np.uint32]  # (P,)
     view: tuple[int, int, int, int]
     kinds: NDArray[np.uint8] | None = None  # (H, W)
+    emptiness: float = 0.0
 
     @property
     def pixels(self) -> int:

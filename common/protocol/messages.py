@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.errors import ProtocolError
-from common.frame import HIDDEN, SUBJECT, DepthFrame, SubjectFrame
+from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
 from common.protocol.arrays import Dims, check_finite, check_indices, pack, unpack
 from common.protocol.checks import (
     check_camera,
@@ -96,6 +96,7 @@ def encode_frame(subject: SubjectFrame) -> bytes:
         picked=pack(subject.picked),
         view=subject.view,
         kinds=None if subject.kinds is None else pack(subject.kinds),
+        emptiness=subject.emptiness,
     )
     return encode(message)
 
@@ -109,17 +110,19 @@ def decode_frame(payload: bytes) -> SubjectFrame:
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
+    if not 0.0 <= message.emptiness <= 1.0:
+        raise ProtocolError(f"an emptiness of {message.emptiness} is not between 0 and 1")
     kinds = None
     if message.kinds is not None:
         kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {})
         check_kinds(kinds, frame.depth)
-    return SubjectFrame(frame, picked, message.view, kinds)
+    return SubjectFrame(frame, picked, message.view, kinds, message.emptiness)
 
 
 def check_kinds(kinds: NDArray[np.uint8], depth: NDArray[np.uint16]) -> None:
     """ProtocolError unless these are kinds of pixels, the subject's those with depth."""
-    if kinds.size and kinds.max() > HIDDEN:
-        raise ProtocolError(f"kinds go up to {kinds.max()}, not {HIDDEN}")
+    if kinds.size and kinds.max() > UNMEASURED:
+        raise ProtocolError(f"kinds go up to {kinds.max()}, not {UNMEASURED}")
     if not np.array_equal(kinds == SUBJECT, depth > 0):
         raise ProtocolError("kinds and depth differ in what is the subject's")
 

@@ -15,7 +15,7 @@ from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
 
-PROTOCOL = 5  # between coordinator and workers
+PROTOCOL = 6  # between coordinator and workers
 LIVE = 1  # of what cameras publish, which others write, too: docs/live.md
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_REASON = 1_000  # characters
@@ -53,6 +53,7 @@ class FrameMessage(Message, frozen=True, tag="frame"):
     picked: Array
     view: tuple[Pixel, Pixel, Pixel, Pixel]
     kinds: Array | None = None
+    emptiness: float = 0.0
 
 
 class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):

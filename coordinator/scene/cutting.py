@@ -5,17 +5,18 @@ What is near the posed body and no part of the room, and what continues it in de
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN
+from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.extent import BLOCK, reach_back
 from coordinator.scene.nearness import CELL, Nearness, square_at, surround
 from coordinator.scene.noise import margin_at
-from coordinator.scene.room.marks import FOREGROUND, PLANE, UNMEASURED, Depth, Lens, mark_room
+from coordinator.scene.room.marks import FOREGROUND, NO_DEPTH, PLANE, Depth, Lens, mark_room
+from coordinator.scene.unmeasured import tell_emptiness
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]
@@ -39,12 +40,14 @@ class Cut:
     """A subject cut out of a picture.
 
     window: what of the picture was looked at. kinds: (H, W) of its pixels: SUBJECT; EMPTY, where something
-    farther was measured; HIDDEN, where something nearer was; UNKNOWN. near: distances from the body.
+    farther was measured; HIDDEN, where something nearer was; UNMEASURED; UNKNOWN. near: distances from the
+    body. emptiness: how surely the body is not where nothing was measured.
     """
 
     window: Window
     kinds: Kinds
     near: Nearness
+    emptiness: float = 0.0
 
 
 def cut_out(
@@ -67,9 +70,9 @@ def cut_out(
     window = left, top, right, bottom = find_window(view, surface)
     depth = view.depth[top:bottom, left:right]
     kinds = np.empty(depth.shape, dtype=np.uint8)
+    fx, fy, cx, cy = view.lens
+    lens = (fx, fy, cx - left, cy - top)
     if depth.size:
-        fx, fy, cx, cy = view.lens
-        lens = (fx, fy, cx - left, cy - top)
         growth, background = view.noise.growth, view.background[top:bottom, left:right]
         mark_room(depth, background, lens, view.planes.coefficients, growth, kinds)
         if others is not None:
@@ -77,7 +80,7 @@ def cut_out(
         mark_near(depth, background, lens, near.low, near.squares, reach, kinds)
         grow(depth, growth, kinds)
         tell_kinds(depth, reach_back(surface, lens, depth.shape), not view.furnished, kinds)
-    return Cut(window, kinds, near)
+    return Cut(window, kinds, near, tell_emptiness(surface, lens, kinds))
 
 
 def cut_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Cut:
@@ -93,7 +96,7 @@ def cut_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Cut:
     other = (cut.kinds == SUBJECT) & ~mask[top:bottom, left:right]
     cut.kinds[mask[top:bottom, left:right]] = SUBJECT
     cut.kinds[other] = UNKNOWN
-    return cut
+    return replace(cut, emptiness=0.0)
 
 
 THICKNESS = 0.25  # metres that a person goes on behind what is seen
@@ -152,7 +155,7 @@ def mark_near(
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
             z = depth[v, u]
-            if marks[v, u] == UNMEASURED or not nearest <= z < farthest:
+            if marks[v, u] == NO_DEPTH or not nearest <= z < farthest:
                 continue
             square = square_at((u - cx) / fx * z, (v - cy) / fy * z, z, low, squares)
             if marks[v, u] != FOREGROUND:
@@ -235,8 +238,8 @@ def tell_kinds(depth: Depth, back: Depth, unmeasured_is_empty: bool, marks: Kind
             mark = marks[v, u]
             if mark == TAKEN:
                 marks[v, u] = SUBJECT
-            elif mark == UNMEASURED:
-                marks[v, u] = EMPTY if unmeasured_is_empty else UNKNOWN
+            elif mark == NO_DEPTH:
+                marks[v, u] = EMPTY if unmeasured_is_empty else UNMEASURED
             elif mark == DOUBTFUL:
                 marks[v, u] = UNKNOWN
             elif mark != PLANE and depth[v, u] < back[v // BLOCK, u // BLOCK]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.errors import ProtocolError
-from common.frame import EMPTY, SUBJECT, SubjectFrame
+from common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
 from common.protocol import messages
 from common.protocol.messages import (
     OfSizes,
@@ -103,13 +103,21 @@ def test_frame_survives() -> None:
 
 
 def test_kinds_of_pixels_survive() -> None:
-    """A frame of a room arrives with what each pixel says."""
+    """A frame of a room arrives with what each pixel says, and what it says that nothing was measured."""
     frame = tiny_frame()
     kinds = np.where(frame.frame.depth > 0, SUBJECT, EMPTY).astype(np.uint8)
-    arrived = decode_frame(encode_frame(replace(frame, kinds=kinds))).kinds
-    assert arrived is not None
-    np.testing.assert_array_equal(arrived, kinds)
+    arrived = decode_frame(encode_frame(replace(frame, kinds=kinds, emptiness=0.25)))
+    assert arrived.kinds is not None
+    np.testing.assert_array_equal(arrived.kinds, kinds)
+    assert arrived.emptiness == 0.25
     assert decode_frame(encode_frame(frame)).kinds is None
+
+
+@pytest.mark.parametrize("emptiness", [-0.1, 1.1, float("nan"), float("inf")])
+def test_no_share_above_one_or_below_zero_arrives(emptiness: float) -> None:
+    """How surely a pixel is empty is a number from 0 to 1, or the frame is refused."""
+    with pytest.raises(ProtocolError, match="emptiness"):
+        decode_frame(encode_frame(replace(tiny_frame(), emptiness=emptiness)))
 
 
 def test_model_survives() -> None:
@@ -345,7 +353,7 @@ BAD = {
     "time": ("frame", set_to("time_s", value=float("inf")), "time holds values"),
     "kinds range": (
         "frame",
-        set_to("kinds", value=packed(np.full((32, 32), 4, np.uint8))),
+        set_to("kinds", value=packed(np.full((32, 32), UNMEASURED + 1, np.uint8))),
         "kinds go up",
     ),
     "kinds": ("frame", set_to("kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))), "kinds and depth"),

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, DepthFrame
+from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame
 from coordinator.scene.cutting import CLOSE, REACH, Cut, cut_mask, cut_out
 from coordinator.scene.nearness import CAP, CELL, surround
 from coordinator.scene.scene import Scene
@@ -75,17 +75,42 @@ def test_furniture_whose_edge_flickers_is_not_the_subjects() -> None:
     assert taken[1] > 0.2
 
 
-def test_what_is_not_measured_is_unknown_in_a_room_and_empty_where_nothing_else_is_seen() -> None:
-    """A camera's shadow beside the person is no evidence; in a recording that is cut out already it is."""
+def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_else_is_seen() -> None:
+    """A camera's shadow beside the person is a kind of its own; in a recording that is cut out already, empty."""
     room = Room()
     frame, truth = room.see(PERSON)
     shadow = np.roll(truth, 4, axis=1) & ~truth
     kinds = cut_from(room, replace(frame, depth=np.where(shadow, np.uint16(0), frame.depth)))
-    assert set(kinds[shadow]) == {UNKNOWN}
+    assert set(kinds[shadow]) == {UNMEASURED}
     alone = replace(frame, depth=np.where(truth, frame.depth, np.uint16(0)))
     view = Scene().see(alone)
     assert not view.furnished
     assert set(cut_out(view, room.surface(PERSON)).kinds.ravel()) == {SUBJECT, EMPTY}
+
+
+@pytest.mark.parametrize(
+    ("of_body", "of_room", "expected"),
+    [(0.0, 0.0, (0.0, 0.5)), (0.0, 0.1, (0.8, 1.0)), (0.05, 0.15, (0.4, 0.6)), (0.3, 0.1, (0.0, 0.0))],
+)
+def test_unmeasured_pixels_are_as_empty_as_room_and_body_say(
+    of_body: float, of_room: float, expected: tuple[float, float]
+) -> None:
+    """(r - b) / (r + b) of the shares of both that are unmeasured: nothing where the body is missed as often."""
+    room = Room()
+    frame, truth = room.see(PERSON)
+    missed = np.random.default_rng(0).random(truth.shape) < np.where(truth, of_body, of_room)
+    gone = replace(frame, depth=np.where(missed, np.uint16(0), frame.depth))
+    cut = cut_out(Scene().see(gone), room.surface(PERSON))
+    assert expected[0] <= cut.emptiness <= expected[1]
+
+
+def test_who_was_not_followed_yet_may_be_where_nothing_is_measured() -> None:
+    """Of somebody who is only just found nobody knows where the camera misses the body."""
+    room = Room()
+    frame, truth = room.see(PERSON)
+    holes = (np.random.default_rng(0).random(truth.shape) < 0.1) & ~truth
+    view = Scene().see(replace(frame, depth=np.where(holes, np.uint16(0), frame.depth)))
+    assert cut_mask(view, truth).emptiness == 0.0
 
 
 def test_pixels_that_are_known_are_the_subject() -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from common.camera import Intrinsics, back_project, project
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
+from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame, SubjectFrame
 from worker.kernel.observation import BLOCK, Observation, observe
 from worker.kernel.silhouette import nearest_occupied_pixels
 
@@ -54,7 +54,7 @@ def test_every_picked_pixel_becomes_one_point(seed: int) -> None:
 def test_the_nearest_pixel_of_the_subject_is_nearest(seed: int) -> None:
     """From any pixel the one named has depth, and none with depth is nearer."""
     depth = some_depth(seed).astype(np.float32)
-    nearest = nearest_occupied_pixels(depth)
+    nearest = nearest_occupied_pixels(depth > 0.0)
     assert np.all(depth[tuple(nearest)] > 0.0)
     here = np.indices(depth.shape).reshape(2, -1).T
     expected, _ = cKDTree(np.argwhere(depth > 0.0)).query(here)
@@ -66,14 +66,14 @@ def test_the_same_frame_gives_the_same_bytes() -> None:
     depth = some_depth(0)
     picked = np.flatnonzero(depth).astype(np.uint32)
     one, other = (observe(frame_of(depth.copy(), picked.copy())) for _ in range(2))
-    for name in ("points", "occupied", "nearest", "view"):
+    for name in ("points", "emptiness", "nearest", "view"):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (30, 40)])
 def test_a_picture_of_nothing_points_nowhere(size: tuple[int, int]) -> None:
     """Without any depth every pixel is its own nearest, so nothing is pulled anywhere."""
-    nearest = nearest_occupied_pixels(np.zeros(size, dtype=np.float32))
+    nearest = nearest_occupied_pixels(np.zeros(size, dtype=np.bool_))
     np.testing.assert_array_equal(nearest, np.indices(size))
     assert nearest.dtype == np.int32
 
@@ -86,8 +86,19 @@ def test_what_may_hide_the_subject_is_no_evidence_against_it(seed: int) -> None:
     kinds = np.where(depth > 0, SUBJECT, other).astype(np.uint8)
     frame = frame_of(depth, np.flatnonzero(depth).astype(np.uint32))
     observation = observe(replace(frame, kinds=kinds))
-    np.testing.assert_array_equal(observation.occupied > 0.0, kinds != EMPTY)
-    np.testing.assert_array_equal(
-        observation.nearest, nearest_occupied_pixels((kinds != EMPTY).astype(np.float32))
-    )
+    np.testing.assert_array_equal(observation.emptiness == 0.0, kinds != EMPTY)
+    np.testing.assert_array_equal(observation.nearest, nearest_occupied_pixels(kinds != EMPTY))
     np.testing.assert_array_equal(observation.points, observe(frame).points)
+
+
+@pytest.mark.parametrize("emptiness", [0.0, 0.25, 1.0])
+def test_what_was_not_measured_is_as_empty_as_is_said(emptiness: float) -> None:
+    """Unmeasured pixels have the frame's emptiness; they draw nothing unless that is nothing."""
+    depth = some_depth(1)
+    kinds = np.where(depth > 0, SUBJECT, UNMEASURED).astype(np.uint8)
+    frame = replace(frame_of(depth, np.flatnonzero(depth).astype(np.uint32)), kinds=kinds)
+    observation = observe(replace(frame, emptiness=emptiness))
+    np.testing.assert_array_equal(observation.emptiness, np.where(depth > 0, 0.0, emptiness))
+    np.testing.assert_array_equal(
+        observation.nearest, nearest_occupied_pixels((depth > 0) | (emptiness == 0.0))
+    )

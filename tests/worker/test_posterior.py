@@ -5,7 +5,7 @@ The kernel's equations and its weights are held against `tests/support/kernel/he
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import msgspec
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from common.activation import activate
 from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
@@ -54,8 +54,10 @@ POINTS = 800
 FAR, NEAR = 0.3, 0.03  # radians and metres: how far the random poses are off
 STANDING = {"root_tz": 2.9, "r_shoulder_flexion": 0.9, "r_shoulder_abduct": 0.7, "r_elbow_flexion": 1.1}
 CLEAN, HEAVY = SensorNoise(0.004, 0.004), SensorNoise(0.15, 0.01)
+ROOM = "in a room"
 SETTINGS = {
     "default": DEFAULT,
+    ROOM: DEFAULT,
     "other noise along than across": msgspec.structs.replace(DEFAULT, noise_depth=0.015, noise_lateral=0.008),
     "paper": PAPER,
     "soft": msgspec.structs.replace(DEFAULT, noise_depth=HEAVY.depth, noise_lateral=HEAVY.lateral),
@@ -85,7 +87,16 @@ def case(body: str, name: str) -> Case:
     noisy = add_noise(depth, CAMERA, noise, np.random.default_rng(0))
     subject = isolate(DepthFrame(0, 0.0, np.rint(noisy * 1e4).astype(np.uint16), 1e4, CAMERA), None, POINTS)
     assert subject is not None
-    return Case(model, truth, subject, settings)
+    return Case(model, truth, in_a_room(subject) if name == ROOM else subject, settings)
+
+
+def in_a_room(subject: SubjectFrame) -> SubjectFrame:
+    """The frame with patches beside the subject of which the camera measured nothing, or something nearer."""
+    rng, depth = np.random.default_rng(2), subject.frame.depth
+    patches = rng.choice([EMPTY, EMPTY, UNMEASURED, HIDDEN], size=-(-np.array(depth.shape) // 6))
+    beside = np.kron(patches, np.ones((6, 6), dtype=np.uint8))[: depth.shape[0], : depth.shape[1]]
+    kinds = np.where(depth > 0, SUBJECT, beside).astype(np.uint8)
+    return replace(subject, kinds=kinds, emptiness=0.4)
 
 
 def random_poses(of: Case, count: int) -> Array:

@@ -33,20 +33,21 @@ def project_onto_silhouette(
 ) -> None:
     """How far the visible ones of posed (V, 3) lie from the silhouette's nearest ray, at their own depth.
 
-    Fills squared (V,) with the squared distances (m^2), in the order of `visible`, and points (V, 3) with
-    what draws a vertex down their slope in the metric of the noise; 0 where a vertex projects onto the
-    subject or what may hide it, or outside what the camera saw, or where the surface is seen from the side.
+    Fills squared (V,) with the squared distances (m^2), in the order of `visible`, and points (V, 4) with
+    what draws a vertex down their slope in the metric of the noise, and how surely its pixel is empty; 0
+    where a vertex projects onto the subject or what may hide it, or outside what the camera saw, or where the
+    surface is seen from the side.
     """
-    nearest, occupied, fx, fy, cx, cy = (
+    nearest, emptiness, fx, fy, cx, cy = (
         observed.nearest,
-        observed.occupied,
+        observed.emptiness,
         observed.fx,
         observed.fy,
         observed.cx,
         observed.cy,
     )
     left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
-    height, width = occupied.shape
+    height, width = emptiness.shape
     stretch_squared = observed.stretch * observed.stretch
     for m in range(len(visible)):
         x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
@@ -57,7 +58,8 @@ def project_onto_silhouette(
         if 0.0 <= across < right - left and 0.0 <= along < bottom - top and z > CLOSEST:
             column, row = left + int(across), top + int(along)
             inside = 0 <= column < width and 0 <= row < height
-            if inside and occupied[np.uint64(row), np.uint64(column)] > 0.0:
+            weight = emptiness[np.uint64(row), np.uint64(column)] if inside else np.float32(1.0)
+            if weight == 0.0:
                 continue
             i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
             du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
@@ -67,6 +69,7 @@ def project_onto_silhouette(
                 along_ray = right_by * (u + du - cx) / fx + down_by * (v + dv - cy) / fy
                 points[m, 0], points[m, 1] = x + right_by, y + down_by
                 points[m, 2] = z - along_ray / stretch_squared
+                points[m, 3] = weight
                 squared[m] = right_by * right_by + down_by * down_by
 
 

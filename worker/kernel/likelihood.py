@@ -109,11 +109,12 @@ def mean_free_space_cost(
     workspace: Workspace,
 ) -> float:
     """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
-    squared = workspace.silhouette_squared
+    points, squared = workspace.silhouette_points, workspace.silhouette_squared
     find_silhouette_points(visible, skeleton, surface, observed, workspace)
     cost = 0.0
     for m in range(len(visible)):
-        cost += robust_cost(squared[m], parameters.outlier_squared)
+        if squared[m] > 0.0:
+            cost += points[m, 3] * robust_cost(squared[m], parameters.outlier_squared)
     return cost / len(visible)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
-from common.frame import EMPTY, SubjectFrame
+from common.frame import EMPTY, UNMEASURED, SubjectFrame
 from worker.kernel.search.neighbourhoods import neighbourhoods
 from worker.kernel.silhouette import nearest_occupied_pixels
 
@@ -24,13 +24,13 @@ BLOCK = 64  # points that share a list of candidates
 class Observation:
     """Observed points in the camera frame, neighbours together, padded to whole blocks by repeating the last.
 
-    occupied: above 0 where the body may be seen or hidden, 0 where it is known not to be.
-    nearest: for each pixel the nearest one (row, column) that is occupied.
+    emptiness: how surely the body is not there: 0 where it may be seen or hidden, 1 where it is known not to be.
+    nearest: for each pixel the nearest one (row, column) whose emptiness is 0.
     """
 
     points: NDArray[np.float32]  # (blocks * BLOCK, 3)
     count: int  # points that are not padding
-    occupied: NDArray[np.float32]  # (H, W)
+    emptiness: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
     view: NDArray[np.int64]  # (4,)
@@ -39,17 +39,26 @@ class Observation:
 def observe(subject: SubjectFrame) -> Observation:
     """Observed points of the picked pixels of a frame."""
     depth = subject.frame.metres()
-    occupied = depth if subject.kinds is None else (subject.kinds != EMPTY).astype(np.float32)
+    emptiness = tell_emptiness(subject)
     points = pick_points(depth, subject.picked, subject.frame.intrinsics)
     ordered = points.astype(np.float32)[neighbourhoods(points, TILE, BLOCK)]
     return Observation(
         points=pad_to_blocks(ordered),
         count=len(points),
-        occupied=occupied,
-        nearest=nearest_occupied_pixels(occupied),
+        emptiness=emptiness,
+        nearest=nearest_occupied_pixels(emptiness == 0.0),
         camera=subject.frame.intrinsics,
         view=np.array(subject.view, dtype=np.int64),
     )
+
+
+def tell_emptiness(subject: SubjectFrame) -> NDArray[np.float32]:
+    """How surely the subject is not in each pixel (H, W) of a frame."""
+    if subject.kinds is None:
+        return (subject.frame.depth == 0).astype(np.float32)
+    emptiness = (subject.kinds == EMPTY).astype(np.float32)
+    emptiness[subject.kinds == UNMEASURED] = subject.emptiness
+    return emptiness
 
 
 def pick_points(

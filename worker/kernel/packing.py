@@ -43,7 +43,7 @@ class PackedObservation(NamedTuple):
     blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
     tiles: NDArray[np.float32]  # (6, tiles) and of smaller parts
     count: int  # type: ignore[assignment]  # tuples have a method of that name
-    occupied: NDArray[np.float32]  # (H, W)
+    emptiness: NDArray[np.float32]  # (H, W) 0 to 1
     nearest: NDArray[np.int32]  # (2, H, W)
     seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
     fx: float
@@ -89,7 +89,7 @@ def stretch(observation: Observation, ratio: float) -> PackedObservation:
         boxes_of(points, BLOCK),
         boxes_of(points, TILE),
         observation.count,
-        observation.occupied,
+        observation.emptiness,
         observation.nearest,
         observation.view,
         camera.fx,

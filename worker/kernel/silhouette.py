@@ -16,7 +16,7 @@ FAR = -1
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_occupied_pixels(occupied: NDArray[np.float32]) -> Pixels:
+def nearest_occupied_pixels(occupied: NDArray[np.bool_]) -> Pixels:
     """Row and column (2, H, W) of the nearest occupied pixel; its own where there is none."""
     height, width = occupied.shape
     found = np.empty((2, height, width), dtype=np.int32)
@@ -35,13 +35,13 @@ def nearest_occupied_pixels(occupied: NDArray[np.float32]) -> Pixels:
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_rows(occupied: NDArray[np.float32], out: Pixels) -> None:
+def nearest_rows(occupied: NDArray[np.bool_], out: Pixels) -> None:
     """Fill out (H, W) with the row of the nearest occupied pixel in the same column, FAR without any."""
     height, width = occupied.shape
     for v in range(height):
         for u in range(width):
             above = out[v - 1, u] if v > 0 else FAR
-            out[v, u] = v if occupied[v, u] > 0.0 else above
+            out[v, u] = v if occupied[v, u] else above
     for v in range(height - 2, -1, -1):
         for u in range(width):
             below = out[v + 1, u]

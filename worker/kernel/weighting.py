@@ -97,7 +97,7 @@ def add_free_space(
     share = parameters.free_space_weight * observed.count / len(visible)
     for m in range(len(visible)):
         if squared[m] > 0.0:
-            weight = share * robust_weight(squared[m], parameters.outlier_squared)
+            weight = share * points[m, 3] * robust_weight(squared[m], parameters.outlier_squared)
             for a in range(3):
                 targets[m, a] += weight * points[m, a]
             targets[m, 3] += weight

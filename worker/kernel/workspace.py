@@ -27,7 +27,7 @@ class Workspace(NamedTuple):
 
     transforms: Array  # (D + 1, 3, 4) T_camera_rest, the last for links that nothing moves
     weighted_targets: Array  # (V, 4) of visible vertices: weighted sum of observed points, weight
-    silhouette_points: Array  # (V, 3) nearest to visible vertices that lie beside the silhouette
+    silhouette_points: Array  # (V, 4) nearest to visible vertices that lie beside the silhouette, weight
     silhouette_squared: Array  # (V,) squared distances from them, m^2
     visibility: VisibilityBuffers
     search: SearchBuffers
@@ -42,7 +42,7 @@ def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObserva
     return Workspace(
         np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
         np.empty((vertices, 4)),
-        np.empty((vertices, 3)),
+        np.empty((vertices, 4)),
         np.empty(vertices),
         make_visibility_buffers(vertices),
         make_search_buffers(observed.points.shape[1], vertices, surface.leaves[-1] + 1),

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Depth = NDArray[np.float32]
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
-UNMEASURED, FOREGROUND, ROOM, PLANE = 0, 1, 2, 3
+NO_DEPTH, FOREGROUND, ROOM, PLANE = 0, 1, 2, 3
 TWO_SAMPLES = 1.4  # the background's depth is a sample, too
 
 
@@ -23,7 +23,7 @@ TWO_SAMPLES = 1.4  # the background's depth is a sample, too
 def mark_room(
     depth: Depth, background: Depth, lens: Lens, planes: Array, growth: float, marks: NDArray[np.uint8]
 ) -> None:
-    """Fill marks (H, W) with UNMEASURED, FOREGROUND, ROOM (background) or PLANE.
+    """Fill marks (H, W) with NO_DEPTH, FOREGROUND, ROOM (background) or PLANE.
 
     depth and background (H, W) in metres; the lens is that of this window; planes (P, 3) as in `Planes`.
     """
@@ -34,7 +34,7 @@ def mark_room(
         for u in range(columns):
             z = depth[v, u]
             if not z > 0.0:
-                marks[v, u] = UNMEASURED
+                marks[v, u] = NO_DEPTH
                 continue
             x, margin = (u - cx) / fx, margin_at(z, growth)
             inverse = 1.0 / z

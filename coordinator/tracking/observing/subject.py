@@ -70,6 +70,7 @@ def subject_of(frame: DepthFrame, cut: Cut, points: int) -> SubjectFrame | None:
         picked=pick(depth, points),
         view=(-left, -top, camera.width - left, camera.height - top),
         kinds=cut.kinds,
+        emptiness=cut.emptiness,
     )
 
 

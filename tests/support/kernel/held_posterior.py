@@ -2,13 +2,13 @@
 
 Of a frame's points p_i, a body in a pose with vertices x_v and its prior,
 
-    hard:  -1/2 (mean_i rho(|p_i - x_c(i)|^2) + w mean_v rho(|f_v|^2) + prior) / T^2
+    hard:  -1/2 (mean_i rho(|p_i - x_c(i)|^2) + w mean_v e_v rho(|f_v|^2) + prior) / T^2
     soft:  N (mean_i log(sum_k a_k g(p_i - x_k) + e) - 1/2 prior / s^2)
 
 Held still about a pose are what belongs together and what is seen there: the closest visible vertex c(i) of
-each point, or the samples x_k around it, each for the same solid angle; the visible vertices v, which of them
-are in free space, and the pixel of the outline from which each is f_v away. A weight is the value at the pose
-where they are taken; the descent's right side is its slope there.
+each point, or the samples x_k around it, each for the same solid angle; the visible vertices v, how surely
+(e_v) each is in free space, and the pixel of the outline from which it is f_v away. A weight is the value at
+the pose where they are taken; the descent's right side is its slope there.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Held:
     closest: Indices  # (P,) vertices
     visible: Indices  # (Q,) vertices
     rays: Array  # (Q, 2) of the outline's nearest pixels, for each metre of depth
-    free: NDArray[np.bool_]  # (Q,) which of them are in free space
+    free: Array  # (Q,) how surely each of them is in free space
     samples: Samples | None  # of soft correspondences
 
 
@@ -122,9 +122,9 @@ def free_space_cost(held: Held, posed: Array) -> Array:
     """Mean robust cost (N,) of visible vertices that lie where the camera saw nothing, times its weight."""
     seen = posed[:, held.visible]
     off = held.rays * seen[..., 2:] - seen[..., :2]
-    squared = np.sum(off**2, axis=-1) * held.free
+    cost = plain_path.robust_cost(np.sum(off**2, axis=-1), held.settings) * held.free
     weight = FREE_SPACE_WEIGHT if held.settings.sensor == "camera" else 0.0
-    return np.asarray(weight * plain_path.robust_cost(squared, held.settings).mean(axis=1))
+    return np.asarray(weight * cost.mean(axis=1))
 
 
 def prior_costs(held: Held, poses: Array) -> Array:
