@@ -24,7 +24,7 @@ def tell_emptiness(surface: Array, lens: Lens, kinds: Kinds) -> float:
     """From 0 to 1, how surely a body is not where nothing was measured.
 
     An unmeasured pixel shows the room with probability p = r / (r + b), r the share of the room's pixels that
-    are unmeasured and b that of the body's. What it says is by how much that is likelier than the body, 2 p - 1.
+    are unmeasured and b that of the body's. It says by how much that is likelier than the body: 2 p - 1.
 
     Args:
         surface: Points (V, 3) all over the body as it is about to be, metres.
@@ -41,7 +41,7 @@ def tell_emptiness(surface: Array, lens: Lens, kinds: Kinds) -> float:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def cover(points: Array, lens: Lens, side: int, covered: Flags) -> None:
-    """Mark the squares of so many pixels a side in which points (N, 3) are; the first lie outside the picture."""
+    """Mark the squares (R, C) in which points (N, 3) are; the first row and column lie outside the picture."""
     fx, fy, cx, cy = lens
     rows, columns = covered.shape
     for n in range(len(points)):
@@ -54,7 +54,7 @@ def cover(points: Array, lens: Lens, side: int, covered: Flags) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def count_missed(kinds: Kinds, side: int, covered: Flags) -> tuple[int, int, int, int]:
-    """Pixels well inside the covered squares that are the subject's or unmeasured, and how many are unmeasured.
+    """Pixels well inside what is covered that are the subject's or unmeasured, and how many are unmeasured.
 
     And the same of pixels that are empty or unmeasured in squares that are not covered.
     """

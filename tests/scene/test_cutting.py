@@ -76,7 +76,7 @@ def test_furniture_whose_edge_flickers_is_not_the_subjects() -> None:
 
 
 def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_else_is_seen() -> None:
-    """A camera's shadow beside the person is a kind of its own; in a recording that is cut out already, empty."""
+    """A camera's shadow beside the person is a kind of its own; in a cut-out recording it is empty."""
     room = Room()
     frame, truth = room.see(PERSON)
     shadow = np.roll(truth, 4, axis=1) & ~truth
@@ -95,7 +95,7 @@ def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_el
 def test_unmeasured_pixels_are_as_empty_as_room_and_body_say(
     of_body: float, of_room: float, expected: tuple[float, float]
 ) -> None:
-    """(r - b) / (r + b) of the shares of both that are unmeasured: nothing where the body is missed as often."""
+    """(r - b) / (r + b) of their unmeasured shares: nothing where the body is missed as often."""
     room = Room()
     frame, truth = room.see(PERSON)
     missed = np.random.default_rng(0).random(truth.shape) < np.where(truth, of_body, of_room)

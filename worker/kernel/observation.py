@@ -24,7 +24,7 @@ BLOCK = 64  # points that share a list of candidates
 class Observation:
     """Observed points in the camera frame, neighbours together, padded to whole blocks by repeating the last.
 
-    emptiness: how surely the body is not there: 0 where it may be seen or hidden, 1 where it is known not to be.
+    emptiness: how surely the body is not there: 0 where it may be seen or hidden, 1 where it cannot be.
     nearest: for each pixel the nearest one (row, column) whose emptiness is 0.
     """
 
@@ -54,10 +54,10 @@ def observe(subject: SubjectFrame) -> Observation:
 
 def tell_emptiness(subject: SubjectFrame) -> NDArray[np.float32]:
     """How surely the subject is not in each pixel (H, W) of a frame."""
-    if subject.kinds is None:
-        return (subject.frame.depth == 0).astype(np.float32)
-    emptiness = (subject.kinds == EMPTY).astype(np.float32)
-    emptiness[subject.kinds == UNMEASURED] = subject.emptiness
+    empty = subject.frame.depth == 0 if subject.kinds is None else subject.kinds == EMPTY
+    emptiness = np.where(empty, np.float32(1.0), np.float32(0.0))
+    if subject.kinds is not None:
+        emptiness[subject.kinds == UNMEASURED] = subject.emptiness
     return emptiness
 
 

@@ -154,7 +154,7 @@ def emptiness_of(subject: SubjectFrame) -> Array:
 
 
 def nearest_outline(seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame) -> tuple[Array, Array]:
-    """Of model points (Q, 3) the subject's nearest pixels (Q, 2), column and row; how surely (Q,) in free space."""
+    """Of model points (Q, 3) the outline's nearest pixel (column, row); how surely (Q,) they are in free space."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
     pixels = project(seen, camera)
@@ -173,7 +173,7 @@ def nearest_outline(seen: Array, facing: NDArray[np.bool_], subject: SubjectFram
 def project_onto_silhouette(
     seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame, settings: RefineSettings
 ) -> tuple[Array, Array, Array]:
-    """For model points (Q, 3) in free space what draws them to the outline (Q, 3); distance squared; weight."""
+    """For model points (Q, 3) in free space what draws them to the outline; distance squared, weight (Q,)."""
     camera = subject.frame.intrinsics
     outline, free = nearest_outline(seen, facing, subject)
     apart = free > 0.0
