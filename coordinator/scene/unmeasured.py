@@ -41,7 +41,7 @@ def tell_emptiness(surface: Array, lens: Lens, kinds: Kinds) -> float:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def cover(points: Array, lens: Lens, side: int, covered: Flags) -> None:
-    """Mark the squares (R, C) in which points (N, 3) are; the first row and column lie outside the picture."""
+    """Mark the squares (R, C) in which points (N, 3) are; the first row and column lie outside it."""
     fx, fy, cx, cy = lens
     rows, columns = covered.shape
     for n in range(len(points)):

@@ -154,7 +154,7 @@ def emptiness_of(subject: SubjectFrame) -> Array:
 
 
 def nearest_outline(seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame) -> tuple[Array, Array]:
-    """Of model points (Q, 3) the outline's nearest pixel (column, row); how surely (Q,) they are in free space."""
+    """Of model points (Q, 3) the outline's nearest pixel (column, row); how surely (Q,) in free space."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
     pixels = project(seen, camera)
