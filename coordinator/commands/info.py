@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +17,9 @@ from common.frame import DepthFrame
 from coordinator.commands.console.interrupts import ended_at_once
 from coordinator.sources import Format, Source, find_format
 from coordinator.sources.given import Given
+from coordinator.sources.plausible import doubt_camera, doubt_range
+
+logger = logging.getLogger(__name__)
 
 SAMPLED = 10  # frames, evenly spread, from which the range of depth is read
 
@@ -108,6 +112,9 @@ def describe(form: Format, source: Source) -> tuple[dict[str, object], DepthFram
     """Facts about a sequence by name, and its frame in the middle. Raises InputError."""
     camera = source.intrinsics
     near, far = depth_range(source)
+    for doubt in (doubt_camera(camera), doubt_range(near, far)):
+        if doubt is not None:
+            logger.warning("%s: %s", source.name, doubt)
     facts: dict[str, object] = {
         "format": form.name,
         "frames": len(source),

@@ -109,8 +109,9 @@ def choose_start(
     init: str | None, source: Source, dof_names: Sequence[str] = HUMAN_DOFS
 ) -> Mapping[str, float] | None:
     """The pose to start from: of a file, else of the file that comes with the sequence, else to be found."""
-    path = source.init if init is None else None if init == AUTOMATIC else Path(init)
-    return None if path is None else read_start(path, dof_names)
+    if init is None and source.init is not None:
+        return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
+    return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)
 
 
 def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:

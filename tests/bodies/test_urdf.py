@@ -191,12 +191,26 @@ def robot(joint: str = "", link: str = "", extra: str = "") -> str:
     )
 
 
+def test_a_joint_that_mimics_moves_on_its_own(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Grippers' second fingers are tracked like any joint, and that is said."""
+    path = tmp_path / "gripper.urdf"
+    path.write_text(robot("<mimic joint='k'/>"))
+    assert read_urdf(path).dof_names == (*ROOT_DOFS, "j")
+    assert "joint 'j' mimics 'k'; it is tracked on its own" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("not xml", "is no URDF"),
         (robot().replace("revolute", "planar"), "joint 'j' is planar"),
-        (robot("<mimic joint='k'/>"), "mimics 'k'"),
+        ("<robot name='r'><link name='a'>", "its XML is damaged"),
+        ("<mujoco/>", "it is a <mujoco>, not a <robot>"),
+        (
+            robot().replace("child link='b'", "child link='c'"),
+            "child the link 'c', which is not there",
+        ),
+        (robot("<limit lower='${low}' upper='1'/>"), "holds xacro's macros; run xacro"),
         (robot("<axis xyz='0 0 0'/>").replace("<axis xyz='0 0 1'/>", ""), "axis of joint 'j' is zero"),
         (robot("<limit lower='1' upper='-1' effort='1' velocity='1'/>"), "lower limit above"),
         (robot().replace("'j'", "'root_tx'"), "'root_tx' is there twice"),

@@ -126,7 +126,7 @@ def without(name: str) -> Damage:
         (with_file("camera_intrinsic.json", "{"), "camera_intrinsic.json"),
         (
             with_file("init.json", '{"elbow": 1}'),
-            "init.json: unknown degree of freedom 'elbow'; gepf model dofs",
+            "init.json: unknown degree of freedom 'elbow'; gepf model dofs lists all; is --model right?",
         ),
         (with_file("init.json", '{"root_tz": NaN}'), "init.json: root_tz is NaN; give a finite number"),
         (with_file("init.json", '{"root_tz": "2"}'), "init.json"),

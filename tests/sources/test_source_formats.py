@@ -301,3 +301,26 @@ def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixt
     with Image.open(tmp_path / "x.png") as picture:
         assert picture.size == (320, 240)
     assert main(["info", str(tmp_path / "nowhere")]) == 2
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (["--depth-scale", "50"], "all depth lies between 40 and 40 m; is it in other units? --depth-scale"),
+        (["--depth-scale", "10000"], "all depth lies between 0.2 and 0.2 m; is it in other units?"),
+        (
+            ["--intrinsics", "500,500,3200,240"],
+            "centre (3200, 240) is outside of its picture of 40x30",
+        ),
+        (["--depth-scale", "1000"], ""),
+    ],
+)
+def test_units_and_a_camera_that_cannot_be_are_told(
+    given: list[str], says: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """`gepf info` shows all the same, with a line on stderr that names what to mend."""
+    np.save(tmp_path / "flat.npy", np.full((2, 30, 40), 2000, dtype=np.uint16))
+    camera = [] if "--intrinsics" in given else ["--intrinsics", "40,40,20,15"]
+    assert main(["info", str(tmp_path / "flat.npy"), "--json", *camera, *given]) == 0
+    assert says in caplog.text
+    assert bool(caplog.records) == bool(says)

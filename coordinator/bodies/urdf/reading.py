@@ -21,11 +21,14 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls, surface_carriers
 from common.errors import InputError
 from coordinator.bodies.human.sampling import sample_evenly
+from coordinator.bodies.urdf.text import check_text
 
 Array = NDArray[np.float64]
 
 REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """URDF: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
+
+logger = logging.getLogger(__name__)
 
 MOVING = {"revolute": ROTATION, "continuous": ROTATION, "prismatic": TRANSLATION}
 BASE = len(ROOT_DOFS) - 1
@@ -33,6 +36,9 @@ BASE = len(ROOT_DOFS) - 1
 
 def read_urdf(path: Path) -> BodyModel:
     """The body that a URDF file describes; InputError for what is none or cannot be tracked."""
+    if not path.is_file():
+        raise InputError(f"no such file: {path}; give --model human or a URDF file")
+    check_text(path)
     robot = load(path, build_scene_graph=False, load_meshes=False).robot
     check_tree(path, robot)
     joints = in_tree_order(path, robot)
@@ -91,8 +97,6 @@ def cover(path: Path, t_links: dict[str, Array], dof_of: dict[str, int]) -> Skin
 def load(path: Path, **what: bool) -> yourdfpy.URDF:
     """The parsed file with `what` yourdfpy is to load of it; whatever goes wrong is the file's fault."""
     logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # what matters is raised here
-    if not path.is_file():
-        raise InputError(f"no such file: {path}; give --model human or a URDF file")
     try:
         return yourdfpy.URDF.load(str(path), filename_handler=partial(find_mesh, path=path), **what)
     except InputError:
@@ -120,9 +124,8 @@ def check_tree(path: Path, robot: yourdfpy.Robot) -> None:
                 "and fixed joints can be tracked"
             )
         if joint.mimic is not None:
-            raise InputError(
-                f"{path}: joint '{joint.name}' mimics '{joint.mimic.joint}', which is not supported; take "
-                "<mimic> out to have it tracked on its own, or make it fixed"
+            logger.warning(
+                "%s: joint '%s' mimics '%s'; it is tracked on its own", path, joint.name, joint.mimic.joint
             )
         if joint.type in MOVING and not np.linalg.norm(joint.axis) > 0.0:
             raise InputError(f"{path}: the axis of joint '{joint.name}' is zero; give it a direction")

@@ -12,18 +12,19 @@ from coordinator.files.numbers import read_numbers
 FEW = 40  # degrees of freedom that fit into a line
 
 
-def read_start(path: Path, dof_names: Collection[str]) -> dict[str, float]:
+def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
     """Values by name; what is missing is zero. InputError names what the model does not know."""
     values = read_numbers(path, "give --init a file, or auto", "degree of freedom: number")
     for name in values:
-        require_known(name, dof_names, str(path))
+        require_known(name, dof_names, str(path), remedy)
     return values
 
 
-def require_known(name: str, dof_names: Collection[str], where: str) -> None:
+def require_known(name: str, dof_names: Collection[str], where: str, remedy: str = "") -> None:
     """InputError unless a body has this degree of freedom; it lists them all where they are few."""
     if name in dof_names:
         return
     if len(dof_names) <= FEW:
-        raise InputError(f"{where}: unknown degree of freedom '{name}'; choose from {', '.join(dof_names)}")
-    raise InputError(f"{where}: {unknown_dof(name, dof_names)}")
+        known = ", ".join(dof_names)
+        raise InputError(f"{where}: unknown degree of freedom '{name}'; choose from {known}{remedy}")
+    raise InputError(f"{where}: {unknown_dof(name, dof_names)}{remedy}")
