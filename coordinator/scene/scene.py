@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.frame import SUBJECT, DepthFrame
 from coordinator.scene.cutting import Cut
 from coordinator.scene.noise import DepthNoise, fit_noise
-from coordinator.scene.people.candidates import candidates
+from coordinator.scene.people.candidates import somebodys
 from coordinator.scene.room.background import Learned, given, learn, nothing_known
 from coordinator.scene.room.planes import NONE, Planes, find_planes, follow_planes, sample
 from coordinator.scene.view import SceneView
@@ -85,9 +85,9 @@ class Scene:
         """
         learned = NOTHING
         if self._furnished:
-            near, doubtful = cut.near if cut else None, somebodys(view, cut)
+            near, doubtful = cut.near if cut else None, subjects(view, cut)
             if elsewhere:
-                doubtful, patient = doubtful | somebodys(view, None), True
+                doubtful, patient = doubtful | somebodys(view), True
             known = self._background or nothing_known(*view.depth.shape)
             was_known = known.depth.ravel() > 0.0
             learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
@@ -140,15 +140,13 @@ class Scene:
         )
 
 
-def somebodys(view: SceneView, cut: Cut | None) -> NDArray[np.bool_]:
+def subjects(view: SceneView, cut: Cut | None) -> NDArray[np.bool_]:
     """Pixels (H, W) of the subject that was cut out, or without one of whoever may be a person."""
-    found = np.zeros(view.depth.shape, dtype=np.bool_)
     if cut is None:
-        for each in candidates(view):
-            found |= each.mask
-    else:
-        left, top, right, bottom = cut.window
-        found[top:bottom, left:right] = cut.kinds == SUBJECT
+        return somebodys(view)
+    found = np.zeros(view.depth.shape, dtype=np.bool_)
+    left, top, right, bottom = cut.window
+    found[top:bottom, left:right] = cut.kinds == SUBJECT
     return found
 
 

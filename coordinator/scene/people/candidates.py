@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from coordinator.scene.noise import LEAST
 from coordinator.scene.people.components import Component, components, largest_plane, united
+from coordinator.scene.people.faces import without_faces
 from coordinator.scene.room.marks import FOREGROUND, mark_room
 from coordinator.scene.view import SceneView
 
@@ -58,10 +59,29 @@ def foreground(view: SceneView) -> Mask:
 
 def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     """Who may be a person, best first; nobody of whom the pixels (H, W) are known."""
-    free = foreground(view) if known is None else foreground(view) & ~known
-    parts = [piece for part in components(view, free) for piece in peel(view, part)]
-    found = [judge(view, each) for each in join(view, parts) if of_a_persons_size(each)]
+    bare = [piece for part in whole_parts(view, known) for piece in bared(view, part)]
+    found = [judge(view, each) for each in join(view, bare) if of_a_persons_size(each)]
     return sorted((each for each in found if each is not None), key=lambda each: -each.score)
+
+
+def somebodys(view: SceneView) -> Mask:
+    """Pixels (H, W) of whoever may be a person, with what hangs together with them."""
+    found = np.zeros(view.depth.shape, dtype=np.bool_)
+    for part in join(view, whole_parts(view)):
+        if of_a_persons_size(part) and judge(view, part) is not None:
+            found |= part.mask(view)
+    return found
+
+
+def whole_parts(view: SceneView, known: Mask | None = None) -> list[Component]:
+    """What of the foreground hangs together and is no larger than a person; not what is known (H, W)."""
+    free = foreground(view) if known is None else foreground(view) & ~known
+    return [piece for part in components(view, free) for piece in peel(view, part)]
+
+
+def bared(view: SceneView, part: Component) -> list[Component]:
+    """A part that may be a person's, without what is as flat as furniture."""
+    return without_faces(view, part) if of_a_persons_size(part) else [part]
 
 
 def of_a_persons_size(part: Component) -> bool:

@@ -1,0 +1,101 @@
+"""Flat faces of furniture that hang together with a person in depth.
+
+Any plane cuts a person, but the points near it are spread over all of the noise's margin; those of a face
+lie close about it. Planes are sought as floor and walls are, in (x/z, y/z, 1/z).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coordinator.scene.people.components import Component, components
+from coordinator.scene.room.planes import inverse_margin, plane_inverse, refit
+from coordinator.scene.view import SceneView
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CLOSE = 0.5  # margins of noise, about a plane, within which most of a face's points lie
+LEAST_FACE = 0.1  # square metres by which more of it lies close than farther off
+LEAST_SHARE = 0.5  # of what is near, the same: of a face 0.8 and more, of a curved surface 0.4 at the most
+FACES = 4  # of one part
+CELL, STEP = 16, 8  # pixels: sides of the squares that planes are first fitted to, and from one to the next
+FILLED = 0.75  # least share of a square that is the part's
+FEWEST = 60  # points
+SAMPLED = 1_500  # points that planes are compared by
+
+
+def without_faces(view: SceneView, part: Component) -> list[Component]:
+    """What is left of a part where flat faces are taken away; the part itself where there is none."""
+    rays = inverse(part.points)
+    margin, seen = inverse_margin(rays, view.noise), rays[:, 2] ** -2.0 / (view.camera.fx * view.camera.fy)
+    planes, mask = local_planes(part, rays), part.mask(view)
+    left = np.ones(len(rays), dtype=np.bool_)
+    for _ in range(FACES):
+        best = most_close(planes, rays[left], margin[left], seen[left])
+        if best is None:
+            break
+        off = np.abs(plane_inverse(refit(best, rays[left], view.noise), rays) - rays[:, 2]) / margin
+        face = large_patches(view, mask, left & (off < 1.0), closeness(off) * seen)
+        if not face.any():
+            break
+        left &= ~face
+    if left.all():
+        return [part]
+    rest = mask.copy()
+    rest[mask] = left
+    return components(view, rest)
+
+
+def inverse(points: Array) -> Array:
+    """Points (P, 3) in metres as x/z, y/z and 1/z."""
+    rays: Array = np.column_stack([points[:, :2], np.ones(len(points))]) / points[:, 2:]
+    return rays
+
+
+def local_planes(part: Component, rays: Array) -> Array:
+    """Planes (S, 3) through what fills small squares of a part, by least squares."""
+    number = np.full(part.inside.shape, -1)
+    number[part.inside] = np.arange(len(rays))
+    height, width = part.inside.shape
+    planes = []
+    for top in range(0, height - CELL + 1, STEP):
+        for left in range(0, width - CELL + 1, STEP):
+            cell = number[top : top + CELL, left : left + CELL]
+            on = rays[cell[cell >= 0]]
+            if len(on) >= FILLED * CELL * CELL:
+                flat = np.column_stack([on[:, :2], np.ones(len(on))])
+                planes.append(np.linalg.lstsq(flat, on[:, 2], rcond=None)[0])
+    return np.array(planes).reshape(-1, 3)
+
+
+def most_close(planes: Array, rays: Array, margin: Array, seen: Array) -> Array | None:
+    """Of planes (S, 3) that about which most points (P, 3) lie close; None if there is no face's worth."""
+    if not len(planes) or len(rays) < FEWEST:
+        return None
+    every = -(-len(rays) // SAMPLED)
+    rays, margin, seen = rays[::every], margin[::every], every * seen[::every]
+    off = np.abs(rays[:, :2] @ planes[:, :2].T + planes[:, 2] - rays[:, 2:]) / margin[:, None]
+    close = seen @ closeness(off)
+    close[close < LEAST_SHARE * (seen @ (off < 1.0))] = 0.0
+    best: Array = planes[close.argmax()]
+    return best if close.max() > 0.5 * LEAST_FACE else None
+
+
+def closeness(off: Array) -> Array:
+    """1 close about a plane, -1 farther off and 0 beyond the noise, for distances in margins."""
+    return (off < CLOSE).astype(np.float64) - ((off >= CLOSE) & (off < 2.0 * CLOSE))
+
+
+def large_patches(view: SceneView, mask: Mask, near: Mask, close: Array) -> Mask:
+    """Of a mask's pixels (P,) near a plane those of patches of which enough square metres lie close."""
+    patches, closes = np.zeros_like(mask), np.zeros(mask.shape)
+    patches[mask], closes[mask] = near, close
+    found = np.zeros_like(mask)
+    for patch in components(view, patches):
+        each = patch.mask(view)
+        if closes[each].sum() >= max(LEAST_FACE, LEAST_SHARE * patch.area):
+            found |= each
+    large: Mask = found[mask]
+    return large
