@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from coordinator.scene.limits import Limits
-from coordinator.scene.people.candidates import Candidate, candidates
+from coordinator.scene.people.candidates import Candidate, candidates, somebodys
 from coordinator.scene.people.person import Person
 from coordinator.scene.scene import Scene
-from tests.support.rooms import CABINET, TABLE, Room
+from tests.support.rooms import CABINET, HEIGHT, TABLE, Room
 
 PERSON = (-0.4, 2.6)
 
@@ -43,6 +44,19 @@ def test_what_a_table_hides_in_part_is_one_candidate() -> None:
     truth = room.see(PERSON).mask
     assert truth[: len(truth) // 2].any()
     assert overlap(best.mask, truth)[1] > 0.95
+
+
+@pytest.mark.parametrize("noise", [0.0005, 0.0015])
+def test_who_touches_a_box_is_found_without_it(noise: float) -> None:
+    """A box that goes on where the trunk ends, at the same depth, is no part of the person."""
+    touched = ((0.46, 0.1, 2.4), (1.0, HEIGHT, 2.9))
+    room, beside = Room((touched,), noise=noise), (0.28, 2.42)
+    view = Scene().see(room.see(beside).frame)
+    truth = room.see(beside).mask
+    assert (somebodys(view) & ~truth).sum() > 0.3 * truth.sum()  # they hang together
+    precision, recall = overlap(candidates(view)[0].mask, truth)
+    assert precision > 0.97
+    assert recall > 0.9
 
 
 def test_nobody_is_found_in_an_empty_room() -> None:

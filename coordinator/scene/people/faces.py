@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
 from coordinator.scene.people.components import Component, components
-from coordinator.scene.room.planes import inverse_margin, plane_inverse, refit
+from coordinator.scene.room.planes import inverse_margin, plane_inverse
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]
@@ -19,7 +20,10 @@ Mask = NDArray[np.bool_]
 CLOSE = 0.5  # margins of noise, about a plane, within which most of a face's points lie
 LEAST_FACE = 0.1  # square metres by which more of it lies close than farther off
 LEAST_SHARE = 0.5  # of what is near, the same: of a face 0.8 and more, of a curved surface 0.4 at the most
-FACES = 4  # of one part
+TRIES = 8  # planes that are looked at
+ALIKE = 0.05  # of planes that are looked at but once
+FITS = 2  # of each, by what lies close
+AROUND, LEAST_AROUND = 9, 0.3  # pixels a side, and the least share of what is near, as above
 CELL, STEP = 16, 8  # pixels: sides of the squares that planes are first fitted to, and from one to the next
 FILLED = 0.75  # least share of a square that is the part's
 FEWEST = 60  # points
@@ -32,15 +36,15 @@ def without_faces(view: SceneView, part: Component) -> list[Component]:
     margin, seen = inverse_margin(rays, view.noise), rays[:, 2] ** -2.0 / (view.camera.fx * view.camera.fy)
     planes, mask = local_planes(part, rays), part.mask(view)
     left = np.ones(len(rays), dtype=np.bool_)
-    for _ in range(FACES):
+    for _ in range(TRIES):
         best = most_close(planes, rays[left], margin[left], seen[left])
         if best is None:
             break
-        off = np.abs(plane_inverse(refit(best, rays[left], view.noise), rays) - rays[:, 2]) / margin
-        face = large_patches(view, mask, left & (off < 1.0), closeness(off) * seen)
-        if not face.any():
-            break
+        plane = fit_close(best, rays[left], margin[left])
+        off, area = distances(plane, rays, margin), seen * np.linalg.norm(plane) / rays[:, 2]
+        face = large_patches(view, mask, left & (off < 1.0), closeness(off), area)
         left &= ~face
+        planes = planes[~np.isclose(planes @ best, best @ best, rtol=ALIKE)] if not face.any() else planes
     if left.all():
         return [part]
     rest = mask.copy()
@@ -65,9 +69,29 @@ def local_planes(part: Component, rays: Array) -> Array:
             cell = number[top : top + CELL, left : left + CELL]
             on = rays[cell[cell >= 0]]
             if len(on) >= FILLED * CELL * CELL:
-                flat = np.column_stack([on[:, :2], np.ones(len(on))])
-                planes.append(np.linalg.lstsq(flat, on[:, 2], rcond=None)[0])
+                planes.append(fit(on))
     return np.array(planes).reshape(-1, 3)
+
+
+def fit(rays: Array) -> Array:
+    """The plane (3,) through points (P, 3) by least squares."""
+    flat = np.column_stack([rays[:, :2], np.ones(len(rays))])
+    plane: Array = np.linalg.lstsq(flat, rays[:, 2], rcond=None)[0]
+    return plane
+
+
+def fit_close(plane: Array, rays: Array, margin: Array) -> Array:
+    """The same plane (3,) through all points (P, 3) that lie close about it."""
+    for _ in range(FITS):
+        on = rays[distances(plane, rays, margin) < CLOSE]
+        plane = fit(on) if len(on) >= FEWEST else plane
+    return plane
+
+
+def distances(plane: Array, rays: Array, margin: NDArray[np.floating]) -> Array:
+    """Of points (P, 3) from a plane, in margins of noise."""
+    off: Array = np.abs(plane_inverse(plane, rays) - rays[:, 2]) / margin
+    return off
 
 
 def most_close(planes: Array, rays: Array, margin: Array, seen: Array) -> Array | None:
@@ -88,14 +112,25 @@ def closeness(off: Array) -> Array:
     return (off < CLOSE).astype(np.float64) - ((off >= CLOSE) & (off < 2.0 * CLOSE))
 
 
-def large_patches(view: SceneView, mask: Mask, near: Mask, close: Array) -> Mask:
-    """Of a mask's pixels (P,) near a plane those of patches of which enough square metres lie close."""
-    patches, closes = np.zeros_like(mask), np.zeros(mask.shape)
-    patches[mask], closes[mask] = near, close
+def large_patches(view: SceneView, mask: Mask, near: Mask, close: Array, area: Array) -> Mask:
+    """Of a mask's pixels (P,) near a plane those of patches of which enough square metres lie close.
+
+    Without pixels around which as many lie farther off: there something else goes through the plane.
+
+    Args:
+        view: The frame in its scene.
+        mask: The pixels (H, W).
+        near: Which of them (P,) are near the plane.
+        close: Their `closeness` (P,).
+        area: Square metres (P,) of the plane that each of them shows.
+    """
+    patches, closes, areas = np.zeros_like(mask), np.zeros(mask.shape), np.zeros(mask.shape)
+    patches[mask], closes[mask], areas[mask] = near, np.where(near, close, 0.0), area
+    around = uniform_filter(closes, AROUND) / np.maximum(uniform_filter(patches.astype(float), AROUND), 1e-9)
     found = np.zeros_like(mask)
     for patch in components(view, patches):
         each = patch.mask(view)
-        if closes[each].sum() >= max(LEAST_FACE, LEAST_SHARE * patch.area):
-            found |= each
+        if closes[each] @ areas[each] >= max(LEAST_FACE, LEAST_SHARE * areas[each].sum()):
+            found |= each & (around > LEAST_AROUND)
     large: Mask = found[mask]
     return large
