@@ -18,13 +18,13 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 CLOSE = 0.5  # margins of noise, about a plane, within which most of a face's points lie
-LEAST_FACE = 0.1  # square metres by which more of it lies close than farther off
+LEAST_FACE = 0.08  # square metres by which more of it lies close than farther off
 LEAST_SHARE = 0.5  # of what is near, the same: of a face 0.8 and more, of a curved surface 0.4 at the most
 TRIES = 8  # planes that are looked at
 ALIKE = 0.05  # of planes that are looked at but once
 FITS = 2  # of each, by what lies close
 AROUND, LEAST_AROUND = 9, 0.3  # pixels a side, and the least share of what is near, as above
-CELL, STEP = 16, 8  # pixels: sides of the squares that planes are first fitted to, and from one to the next
+CELL, STEP = 10, 5  # pixels: sides of the squares that planes are first fitted to, and from one to the next
 FILLED = 0.75  # least share of a square that is the part's
 FEWEST = 60  # points
 SAMPLED = 1_500  # points that planes are compared by
@@ -33,7 +33,8 @@ SAMPLED = 1_500  # points that planes are compared by
 def without_faces(view: SceneView, part: Component) -> list[Component]:
     """What is left of a part where flat faces are taken away; the part itself where there is none."""
     rays = inverse(part.points)
-    margin, seen = inverse_margin(rays, view.noise), rays[:, 2] ** -2.0 / (view.camera.fx * view.camera.fy)
+    margin = inverse_margin(rays, view.noise)
+    seen = rays[:, 2] ** -2.0 / (view.camera.fx * view.camera.fy)
     planes, mask = local_planes(part, rays), part.mask(view)
     left = np.ones(len(rays), dtype=np.bool_)
     for _ in range(TRIES):
@@ -76,8 +77,7 @@ def local_planes(part: Component, rays: Array) -> Array:
 def fit(rays: Array) -> Array:
     """The plane (3,) through points (P, 3) by least squares."""
     flat = np.column_stack([rays[:, :2], np.ones(len(rays))])
-    plane: Array = np.linalg.lstsq(flat, rays[:, 2], rcond=None)[0]
-    return plane
+    return np.asarray(np.linalg.lstsq(flat, rays[:, 2], rcond=None)[0], dtype=np.float64)
 
 
 def fit_close(plane: Array, rays: Array, margin: Array) -> Array:
@@ -88,7 +88,7 @@ def fit_close(plane: Array, rays: Array, margin: Array) -> Array:
     return plane
 
 
-def distances(plane: Array, rays: Array, margin: NDArray[np.floating]) -> Array:
+def distances(plane: Array, rays: Array, margin: Array) -> Array:
     """Of points (P, 3) from a plane, in margins of noise."""
     off: Array = np.abs(plane_inverse(plane, rays) - rays[:, 2]) / margin
     return off
