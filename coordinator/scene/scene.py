@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.frame import SUBJECT, DepthFrame
 from coordinator.scene.cutting import Cut
 from coordinator.scene.noise import DepthNoise, fit_noise
-from coordinator.scene.people.candidates import somebodys
+from coordinator.scene.people.candidates import somebodys, take_apart
 from coordinator.scene.room.background import Learned, given, learn, nothing_known
 from coordinator.scene.room.planes import NONE, Planes, find_planes, follow_planes, sample
 from coordinator.scene.view import SceneView
@@ -72,7 +72,13 @@ class Scene:
         )
 
     def learn(
-        self, view: SceneView, cut: Cut | None, *, patient: bool = False, elsewhere: bool = False
+        self,
+        view: SceneView,
+        cut: Cut | None,
+        somebody: NDArray[np.bool_] | None = None,
+        *,
+        patient: bool = False,
+        elsewhere: bool = False,
     ) -> SceneChange:
         """Take in the frame that was seen last, and give what it changed.
 
@@ -80,14 +86,17 @@ class Scene:
             view: The frame, as it was seen.
             cut: The body that was cut out of it; None where nobody is found yet, or who was is lost: then
                 whoever may be a person is learned late.
+            somebody: Pixels (H, W) of whoever may be a person, if they are known.
             patient: Learn what was cut out as late as whoever may be a person: not all are found yet.
             elsewhere: The body may have left; so whoever may be a person is learned late.
         """
         learned = NOTHING
         if self._furnished:
-            near, doubtful = cut.near if cut else None, subjects(view, cut)
-            if elsewhere:
-                doubtful, patient = doubtful | somebodys(view), True
+            near = cut.near if cut else None
+            doubtful = np.zeros(view.depth.shape, np.bool_) if cut is None else subject_in(view, cut)
+            if cut is None or elsewhere:
+                doubtful |= somebodys(view, take_apart(view)) if somebody is None else somebody
+            patient = patient or elsewhere
             known = self._background or nothing_known(*view.depth.shape)
             was_known = known.depth.ravel() > 0.0
             learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
@@ -140,10 +149,8 @@ class Scene:
         )
 
 
-def subjects(view: SceneView, cut: Cut | None) -> NDArray[np.bool_]:
-    """Pixels (H, W) of the subject that was cut out, or without one of whoever may be a person."""
-    if cut is None:
-        return somebodys(view)
+def subject_in(view: SceneView, cut: Cut) -> NDArray[np.bool_]:
+    """Pixels (H, W) of the subject that was cut out."""
     found = np.zeros(view.depth.shape, dtype=np.bool_)
     left, top, right, bottom = cut.window
     found[top:bottom, left:right] = cut.kinds == SUBJECT

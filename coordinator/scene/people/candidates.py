@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from coordinator.scene.noise import LEAST
 from coordinator.scene.people.components import Component, components, largest_plane, united
-from coordinator.scene.people.faces import without_faces
+from coordinator.scene.people.faces import flat_faces
 from coordinator.scene.room.marks import FOREGROUND, mark_room
 from coordinator.scene.view import SceneView
 
@@ -57,31 +57,50 @@ def foreground(view: SceneView) -> Mask:
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """What of the foreground hangs together and is no larger than a person, and flat faces (H, W) of it."""
+
+    whole: list[Component]
+    flat: Mask
+
+
+def take_apart(view: SceneView, known: Mask | None = None) -> Parts:
+    """The parts of a frame, without pixels (H, W) of which it is known whose they are."""
+    free = foreground(view) if known is None else foreground(view) & ~known
+    whole = [piece for part in components(view, free) for piece in peel(view, part)]
+    flat = np.zeros_like(free)
+    for part in whole:
+        if of_a_persons_size(part):
+            flat |= flat_faces(view, part)
+    return Parts(whole, flat)
+
+
 def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     """Who may be a person, best first; nobody of whom the pixels (H, W) are known."""
-    bare = [piece for part in whole_parts(view, known) for piece in bared(view, part)]
+    return likeliest(view, take_apart(view, known))
+
+
+def likeliest(view: SceneView, parts: Parts) -> list[Candidate]:
+    """Who of a frame's parts may be a person, without flat faces, best first."""
+    bare = [piece for part in parts.whole for piece in without(view, part, parts.flat)]
     found = [judge(view, each) for each in join(view, bare) if of_a_persons_size(each)]
     return sorted((each for each in found if each is not None), key=lambda each: -each.score)
 
 
-def somebodys(view: SceneView) -> Mask:
-    """Pixels (H, W) of whoever may be a person, with what hangs together with them."""
-    found = np.zeros(view.depth.shape, dtype=np.bool_)
-    for part in join(view, whole_parts(view)):
+def somebodys(view: SceneView, parts: Parts) -> Mask:
+    """Pixels (H, W) of whoever may be a person, with what hangs together with them but for flat faces."""
+    found = np.zeros_like(parts.flat)
+    for part in join(view, parts.whole):
         if of_a_persons_size(part) and judge(view, part) is not None:
             found |= part.mask(view)
-    return found
+    return found & ~parts.flat
 
 
-def whole_parts(view: SceneView, known: Mask | None = None) -> list[Component]:
-    """What of the foreground hangs together and is no larger than a person; not what is known (H, W)."""
-    free = foreground(view) if known is None else foreground(view) & ~known
-    return [piece for part in components(view, free) for piece in peel(view, part)]
-
-
-def bared(view: SceneView, part: Component) -> list[Component]:
-    """A part that may be a person's, without what is as flat as furniture."""
-    return without_faces(view, part) if of_a_persons_size(part) else [part]
+def without(view: SceneView, part: Component, flat: Mask) -> list[Component]:
+    """What hangs together of a part without its flat faces; the part itself where it has none."""
+    mask = part.mask(view)
+    return components(view, mask & ~flat) if (mask & flat).any() else [part]
 
 
 def of_a_persons_size(part: Component) -> bool:

@@ -30,8 +30,8 @@ FEWEST = 60  # points
 SAMPLED = 1_500  # points that planes are compared by
 
 
-def without_faces(view: SceneView, part: Component) -> list[Component]:
-    """What is left of a part where flat faces are taken away; the part itself where there is none."""
+def flat_faces(view: SceneView, part: Component) -> Mask:
+    """Pixels (H, W) of a part's flat faces."""
     rays = inverse(part.points)
     margin = inverse_margin(rays, view.noise)
     seen = rays[:, 2] ** -2.0 / (view.camera.fx * view.camera.fy)
@@ -46,11 +46,9 @@ def without_faces(view: SceneView, part: Component) -> list[Component]:
         face = large_patches(view, mask, left & (off < 1.0), closeness(off), area)
         left &= ~face
         planes = planes[~np.isclose(planes @ best, best @ best, rtol=ALIKE)] if not face.any() else planes
-    if left.all():
-        return [part]
-    rest = mask.copy()
-    rest[mask] = left
-    return components(view, rest)
+    flat = np.zeros_like(mask)
+    flat[mask] = ~left
+    return flat
 
 
 def inverse(points: Array) -> Array:

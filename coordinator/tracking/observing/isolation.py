@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
 from coordinator.scene.cutting import Cut, cut_mask, cut_out
 from coordinator.scene.extent import share_shown
-from coordinator.scene.people.candidates import candidates
+from coordinator.scene.people.candidates import Candidate, candidates, likeliest, somebodys, take_apart
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
 from coordinator.scene.view import SceneView
@@ -71,10 +72,13 @@ class Isolation:
         if not view.furnished:
             box = None if body is None else bounding_box(body.model, body.pose)
             return Isolated(isolate(frame, box, self._points), view, self._scene.learn(view, None))
-        cut = self._somebody(view) if body is None else cut_out(view, body.surface)
-        subject = None if cut is None else subject_of(frame, cut, self._points)
-        if body is None or cut is None:
-            return Isolated(subject, view, self._scene.learn(view, None))
+        if body is None:
+            parts = take_apart(view)
+            cut = self._choose(view, likeliest(view, parts))
+            subject = None if cut is None else subject_of(frame, cut, self._points)
+            return Isolated(subject, view, self._scene.learn(view, None, somebodys(view, parts)))
+        cut = cut_out(view, body.surface)
+        subject = subject_of(frame, cut, self._points)
         gone = not self._shows(view, cut, body)
         return Isolated(subject, view, self._scene.learn(view, cut, elsewhere=gone))
 
@@ -90,12 +94,12 @@ class Isolation:
         frame = self._scope.limits.keep(frame)
         if not view.furnished:
             return isolate(frame, None, self._points)
-        cut = self._somebody(view)
+        cut = self._choose(view, candidates(view))
         return None if cut is None else subject_of(frame, cut, self._points)
 
-    def _somebody(self, view: SceneView) -> Cut | None:
+    def _choose(self, view: SceneView, found: Sequence[Candidate]) -> Cut | None:
         """The likeliest of those who may be the person that is meant."""
-        found = self._scope.person.choose(view, candidates(view))
+        found = self._scope.person.choose(view, found)
         return cut_mask(view, found[0].mask) if found else None
 
 
