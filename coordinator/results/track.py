@@ -113,7 +113,9 @@ def read_track(folder: Path) -> Track:
         report_unfinished(folder)
     if not (folder / TRACK_FILE).exists():
         refuse_people(folder)
-        raise InputError(f"{folder} holds no {TRACK_FILE}; give the --out folder of a finished gepf track")
+        inside = sorted(each.parent for each in folder.glob(f"*/{TRACK_FILE}"))
+        where = f"a run in it, such as {inside[0]}" if inside else "the --out folder of a finished gepf track"
+        raise InputError(f"{folder} holds no {TRACK_FILE}; give {where}")
     arrays = read_arrays(folder / TRACK_FILE)
     dof_names, joint_names = arrays.names("dof_names"), arrays.names("joint_names")
     angle_names = arrays.names("angle_names") if "angle_names" in arrays else None

@@ -110,7 +110,7 @@ def find_format(path: Path) -> Format:
         path.stat()
         found = next((form for form in FORMATS if form.fits(path)), None)
     except (FileNotFoundError, NotADirectoryError):
-        raise InputError(f"no such file or folder: {path}; give one of: {known}") from None
+        raise InputError(f"no such file or folder: {path}; give the path of a recording") from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; give another path") from error
     if found is None and path.suffix.lower() in CONVERSIONS:

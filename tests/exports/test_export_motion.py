@@ -206,3 +206,12 @@ def test_frames_before_anybody_was_found_are_empty_in_csv_and_json(tmp_path: Pat
         told = json.loads((tmp_path / "a.json").read_text())
         assert set(told["pose"][0]) == {None}
         assert None not in told["pose"][2]
+
+
+def test_a_folder_of_runs_names_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Several recordings leave a run each in a folder; who gives that is led to them."""
+    body = hinges()
+    write_run(tmp_path / "runs" / "walk", body, swing(body, 9))
+    command = ["export", str(tmp_path / "runs"), "--to", "csv", "--out", str(tmp_path / "x.csv")]
+    assert main(command) == 2
+    assert f"give a run in it, such as {tmp_path / 'runs' / 'walk'}" in capsys.readouterr().err
