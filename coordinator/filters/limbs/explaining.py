@@ -53,20 +53,25 @@ def count_explained(  # noqa: PLR0913 a kernel
         for i in range(held.shape[1]):
             turn(first + i, held[k, i], parents, axes, joints, local, transforms)
         of_limb[:, :, :, k] = transforms[first:]
-    posed = np.empty((3, len(held)))
-    near = np.zeros((len(points), len(held)), dtype=np.bool_)
+    posed = np.empty((len(vertices), 3, len(held)))
     for v in range(len(vertices)):
         x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         for a in range(3):
             t = of_limb[carriers[v], a]
             for k in range(len(held)):
-                posed[a, k] = t[0, k] * x + t[1, k] * y + t[2, k] * z + t[3, k]
-        for p in range(len(points)):
-            mark_near(points[p], posed, near[p])
+                posed[v, a, k] = t[0, k] * x + t[1, k] * y + t[2, k] * z + t[3, k]
     explained[:] = 0.0
+    nearest = np.empty(len(held))
     for p in range(len(points)):
+        nearest[:] = np.inf
+        for v in range(len(vertices)):
+            for k in range(len(held)):
+                dx, dy = posed[v, 0, k] - points[p, 0], posed[v, 1, k] - points[p, 1]
+                dz = posed[v, 2, k] - points[p, 2]
+                squared = dx * dx + dy * dy + dz * dz
+                nearest[k] = min(nearest[k], squared)
         for k in range(len(held)):
-            explained[k] += near[p, k]
+            explained[k] += nearest[k] <= NEAR * NEAR
 
 
 @numba.njit(cache=True, nogil=True)

@@ -109,36 +109,39 @@ def draw_depth(posed: Array, triangles: Indices, cells: Array) -> tuple[NDArray[
         cells[v, 0] -= first
         cells[v, 1] -= above
     depth = np.full((height, width), np.float32(np.inf))
-    for t in range(len(triangles)):
-        draw_triangle(posed, cells, triangles[t, 0], triangles[t, 1], triangles[t, 2], depth)
+    draw_triangles(posed, cells, triangles, depth)
     return depth, first, above, focal
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def draw_triangle(posed: Array, cells: Array, a: int, b: int, c: int, depth: NDArray[np.float32]) -> None:
-    """Draw a triangle that faces the camera into depth (H, W), wherever it covers the middle of a cell."""
-    za, zb, zc = posed[a, 2], posed[b, 2], posed[c, 2]
-    if min(za, zb, zc) <= CLOSEST:
-        return
-    ax, ay = cells[a, 0], cells[a, 1]
-    bx, by = cells[b, 0] - ax, cells[b, 1] - ay
-    cx, cy = cells[c, 0] - ax, cells[c, 1] - ay
-    if not bx * cy < by * cx:  # counter-clockwise from outside, y points down
-        return
-    first_column = max(0, int(np.ceil(ax + min(0.0, bx, cx))))
-    last_column = min(depth.shape[1] - 1, int(np.floor(ax + max(0.0, bx, cx))))
-    first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
-    last_row = min(depth.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
-    if first_column > last_column or first_row > last_row:
-        return
-    scale = 1.0 / (bx * cy - by * cx)
-    for row in range(first_row, last_row + 1):
-        for column in range(first_column, last_column + 1):
-            x, y = column - ax, row - ay
-            wb, wc = (x * cy - y * cx) * scale, (bx * y - by * x) * scale
-            if min(wb, wc, 1.0 - wb - wc) >= -1e-9:
-                here = np.float32(za + wb * (zb - za) + wc * (zc - za))
-                depth[row, column] = min(depth[row, column], here)
+def draw_triangles(posed: Array, cells: Array, triangles: Indices, depth: NDArray[np.float32]) -> None:
+    """Draw all that faces the camera into depth (H, W), wherever it covers the middle of a cell.
+
+    All in one function: what is called for each triangle counts references.
+    """
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        za, zb, zc = posed[a, 2], posed[b, 2], posed[c, 2]
+        ax, ay = cells[a, 0], cells[a, 1]
+        bx, by = cells[b, 0] - ax, cells[b, 1] - ay
+        cx, cy = cells[c, 0] - ax, cells[c, 1] - ay
+        shown = bx * cy < by * cx  # counter-clockwise from outside, y points down
+        if not shown or min(za, zb, zc) <= CLOSEST:
+            continue
+        first_column = max(0, int(np.ceil(ax + min(0.0, bx, cx))))
+        last_column = min(depth.shape[1] - 1, int(np.floor(ax + max(0.0, bx, cx))))
+        first_row = max(0, int(np.ceil(ay + min(0.0, by, cy))))
+        last_row = min(depth.shape[0] - 1, int(np.floor(ay + max(0.0, by, cy))))
+        if first_column > last_column or first_row > last_row:
+            continue
+        scale = 1.0 / (bx * cy - by * cx)
+        for row in range(first_row, last_row + 1):
+            for column in range(first_column, last_column + 1):
+                x, y = column - ax, row - ay
+                wb, wc = (x * cy - y * cx) * scale, (bx * y - by * x) * scale
+                if min(wb, wc, 1.0 - wb - wc) >= -1e-9:
+                    here = np.float32(za + wb * (zb - za) + wc * (zc - za))
+                    depth[row, column] = min(depth[row, column], here)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
