@@ -21,6 +21,7 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.sources import ArraySource, Source, open_source
+from gepf.live_source import LiveSource, live
 from gepf.named import Estimate
 from gepf.people import PeopleTracker
 from gepf.run import Run, load
@@ -34,6 +35,7 @@ __all__ = [
     "GepfError",
     "InputError",
     "Intrinsics",
+    "LiveSource",
     "Measures",
     "PeopleTracker",
     "Pool",
@@ -41,6 +43,7 @@ __all__ = [
     "Settings",
     "Source",
     "Tracker",
+    "live",
     "load",
     "open_source",
     "preset",

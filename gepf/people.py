@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -20,9 +21,12 @@ from coordinator.results.people import person_folder
 from coordinator.results.recording.recorded import assemble, floor_up
 from coordinator.results.recording.saving import save_run
 from coordinator.tracking.estimate import Estimate as PlainEstimate
+from coordinator.tracking.observing.isolation import prepare
+from coordinator.tracking.pace import keep_up
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import follow_all
 from gepf.images import Images
+from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
 from gepf.refiners import Workers, open_refiner
 
@@ -58,7 +62,9 @@ class PeopleTracker(Closing):
         bodies = choose_bodies(active, self._settings.preset, HUMAN)
         self._images, self._frames = Images(camera, depth_scale), 0
         self._stack = ExitStack()
-        self._crowd = Crowd(open_refiner(workers, self._stack), self._settings, bodies, people)
+        refiner = open_refiner(workers, self._stack)
+        self._made = partial(Crowd, refiner, bodies=bodies, people=people)
+        self._crowd = self._made(self._settings)
 
     def close(self) -> None:
         """End the workers that were started, and leave the pool."""
@@ -76,7 +82,14 @@ class PeopleTracker(Closing):
         return self._named(self._crowd.track(frame))
 
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
-        """Track the frames of a source: the estimates of `track`, sooner where there are workers."""
+        """Track the frames of a source: the estimates of `track`, sooner where there are workers.
+
+        On live input each frame is the newest when the one before is done.
+        """
+        if isinstance(frames, LiveSource):
+            self._keep_up()
+            yield from map(self.track, frames)
+            return
         for results in follow_all(self._crowd, frames):
             self._frames += 1
             yield self._named([estimate for estimate, _ in results])
@@ -97,6 +110,13 @@ class PeopleTracker(Closing):
             folders.append(person_folder(Path(folder), place + 1))
             save_run(folders[-1], track, TrackedBody(start.model, start.held), self._settings)
         return folders
+
+    def _keep_up(self) -> None:
+        """Before the first frame, spend no more time on frames that come late, and load what it needs."""
+        if self._frames == 0:
+            self._settings = keep_up(self._settings)
+            self._crowd = self._made(self._settings)
+            prepare()
 
     def _named(self, estimates: list[PlainEstimate]) -> list[Estimate]:
         starts = [tracker.start for tracker in self._crowd.trackers]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +24,14 @@ from coordinator.results.model_file import TrackedBody
 from coordinator.results.recording.recorded import assemble, certainty_of, floor_up
 from coordinator.results.recording.saving import save_run
 from coordinator.tracking.estimate import Estimate as PlainEstimate
+from coordinator.tracking.observing.isolation import prepare
+from coordinator.tracking.pace import keep_up
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.starting.start import given_start
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker as FrameTracker
 from gepf.images import Images
+from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
 from gepf.refiners import Workers, open_refiner
 
@@ -73,7 +77,9 @@ class Tracker(Closing):
         if given is not None:
             given_start(given, bodies)  # checked before any worker starts
         self._stack = ExitStack()
-        self._tracker = FrameTracker(open_refiner(workers, self._stack), settings, bodies, given)
+        refiner = open_refiner(workers, self._stack)
+        self._made = partial(FrameTracker, refiner, bodies=bodies, start=given)
+        self._tracker = self._made(settings)
 
     def close(self) -> None:
         """End the workers that were started, and leave the pool."""
@@ -110,8 +116,13 @@ class Tracker(Closing):
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, sooner where there are workers.
 
-        Each estimate is given out while the workers are busy with the next frame. Raises as `track` does.
+        Each estimate is given out while the workers are busy with the next frame; on live input before the
+        next frame is taken, which is the newest then. Raises as `track` does.
         """
+        if isinstance(frames, LiveSource):
+            self._keep_up()
+            yield from map(self.track, frames)
+            return
         for estimate, _ in follow(self._tracker, frames):
             self._frames += 1
             yield self._named(estimate)
@@ -134,6 +145,14 @@ class Tracker(Closing):
     def joint_deviation(self, estimate: Estimate) -> NDArray[np.float64]:
         """Expected distance (J,) of an estimate's joints from the true ones, metres; NaN where it is lost."""
         return certainty_of(self.model, estimate).deviation
+
+    def _keep_up(self) -> None:
+        """Before the first frame, spend no more time on frames that come late, and load what it needs."""
+        if self._frames == 0:
+            self._settings = keep_up(self._settings)
+            self._tracker = self._made(self._settings)
+            prepare()
+            self._tracker.prepare()
 
     def _named(self, estimate: PlainEstimate) -> Estimate:
         start = self._tracker.start

@@ -72,6 +72,12 @@ class LiveFrames:
                 self._keep(frame)
             self._changed.notify_all()
 
+    def end(self) -> None:
+        """End the stream as its publisher does: who waits for a frame gets those that came, and no more."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
     def __iter__(self) -> Iterator[DepthFrame]:
         while (frame := self._take()) is not None:
             yield frame

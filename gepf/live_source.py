@@ -1,0 +1,95 @@
+"""Depth images that others publish, for users of the library."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+from common.closing import Closing
+from common.errors import InputError
+from common.frame import DepthFrame
+from common.protocol.keys import check_stream
+from common.transport.bus import Bus
+from common.transport.endpoints import check_endpoint, is_loopback
+from common.transport.opening import open_coordinator
+from coordinator.sources.live import LiveFrames, from_first_seen
+
+log = logging.getLogger("gepf")
+
+
+class LiveSource(Closing):
+    """The newest depth image whenever one is asked for, from a key on which others publish.
+
+    An iteration hears what is published from when it begins, and lasts until the publisher says that the
+    stream is over, it was silent for too long, or `close`; left early, it hears no more, and another one may
+    go on. Images that come while one is tracked are superseded by the next, and counted. `live` makes one.
+
+    A context manager, for iterations that are neither finished nor left by a `for`.
+    """
+
+    def __init__(self, key: str, listen: str | None, connect: str | None, idle: float | None) -> None:
+        self._key, self._listen, self._connect = key, listen, connect
+        self._frames = LiveFrames(key, log.info, idle=idle)
+        self._session: Bus | None = None  # of an iteration that goes on
+
+    def __iter__(self) -> Iterator[DepthFrame]:
+        listen, connect = ((endpoint,) if endpoint else () for endpoint in (self._listen, self._connect))
+        with open_coordinator(listen, connect) as bus:
+            self._session = bus
+            bus.subscribe(self._key, self._frames.receive)
+            log.info("listening on %s", self._key)
+            yield from from_first_seen(iter(self._frames), log.info)
+
+    def close(self) -> None:
+        """Hear no more, and end the iteration after the image that waits, if any; on any thread."""
+        self._frames.end()
+        if self._session is not None:
+            self._session.close()
+
+    @property
+    def received(self) -> int:
+        """How many depth images came so far."""
+        return self._frames.counts.received
+
+    @property
+    def skipped(self) -> int:
+        """How many of them were superseded by a newer one before they could be tracked."""
+        return self._frames.counts.skipped
+
+    @property
+    def malformed(self) -> int:
+        """How many messages came besides that make no sense."""
+        return self._frames.counts.malformed
+
+
+def live(
+    key: str,
+    listen: str | None = None,
+    connect: str | None = None,
+    *,
+    idle_timeout: float | None = None,
+    insecure: bool = False,
+) -> LiveSource:
+    """Depth images that others publish on a Zenoh key, for `follow` of a tracker.
+
+    Args:
+        key: Names between slashes, such as camera/depth.
+        listen: Endpoint at which the publisher may join, such as tcp/127.0.0.1:7447.
+        connect: Endpoint of a router or publisher; it may come later.
+        idle_timeout: Seconds of silence after which the stream is over; None to wait for ever.
+        insecure: Listen to other hosts, too, though anybody there could publish.
+
+    Raises InputError for a key or an endpoint that cannot be used; its iteration for a port that is in use.
+    """
+    if listen is None and connect is None:
+        raise InputError("nobody could publish to this; give listen or connect an endpoint")
+    if idle_timeout is not None and not idle_timeout > 0.0:
+        raise InputError(f"idle_timeout={idle_timeout:g} would end at once; give seconds above 0, or None")
+    for option, endpoint in (("listen", listen), ("connect", connect)):
+        if endpoint is not None:
+            check_endpoint(option, endpoint, None)
+    if listen is not None and not insecure and not is_loopback(listen):
+        raise InputError(
+            f"listen={listen} lets everyone publish who can reach it; if that is meant, insecure=True"
+        )
+    return LiveSource(check_stream(key), listen, connect, idle_timeout)

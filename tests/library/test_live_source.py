@@ -1,0 +1,157 @@
+"""Live input in the library: frames from a real publisher over Zenoh, tracked as they come."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gepf
+from common.protocol.messages import encode_live, encode_live_end
+from common.transport.opening import open_worker
+from tests.support.people import SETTINGS, STANDING, as_bytes, shown
+from tests.support.processes.programs import started, wait_until
+from tests.support.small_sequence import write_small_sequence
+
+ROOT = Path(__file__).parents[2]
+GEPF = (sys.executable, "-m", "coordinator.cli")
+KEY = "camera/depth"
+PERSON = gepf.Measures.of(1.82)
+END = encode_live_end()
+
+
+@contextmanager
+def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambda: None) -> Iterator[None]:
+    """A publisher on a session of its own: each message from when somebody listens, with a rest after it."""
+    stop = threading.Event()
+
+    def publish() -> None:
+        with open_worker([where]) as bus:
+            publisher = bus.publish(KEY)
+            for message in messages:
+                while not publisher.followed and not stop.wait(0.01):
+                    pass
+                publisher.put_surely(message)
+                rest()
+            stop.wait()
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join(10.0)
+
+
+def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) -> None:
+    """Each frame that is waited for is tracked under its own number, and the run is saved from it."""
+    frames = shown("standing").frames[:3]
+    done = threading.Semaphore(0)
+    messages = [*map(encode_live, frames), END]
+    with camera(endpoint, messages, lambda: done.acquire(timeout=60.0)):
+        live = gepf.live(KEY, listen=endpoint, idle_timeout=60.0)
+        tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+        found = []
+        for estimate in tracker.follow(live):
+            found.append(estimate)
+            done.release()
+    alone = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+    assert [as_bytes(e) for e in found] == [as_bytes(alone.track(frame)) for frame in frames]
+    assert (live.received, live.skipped, live.malformed) == (3, 0, 0)
+    run = gepf.load(tracker.save(found, tmp_path / "run"))
+    assert run.frame.tolist() == [0, 1, 2]
+    assert np.array_equal(run.time_s, [frame.time_s for frame in frames])
+    assert run.summary["settings"]["pace_iterations"] == 1.0
+
+
+def test_the_newest_frame_is_always_the_next(endpoint: str) -> None:
+    """What comes while a frame is tracked is superseded, and counted."""
+    frames = [replace(shown("standing").frames[0], number=number) for number in range(20)]
+    messages = [*map(encode_live, frames), END]
+    with camera(endpoint, messages), gepf.live(KEY, listen=endpoint, idle_timeout=60.0) as live:
+        seen = []
+        for frame in live:
+            seen.append(frame.number)
+            wait_until(lambda: live.received == 20)
+    assert seen[-1] == 19
+    assert len(seen) <= 2  # the last alone, if all came at once
+    assert (live.received, live.skipped) == (20, 20 - len(seen))
+
+
+def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
+    """A `break` ends the session, so that the publisher has nobody; another iteration listens anew."""
+    first = shown("standing").frames[0]
+    messages = [encode_live(first)] * 3 + [b"rubbish", END]
+    done = threading.Semaphore(0)
+    with camera(endpoint, messages, lambda: done.acquire(timeout=60.0)):
+        live = gepf.live(KEY, listen=endpoint, idle_timeout=60.0)
+        for _ in live:
+            break
+        done.release()
+        for _ in live:
+            done.release(10)
+    assert (live.received, live.malformed) == (3, 1)
+
+
+def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
+    """Nobody publishes: after the time that was given, or from another thread."""
+    began = time.monotonic()
+    assert list(gepf.live(KEY, listen=endpoint, idle_timeout=0.2)) == []
+    with gepf.live(KEY, listen=endpoint) as live:
+        threading.Timer(0.2, live.close).start()
+        assert list(live) == []
+    assert time.monotonic() - began < 10.0
+
+
+@pytest.mark.parametrize(
+    ("mistake", "says"),
+    [
+        (lambda: gepf.live(KEY), "give listen or connect an endpoint"),
+        (lambda: gepf.live("camera/*", listen="tcp/127.0.0.1:1"), "such as camera/depth"),
+        (lambda: gepf.live(KEY, listen="nowhere"), "nowhere"),
+        (lambda: gepf.live(KEY, listen="tcp/0.0.0.0:7447"), "lets everyone publish.*insecure=True"),
+        (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
+    ],
+)
+def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: str) -> None:
+    """One line says what is wrong and what to give, before any port is opened."""
+    with pytest.raises(gepf.InputError, match=says) as caught:
+        mistake()
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("first", ["publisher", "tracker"])
+def test_the_example_runs_in_either_order(endpoint: str, tmp_path: Path, first: str) -> None:
+    """As its users run it, beside `gepf publish`: the first frame and the last are tracked."""
+    write_small_sequence(tmp_path / "seq", 6)
+    example = (sys.executable, "-m", "examples.live_tracking")
+    tracking = [*example, KEY, endpoint, str(tmp_path / "seq" / "init.json")]
+    playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", endpoint, "--rate", "30"]
+
+    def track() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            tracking, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120.0
+        )  # fmt: skip
+
+    if first == "publisher":
+        with started(*playing, command=GEPF) as publisher:
+            time.sleep(2.0)
+            assert publisher.poll() is None
+            lines = track().stdout.splitlines()
+    else:
+        with subprocess.Popen(tracking, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+            time.sleep(2.0)
+            with started(*playing, command=GEPF) as publisher:
+                lines = process.communicate(timeout=120.0)[0].splitlines()
+    assert lines[0].startswith("frame 0 tracked: ")
+    assert lines[-2].startswith("frame 5 ")
+    assert lines[-1].endswith(" of 6 frames were skipped")
