@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 from common.errors import InputError
@@ -12,7 +13,7 @@ from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from common.protocol.messages import encode_live, encode_live_end
 from common.transport.bus import Bus
-from common.transport.opening import open_coordinator
+from common.transport.opening import open_coordinator, open_worker
 from common.transport.publishers import Publisher
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import Show
@@ -24,7 +25,7 @@ from coordinator.sources import open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import select_frames
 
-LOOK = 0.05  # seconds between looks for a listener, and for a look at links
+LOOK = 0.05  # seconds between looks for a listener
 FASTEST = 1000.0  # frames per second
 
 
@@ -59,9 +60,9 @@ def publish_sequence(broadcast: Broadcast, show: Show) -> None:
     rate = check_rate(broadcast.rate)
     source = open_source(broadcast.sequence, broadcast.given)
     numbers = select_frames(source.numbers, broadcast.frames)
-    with open_session(broadcast.reached) as bus:
+    with open_session(broadcast.reached, key, show) as bus:
         publisher = bus.publish(key)
-        wait_for_listener(publisher, lambda: show.say(say_waiting(bus, broadcast.reached.connect, key)))
+        wait_for_listener(publisher, lambda: show.say(f"waiting for someone to listen to {key}"))
         play(map(source.frame, numbers), rate, publisher)
     show.say(f"{len(numbers)} frames were published on {key}")
 
@@ -73,19 +74,29 @@ def check_rate(rate: float | None) -> float | None:
     return rate
 
 
-def open_session(reached: Pool) -> Bus:
-    """A session at the endpoints; InputError if there is none."""
-    if reached.listen is None and reached.connect is None:
+def open_session(reached: Pool, key: str, show: Show) -> Bus:
+    """A session at the endpoints, when somebody answers there; InputError if there is none.
+
+    Who only connects is a client: a router passes nothing on from peer to peer, and trackers are peers.
+    """
+    if reached.listen is not None:
+        return open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
+    if reached.connect is None:
         raise InputError("nobody could receive this; add --connect or --listen with an endpoint")
-    listen, connect = ((endpoint,) if endpoint else () for endpoint in (reached.listen, reached.connect))
-    return open_coordinator(listen, connect, reached.security)
+    line = f"nobody answers at {reached.connect} yet; waiting for someone there to listen to {key}"
+    return open_worker(reached.connect_endpoints, reached.security, once(lambda: show.say(line)))
 
 
-def say_waiting(bus: Bus, connect: str | None, key: str) -> str:
-    """What we wait for: somebody at the endpoint, or somebody who listens."""
-    if connect is not None and not bus.is_linked(within=LOOK):
-        return f"nobody answers at {connect} yet; waiting for someone there to listen to {key}"
-    return f"waiting for someone to listen to {key}"
+def once(report: Callable[[], None]) -> Callable[[float], None]:
+    """Reports the first silence alone, and lets an interrupt end the wait."""
+    silences = count()
+
+    def hear(_: float) -> None:
+        if next(silences) == 0:
+            report()
+        INTERRUPTS.check()
+
+    return hear
 
 
 def wait_for_listener(publisher: Publisher, report: Callable[[], None]) -> None:

@@ -16,7 +16,7 @@ import pytest
 
 import gepf
 from common.protocol.messages import encode_live, encode_live_end
-from common.transport.opening import open_worker
+from common.transport.opening import open_router, open_worker
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
 from tests.support.processes.programs import started, wait_until
 from tests.support.small_sequence import write_small_sequence
@@ -110,6 +110,17 @@ def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
         threading.Timer(0.2, live.close).start()
         assert list(live) == []
     assert time.monotonic() - began < 10.0
+
+
+def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -> None:
+    """Both only connect: what `gepf publish` shows arrives, to the end."""
+    write_small_sequence(tmp_path / "seq", 3)
+    playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", endpoint]
+    with open_router([endpoint]), started(*playing, command=GEPF):
+        live = gepf.live(KEY, connect=endpoint, idle_timeout=60.0)
+        numbers = [frame.number for frame in live]
+    assert numbers[-1] == 2
+    assert live.received == 3
 
 
 @pytest.mark.parametrize(
