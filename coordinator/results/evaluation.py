@@ -1,7 +1,8 @@
 """How well a track fits the truth.
 
 Angles count where track and truth both have the degree of freedom, as the shorter way round; joints count
-where both have the name. Truth that is not finite is not known and does not count.
+where both have the name. Truth that is not finite is not known and does not count. Angles of
+people's limbs are also held against those that follow from the true joints, which many truths have alone.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import InputError
+from coordinator.bodies.from_joints import angles_from_joints
 from coordinator.results.track import Track
 from coordinator.results.truth import Truth
 
@@ -29,6 +31,8 @@ class Evaluation(msgspec.Struct, frozen=True):
     mean_angle_error_deg_by_dof: dict[str, float] | None
     best_hypothesis_angle_error_deg: float | None  # of each frame's hypothesis that is nearest to the truth
     best_hypothesis_angle_error_deg_by_dof: dict[str, float] | None
+    mean_angle_error_deg_by_angle: dict[str, float] | None  # of limbs, against those of the true joints
+    worst_angle_error_deg_by_angle: dict[str, float] | None
     mean_joint_error_cm: float | None
     pck10: float | None  # share of joints within 10 cm
     within_deviation: float | None  # share of joints no farther off than their `joint_deviation`
@@ -60,13 +64,15 @@ class Errors:
 
 def evaluate(track: Track, truth: Truth) -> Evaluation:
     """Score a track; InputError where it shares no frame, or neither angle nor joint, with the truth."""
-    errors = compare(track, truth)
+    errors, limbs = compare(track, truth), errors_by_angle(track, truth)
     return Evaluation(
         frames=len(errors.frame),
         mean_angle_error_deg=overall(errors.angle_deg),
         mean_angle_error_deg_by_dof=by_dof(errors.dof_names, errors.angle_deg),
         best_hypothesis_angle_error_deg=overall(errors.best_angle_deg),
         best_hypothesis_angle_error_deg_by_dof=by_dof(errors.dof_names, errors.best_angle_deg),
+        mean_angle_error_deg_by_angle={name: float(off.mean()) for name, off in limbs.items()} or None,
+        worst_angle_error_deg_by_angle={name: float(off.max()) for name, off in limbs.items()} or None,
         mean_joint_error_cm=overall(errors.joint_m * 100.0),
         pck10=share_within(errors.joint_m, NEAR_M),
         within_deviation=share_expected(errors, 1.0),
@@ -99,6 +105,20 @@ def compare(track: Track, truth: Truth) -> Errors:
         joint_m=np.linalg.norm(track.joint_positions[mine][:, my_joints] - true_joints, axis=-1),
         joint_deviation_m=None if expected is None else expected[mine][:, my_joints],
     )
+
+
+def errors_by_angle(track: Track, truth: Truth) -> dict[str, NDArray[np.float64]]:
+    """Errors (K,) in degrees of each angle of a person's limbs, of the frames in which both sides know it.
+
+    The truth's follow from its joints; angles whose joints it lacks are left out.
+    """
+    if track.angle is None or track.angle_names is None:
+        return {}
+    _, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
+    true = angles_from_joints(truth.joint_names, truth.joint_positions[theirs])
+    names = tuple(name for name in track.angle_names if name in true)
+    off = {n: angle_error_deg(track.angle[mine, track.angle_names.index(n)], true[n]) for n in names}
+    return {name: known for name, errors in off.items() if len(known := errors[np.isfinite(errors)])}
 
 
 def best_hypothesis(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:

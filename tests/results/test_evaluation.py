@@ -135,6 +135,25 @@ def test_without_a_true_pose_only_joints_are_scored() -> None:
     assert score.mean_joint_error_cm == 0.0
 
 
+def test_angles_of_limbs_are_held_against_the_true_joints() -> None:
+    """Mean and worst by name, the shorter way round; of joints that the truth has, where known."""
+    arm = np.array([[0.0, 0.0, 2.0], [0.0, 0.3, 2.0], [0.0, 0.3, 1.75]])  # bent by 90 degrees
+    angle = np.deg2rad(np.tile([[85.0, 20.0, 7.0]], (FRAMES, 1)))
+    angle[0, 0], angle[1, 0] = np.deg2rad(90.0 - 360.0), np.deg2rad(60.0)
+    angle[2] = np.nan
+    names = ("right_elbow_flexion", "left_elbow_flexion", "trunk_flexion")
+    truth = make_truth(
+        joint_names=("right_shoulder", "right_elbow", "right_wrist", "pelvis"),
+        joint_positions=np.tile(np.concatenate([arm, [[0.0, 0.0, 0.0]]]), (FRAMES, 1, 1)),
+        dof_names=(),
+        pose=np.empty((FRAMES, 0)),
+    )
+    score = evaluate(make_track(angle_names=names, angle=angle, angle_deviation=angle), truth)
+    assert score.mean_angle_error_deg_by_angle == pytest.approx({names[0]: (0.0 + 30.0 + 7 * 5.0) / 9})
+    assert score.worst_angle_error_deg_by_angle == pytest.approx({names[0]: 30.0})
+    assert evaluate(make_track(), truth).mean_angle_error_deg_by_angle is None
+
+
 def test_truth_that_is_not_known_does_not_count() -> None:
     """A joint that nobody saw is NaN in the truth; the others are scored."""
     places = np.zeros((FRAMES, 2, 3))

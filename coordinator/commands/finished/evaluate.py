@@ -12,8 +12,9 @@ import msgspec
 
 from common.errors import InputError
 from coordinator.commands.finished.own_truth import own_truth_file, refuse_another_sequence
+from coordinator.results.completing import read_track_with_angles
 from coordinator.results.evaluation import Evaluation, evaluate
-from coordinator.results.track import Track, read_track
+from coordinator.results.track import Track
 from coordinator.results.truth import check_truth_of, read_truth
 
 logger = logging.getLogger(__name__)
@@ -26,7 +27,7 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
     """
     if len(runs) > 1 and not as_csv:
         raise InputError("several runs are printed as a table; add --csv")
-    tracks = {run: read_track(run) for run in runs}
+    tracks = {run: read_track_with_angles(run) for run in runs}
     truths = {run: truth or own_truth_file(run) for run in runs}
     without = [run for run in runs if truths[run] is None]
     if len(without) == len(runs):
@@ -36,7 +37,7 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
     found = [
         (run, evaluate_run(run, tracks[run], of_run)) for run in runs if (of_run := truths[run]) is not None
     ]
-    if all(each.mean_angle_error_deg is None for _, each in found):
+    if not any(each.mean_angle_error_deg_by_dof or each.mean_angle_error_deg_by_angle for _, each in found):
         logger.warning("the truth holds joints alone, no pose: errors of angles are not known")
     if as_csv:
         write_table(found)
@@ -60,7 +61,7 @@ def evaluate_run(run: Path, track: Track, truth: Path) -> Evaluation:
 
 
 def write_table(found: Sequence[tuple[Path, Evaluation]]) -> None:
-    """One line for each run as it was given: its folder and all errors but those by degree of freedom."""
+    """One line for each run as it was given: its folder and all errors but those by name."""
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(["run", *flat(found[0][1])])
     for run, evaluation in found:
@@ -70,4 +71,4 @@ def write_table(found: Sequence[tuple[Path, Evaluation]]) -> None:
 def flat(evaluation: Evaluation) -> dict[str, object]:
     """The numbers of an evaluation that are single."""
     values = msgspec.structs.asdict(evaluation)
-    return {name: value for name, value in values.items() if not name.endswith("_by_dof")}
+    return {name: value for name, value in values.items() if not name.endswith(("_by_dof", "_by_angle"))}

@@ -1,0 +1,74 @@
+"""Angles of a person whose joints alone are known, as of many truths: elbows, knees, shoulders and hips.
+
+They are named and mean the same as those of `coordinator.bodies.angles`, but for the trunk and pelvis: these
+share one upright here, from the middle of the hips to that of the shoulders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Places = Mapping[str, Array]  # (F, 3) of each joint
+
+OUTWARD = {"right": -1.0, "left": 1.0}
+HINGES = {"elbow": ("shoulder", "wrist"), "knee": ("hip", "ankle")}
+BALLS = {"shoulder": "elbow", "hip": "knee"}
+TRUNK = ("right_shoulder", "left_shoulder", "right_hip", "left_hip")
+
+
+def angles_from_joints(names: tuple[str, ...], joints: Array) -> dict[str, Array]:
+    """Angles (F,), radians, of joints (F, J, 3), any unit and axes; those whose joints have a name here.
+
+    NaN where a joint is, or where two coincide.
+    """
+    at = {name: joints[:, j] for j, name in enumerate(names)}
+    return dict([*bends(at), *swings(at)])
+
+
+def bends(at: Places) -> Iterator[tuple[str, Array]]:
+    """Flexion of elbows and knees: 0 where the limb is straight."""
+    for side in OUTWARD:
+        for hinge, ends in HINGES.items():
+            first, middle, last = (f"{side}_{name}" for name in (ends[0], hinge, ends[1]))
+            if {first, middle, last} <= set(at):
+                upper, lower = unit(at[middle] - at[first]), unit(at[last] - at[middle])
+                yield f"{side}_{hinge}_flexion", np.arccos(np.clip(dot(upper, lower), -1.0, 1.0))
+
+
+def swings(at: Places) -> Iterator[tuple[str, Array]]:
+    """Flexion and abduction of shoulders and hips: components of the swing from hanging along the trunk."""
+    if not set(TRUNK) <= set(at):
+        return
+    upright = sum((at[f"{side}_shoulder"] - at[f"{side}_hip"] for side in OUTWARD), np.zeros(3))
+    for side, out in OUTWARD.items():
+        for ball, end in BALLS.items():
+            if f"{side}_{end}" not in at:
+                continue
+            axes = carrier(upright, at[f"left_{ball}"] - at[f"right_{ball}"])
+            x, y, z = np.einsum("fij,fi->jf", axes, unit(at[f"{side}_{end}"] - at[f"{side}_{ball}"]))
+            angle = np.arctan2(np.hypot(x, z), y) / np.maximum(np.hypot(x, z), 1e-12)
+            yield f"{side}_{ball}_flexion", -z * angle
+            yield f"{side}_{ball}_abduction", out * x * angle
+
+
+def carrier(upright: Array, leftward: Array) -> Array:
+    """Axes (F, 3, 3) of trunk or pelvis as columns: left, down, back."""
+    down = -unit(upright)
+    back = unit(np.cross(leftward, down))
+    return np.stack([np.cross(down, back), down, back], axis=-1)
+
+
+def dot(one: Array, other: Array) -> Array:
+    """Products (F,) of vectors (F, 3)."""
+    product: Array = np.einsum("fi,fi->f", one, other)
+    return product
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors (F, 3) at length 1; NaN where they have none."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0.0, length, np.nan)
