@@ -91,15 +91,18 @@ class Angles:
             if {f"{side}_shoulder_rotation", f"{side}_elbow_flexion"} <= set(names)
         }
 
-    def follow(self, poses: Array) -> Array:
+    def follow(self, poses: Array, unknown: NDArray[np.bool_] | None = None) -> Array:
         """Angles (F, A) of the poses (F, D) of successive frames, each on the turn nearest to the one before.
 
-        A rotation that nothing shows, as the elbow is straight, does not say on which turn the next one is.
+        A rotation that nothing shows, as the elbow is straight, does not say on which turn the next one is;
+        nor does anything of a frame that is `unknown` (F,).
         """
         angles = self.measure(poses)
         last = angles[0].copy() if len(angles) else np.empty(0)
-        for frame in angles:
+        for number, frame in enumerate(angles):
             frame[:] = self.near(frame[None], last)[0]
+            if unknown is not None and unknown[number]:
+                continue
             hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN]
             seen = np.delete(np.arange(len(frame)), hidden)
             last[seen] = frame[seen]

@@ -69,7 +69,7 @@ def even_out(angle: Array, variance: Array, interval: Array) -> Array:
     if len(angle) < 2:
         return angle
     weight = 1.0 / np.clip(variance, LEAST**2, MOST**2)
-    held = 1.0 / (SPEED * np.maximum(interval, SHORTEST)) ** 2
+    held = 1.0 / (SPEED * interval) ** 2
     bands = np.zeros((2, len(angle)))
     bands[1] = weight
     bands[1, :-1] += held

@@ -2,8 +2,9 @@
 
 Twenty particles cannot fill 24 dimensions. But limbs move, and are lost, one by one. So fixed shares of the
 particles, whatever the number of hypotheses, are of five kinds: some follow the motion model exactly, some
-stay where their hypothesis was, some move one limb far, some hold a limb so that it reaches for what nothing
-explains, and the others are spread by the covariance of their hypothesis and a little in every direction.
+stay where their hypothesis was, some move one limb far (or hold a hidden one in another way that hides it),
+some hold a limb so that it reaches for what nothing explains, and the others are spread by the covariance
+of their hypothesis and a little in every direction.
 """
 
 from __future__ import annotations

@@ -147,7 +147,7 @@ def explore(
     reaching, thrown = (np.flatnonzero(kinds == kind) for kind in (REACHING, ONE_LIMB))
     view = view_limbs(model, likeliest, sighting.points)
     reaches = find_reaches(view, likeliest, len(reaching), rng)
-    hidden = find_hidden(model, likeliest, view, len(thrown), rng)
+    hidden = find_hidden(model, likeliest, view, sighting.known, len(thrown), rng)
     kinds[reaching] = SPREAD if reaches is None else REACHING
     kinds[thrown] = ONE_LIMB if hidden is None else HIDING
     noise = draw_noise(past.covariances, ancestors, rng, kinds == SPREAD)

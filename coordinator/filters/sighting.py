@@ -11,6 +11,7 @@ USUAL_INTERVAL = 1.0 / 30.0  # seconds between frames
 LONGEST_MOTION = 0.2  # seconds for which a motion is expected to go on
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +29,12 @@ class Sighting:
     def motion_time(self) -> float:
         """Seconds by which what moves is moved on."""
         return min(self.interval, LONGEST_MOTION)
+
+    @property
+    def known(self) -> Flags:
+        """Which degrees of freedom (D,) are known to move as they do; none of them without encoders."""
+        flags: Flags = np.zeros(0, dtype=np.bool_) if self.step is None else np.isfinite(self.step)
+        return flags
 
     def expect(self, velocities: Array, share: float) -> Array:
         """The motion (M, D) of who had these velocities (M, D): a share goes on, and known steps count."""

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
 from coordinator.bodies.angles import Angles, is_person
-from coordinator.bodies.levers import even_out, shown_by, weigh
+from coordinator.bodies.levers import SHORTEST, even_out, shown_by, weigh
+from coordinator.filters.sighting import USUAL_INTERVAL
 from coordinator.results.track import Track, filled
 
 
@@ -52,11 +53,12 @@ def with_angles(track: Track, angles: Angles) -> Track:
     A person's are evened out where they are not known (`coordinator.bodies.levers`).
     """
     known = filled(track)
-    reported = angles.follow(known.pose)
-    if is_person(track.dof_names):
+    reported = angles.follow(known.pose, known.unknown)
+    if is_person(track.dof_names) and len(known.frame) > 1:
         off = deviations(known, angles, reported, np.inf)
         off[known.unknown] = np.inf
-        interval = np.diff(known.time_s)
+        since = np.diff(known.time_s)
+        interval = np.where(since > SHORTEST, since, USUAL_INTERVAL)
         beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
         columns = [even_out(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
         reported = np.array(columns).reshape(reported.T.shape).T
@@ -68,8 +70,7 @@ def with_angles(track: Track, angles: Angles) -> Track:
 def deviations(track: Track, angles: Angles, about: NDArray[np.float64], most: float) -> NDArray[np.float64]:
     """Expected distance (F, A) of these angles (F, A) from the true ones, one standard deviation, radians.
 
-    Of a robot, whose measures are known, that of the hypotheses alone. A rotation that nothing shows is off
-    by `most`.
+    Of a robot, whose measures are known, that of the hypotheses alone. What nothing shows is off by `most`.
     """
     spread = hypotheses_spread(track, angles, about)
     expected: NDArray[np.float64] = np.hypot(misfit(track, angles, about, most), UNSEEN * spread)
@@ -102,8 +103,8 @@ def misfit(track: Track, angles: Angles, about: NDArray[np.float64], most: float
         return np.zeros(about.shape)
     off = np.maximum(ANGLE_MISFIT, from_joints(track, angles))
     for twist, bend in angles.levers.items():
-        off[:, twist] = np.minimum(off[:, twist] / np.sqrt(np.maximum(weigh(about[:, bend]), 1e-9)), most)
-    return off
+        off[:, twist] = off[:, twist] / np.sqrt(np.maximum(weigh(about[:, bend]), 1e-9))
+    return np.minimum(off, most)
 
 
 def from_joints(track: Track, angles: Angles) -> NDArray[np.float64]:

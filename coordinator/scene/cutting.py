@@ -75,6 +75,8 @@ def cut_out(
     if depth.size:
         growth, background = view.noise.growth, view.background[top:bottom, left:right]
         mark_room(depth, background, lens, view.planes.coefficients, growth, kinds)
+        if view.left_out is not None:
+            kinds[view.left_out[top:bottom, left:right]] = DOUBTFUL
         if others is not None:
             kinds[others[top:bottom, left:right]] = DOUBTFUL
         mark_near(depth, background, lens, near.low, near.squares, reach, kinds)

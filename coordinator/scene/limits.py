@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.frame import DepthFrame
 
@@ -19,17 +20,24 @@ class Limits:
 
     def keep(self, frame: DepthFrame) -> DepthFrame:
         """The frame, in which nothing else was measured; the same one without limits."""
-        if self == Limits():
+        left_out = self.leave_out(frame)
+        if left_out is None:
             return frame
+        return replace(frame, depth=np.where(left_out, np.uint16(0), frame.depth))
+
+    def leave_out(self, frame: DepthFrame) -> NDArray[np.bool_] | None:
+        """Pixels (H, W) that do not count, measured or not; None without limits."""
+        if self == Limits():
+            return None
         depth = frame.metres()
-        counts = depth > 0.0
+        left_out = np.zeros(depth.shape, dtype=np.bool_)
         if self.near is not None:
-            counts &= depth >= self.near
+            left_out |= (depth > 0.0) & (depth < self.near)
         if self.far is not None:
-            counts &= depth <= self.far
+            left_out |= depth > self.far
         if self.region is not None:
             left, top, right, bottom = self.region
-            inside = np.zeros_like(counts)
+            inside = np.zeros_like(left_out)
             inside[max(0, top) : max(0, bottom), max(0, left) : max(0, right)] = True
-            counts &= inside
-        return replace(frame, depth=np.where(counts, frame.depth, np.uint16(0)))
+            left_out |= ~inside
+        return left_out

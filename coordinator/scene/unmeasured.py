@@ -35,7 +35,8 @@ def tell_emptiness(surface: Array, lens: Lens, kinds: Kinds) -> float:
     covered = np.zeros((kinds.shape[0] // side + 3, kinds.shape[1] // side + 3), dtype=np.bool_)  # and a rim
     cover(np.ascontiguousarray(surface, dtype=np.float64), lens, side, covered)
     body, body_missed, room, room_missed = count_missed(kinds, side, covered)
-    missed, beside = (body_missed + 1) / (body + 2), (room_missed + 1) / (room + 2)  # rule of succession
+    missed = (body_missed + 1) / (body + 2)  # rule of succession
+    beside = (room_missed + missed) / (room + 1)  # as the body, where nothing is known of the room
     return max(0.0, (beside - missed) / (beside + missed))
 
 

@@ -21,6 +21,7 @@ class SceneView:
     depth: (H, W) metres, 0 where nothing was measured, or nothing that counts.
     background: (H, W) metres, what is seen where nobody is; 0 where that is not known.
     furnished: something else than people is measured; where it is not, what is not measured is empty.
+    left_out: (H, W) pixels that do not count, as the user says; they say nothing of anybody.
     """
 
     number: int
@@ -30,6 +31,7 @@ class SceneView:
     planes: Planes
     background: NDArray[np.float32]
     furnished: bool
+    left_out: NDArray[np.bool_] | None = None
 
     @property
     def lens(self) -> tuple[float, float, float, float]:

@@ -59,10 +59,10 @@ def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
 def find_leaps(joints: Array, past: Array, interval: float) -> NDArray[np.bool_]:
     """Which joints (J,) of (J, 3) went farther since the frame before (J, 3), seconds ago, than people move.
 
-    The way that all of them went is taken off: that of who is found again.
+    The way that most of them went is taken off: that of who is found again.
     """
     way = joints - past
-    leaps: NDArray[np.bool_] = np.linalg.norm(way - way.mean(axis=0), axis=-1) > FASTEST * interval
+    leaps: NDArray[np.bool_] = np.linalg.norm(way - np.median(way, axis=0), axis=-1) > FASTEST * interval
     return leaps
 
 

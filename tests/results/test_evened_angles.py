@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,9 +11,11 @@ from numpy.typing import NDArray
 from common.activation import activate
 from common.body import BodyModel
 from common.kinematics import joint_positions
+from coordinator.bodies.angles import angles_of
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.results.recording.recorded import assemble
 from coordinator.results.track import Track
+from coordinator.results.uncertainty import with_angles
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 
@@ -136,3 +140,24 @@ def test_angles_of_frames_in_which_the_body_is_lost_are_those_of_the_frames_arou
     found, deviation = angle(track, "right_knee_flexion")
     assert np.abs(found - bend).max() < 40.0
     assert np.isnan(deviation[10:13]).all()
+
+
+def test_what_is_guessed_while_the_body_is_lost_is_no_turn(model: BodyModel) -> None:
+    """Guesses all round the compass do not add a turn to who stands as before when found again."""
+    turned = np.zeros(40)
+    turned[15:20], turned[20:25] = 140.0, -100.0
+    track = tracked(model, standing(model, 40, root_ry=turned), unknown=tuple(range(15, 25)))
+    found, _ = angle(track, "pelvis_turn")
+    assert np.abs(found[25:]).max() < 1.0
+    assert np.abs(found).max() < 30.0
+
+
+def test_time_stamps_that_stand_still_do_not_flatten_angles(model: BodyModel) -> None:
+    """Frames of one time count as far apart as usual, as they do for the tracker."""
+    bend = np.linspace(0.0, 90.0, 31)
+    off = {"right_wrist": np.full(31, 0.06)}
+    track = tracked(model, standing(model, 31, r_elbow_flexion=bend), off=off)
+    angles = angles_of(model, {})
+    for times in (track.time_s, np.zeros(31)):
+        found, _ = angle(with_angles(replace(track, time_s=times), angles), "right_elbow_flexion")
+        assert np.abs(found - bend).max() < 2.0

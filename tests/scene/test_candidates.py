@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.frame import SUBJECT, UNKNOWN
+from coordinator.scene.cutting import cut_out
 from coordinator.scene.limits import Limits
 from coordinator.scene.people.candidates import Candidate, candidates, take_apart
 from coordinator.scene.people.person import Person
@@ -61,6 +65,31 @@ def test_who_touches_a_box_is_found_without_it(noise: float) -> None:
     assert recall > 0.9
 
 
+@pytest.mark.parametrize("place", [(0.28, 2.42), (0.32, 2.5)])
+def test_who_is_found_beside_a_box_is_not_learned_as_the_room(place: tuple[float, float]) -> None:
+    """The box is the room's from the first frame on, and the person is not, though both are mostly flat."""
+    box = ((0.46, HEIGHT - 0.8, 2.4), (1.26, HEIGHT, 2.9))
+    room, scene = Room((box,), noise=0.0015), Scene()
+    scene.learn(scene.see(room.see(place).frame), None)
+    for number in range(1, 4):
+        seen = room.see(place, number)
+        view = scene.see(seen.frame)
+        cut = cut_out(view, room.surface(place, 4000))
+        scene.learn(view, cut)
+        left, top, right, bottom = cut.window
+        precision, recall = overlap(cut.kinds == SUBJECT, seen.mask[top:bottom, left:right])
+        assert precision > 0.95
+        assert recall > 0.85
+
+
+def test_nobody_is_taken_for_a_face_where_noise_is_as_deep_as_a_trunk() -> None:
+    """Far away and with much noise a person's front is flat."""
+    room = Room(noise=0.003, wall=6.0)
+    for z in (3.5, 4.5):
+        view = Scene().see(room.see((0.0, z)).frame)
+        assert not take_apart(view).flat.any()
+
+
 def test_nobody_is_found_in_an_empty_room() -> None:
     """Floor, wall and cabinet are no person, and a table hardly one."""
     assert all(each.score < 0.3 for each in found_in(Room((CABINET, TABLE), noise=0.002), None))
@@ -103,3 +132,17 @@ def test_limits_leave_nothing_else() -> None:
     assert columns.max() < 90
     assert rows.max() < 100
     assert Limits().keep(frame) is frame
+
+
+def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
+    """It is neither empty nor unmeasured: whose arm reaches out of the region has it still."""
+    room, limits = Room(), Limits(region=(0, 0, 66, 120))
+    frame = room.see(PERSON).frame
+    left_out = limits.leave_out(frame)
+    view = replace(Scene().see(limits.keep(frame)), left_out=left_out)
+    cut = cut_out(view, room.surface(PERSON, 2000))
+    left, top, right, bottom = cut.window
+    assert left_out is not None
+    outside = left_out[top:bottom, left:right]
+    assert outside.any()
+    assert (cut.kinds[outside] == UNKNOWN).all()

@@ -353,6 +353,8 @@ def test_a_joint_that_went_faster_than_people_is_named() -> None:
     assert not find_leaps(hopped, past, 1.0 / 10.0).any()
     assert explain_leaps(names, find_leaps(hopped, past, 1.0 / 30.0)) == "found elsewhere: right wrist"
     assert explain_leaps(names, find_leaps(past, past, 1.0 / 30.0)) == ""
+    hopped[:3] = (0.0, 0.8, 0.0)
+    assert explain_leaps(names, find_leaps(hopped, past, 1.0 / 30.0)) == "found elsewhere: pelvis"  # of most
 
 
 def test_the_subject_is_cut_out_where_it_is() -> None:

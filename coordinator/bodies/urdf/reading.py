@@ -123,7 +123,7 @@ def check_tree(path: Path, robot: yourdfpy.Robot) -> None:
                 f"{path}: joint '{joint.name}' is {joint.type}; only revolute, continuous, prismatic "
                 "and fixed joints can be tracked"
             )
-        if joint.mimic is not None:
+        if joint.mimic is not None and joint.mimic.joint:
             logger.warning(
                 "%s: joint '%s' mimics '%s'; it is tracked on its own", path, joint.name, joint.mimic.joint
             )

@@ -16,6 +16,8 @@ def check_text(path: Path) -> None:
         root = ET.parse(path).getroot()
     except ET.ParseError as error:
         raise InputError(f"{path} is no URDF: its XML is damaged ({error}); copy it again") from None
+    except (LookupError, ValueError):
+        return  # an encoding that the reader of URDF knows, or names
     if root.tag != "robot":
         raise InputError(f"{path} is no URDF: it is a <{root.tag}>, not a <robot>; give a robot's file")
     if any(XACRO in str(part.tag) or "${" in "".join(part.attrib.values()) for part in root.iter()):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.kinematics import link_transforms
 from common.kinematics.skinning import blend_each
-from coordinator.filters.limbs.layout import LEAST, Indices, Limb, LimbView, Ways
+from coordinator.filters.limbs.layout import LEAST, Flags, Indices, Limb, LimbView, Ways
 
 Array = NDArray[np.float64]
 
@@ -34,12 +34,21 @@ class Cover(NamedTuple):
 
 
 def find_hidden(
-    model: BodyModel, pose: Array, view: LimbView | None, count: int, rng: np.random.Generator
+    model: BodyModel,
+    pose: Array,
+    view: LimbView | None,
+    known: Flags,
+    count: int,
+    rng: np.random.Generator,
 ) -> Ways | None:
-    """Ways to hold the limbs of pose (D,) that the frame does not show; None where it shows all of them."""
+    """Ways to hold the limbs of pose (D,) that the frame does not show; None where it shows all of them.
+
+    `known` (D,), or empty, are degrees of freedom that encoders show: limbs of these alone are not hidden.
+    """
     if view is None:
         return None
-    unseen = [limb for limb in view.layout.limbs if is_unseen(limb, view)]
+    free = [limb for limb in view.layout.limbs if not len(known) or not known[limb.dofs].all()]
+    unseen = [limb for limb in free if is_unseen(limb, view)]
     if not unseen:
         return None
     cover, found = cover_of(view.points), list[tuple[Limb, Array]]()

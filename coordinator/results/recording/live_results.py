@@ -78,8 +78,12 @@ class LiveResults:
         if not track.placed[0]:
             return np.full(len(angles.names), np.nan)
         measured = angles.measure(track.pose)
-        self._last = measured[0] if self._last is None else angles.near(measured, self._last)[0]
-        return self._last
+        near: NDArray[np.float64] = (
+            measured[0] if self._last is None else angles.near(measured, self._last)[0]
+        )
+        if not track.unknown[0]:
+            self._last = near
+        return near
 
     def end(self) -> None:
         """Say that no more will come."""

@@ -59,9 +59,13 @@ def foreground(view: SceneView) -> Mask:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """What of the foreground hangs together and is no larger than a person, and flat faces (H, W) of it."""
+    """What of the foreground hangs together and is no larger than a person; the same without flat faces.
+
+    flat: (H, W) these faces.
+    """
 
     whole: list[Component]
+    bare: list[Component]
     flat: Mask
 
 
@@ -73,7 +77,7 @@ def take_apart(view: SceneView, known: Mask | None = None) -> Parts:
     for part in whole:
         if of_a_persons_size(part):
             flat |= flat_faces(view, part)
-    return Parts(whole, flat)
+    return Parts(whole, [piece for part in whole for piece in without(view, part, flat)], flat)
 
 
 def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
@@ -83,15 +87,14 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
 
 def likeliest(view: SceneView, parts: Parts) -> list[Candidate]:
     """Who of a frame's parts may be a person, without flat faces, best first."""
-    bare = [piece for part in parts.whole for piece in without(view, part, parts.flat)]
-    found = [judge(view, each) for each in join(view, bare) if of_a_persons_size(each)]
+    found = [judge(view, each) for each in join(view, parts.bare) if of_a_persons_size(each)]
     return sorted((each for each in found if each is not None), key=lambda each: -each.score)
 
 
 def somebodys(view: SceneView, parts: Parts) -> Mask:
     """Pixels (H, W) of whoever may be a person, with what hangs together with them but for flat faces."""
     found = np.zeros_like(parts.flat)
-    for part in join(view, parts.whole):
+    for part in [*join(view, parts.whole), *join(view, parts.bare)]:
         if of_a_persons_size(part) and judge(view, part) is not None:
             found |= part.mask(view)
     return found & ~parts.flat

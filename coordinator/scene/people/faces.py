@@ -6,10 +6,13 @@ lie close about it. Planes are sought as floor and walls are, in (x/z, y/z, 1/z)
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from common.camera import Intrinsics, back_project
 from coordinator.scene.people.components import Component, components
 from coordinator.scene.room.planes import inverse_margin, plane_inverse
 from coordinator.scene.view import SceneView
@@ -17,7 +20,9 @@ from coordinator.scene.view import SceneView
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+ACROSS = 320  # pixels of a picture's width that are looked at
 CLOSE = 0.5  # margins of noise, about a plane, within which most of a face's points lie
+SHALLOW = 0.035  # metres: where what lies close may be farther off, a trunk is as flat as a face
 LEAST_FACE = 0.08  # square metres by which more of it lies close than farther off
 LEAST_SHARE = 0.5  # of what is near, the same: of a face 0.8 and more, of a curved surface 0.4 at the most
 TRIES = 8  # planes that are looked at
@@ -28,15 +33,36 @@ CELL, STEP = 10, 5  # pixels: sides of the squares that planes are first fitted 
 FILLED = 0.75  # least share of a square that is the part's
 FEWEST = 60  # points
 SAMPLED = 1_500  # points that planes are compared by
+RIDGE = 1e-9  # of squares whose points lie in a line
 
 
 def flat_faces(view: SceneView, part: Component) -> Mask:
-    """Pixels (H, W) of a part's flat faces."""
-    rays = inverse(part.points)
+    """Pixels (H, W) of a part's flat faces; none where the noise is as deep as a trunk."""
+    flat = np.zeros(view.depth.shape, dtype=np.bool_)
+    if CLOSE * float(np.median(view.noise.margin(part.points[:, 2]))) <= SHALLOW:
+        every = max(1, view.camera.width // ACROSS)
+        faces = faces_in(thinned(view, part, every), part.inside[::every, ::every])
+        rows, columns = part.inside.shape
+        whole = faces.repeat(every, axis=0).repeat(every, axis=1)[:rows, :columns]
+        flat[part.top : part.top + rows, part.left : part.left + columns] = whole & part.inside
+    return flat
+
+
+def thinned(view: SceneView, part: Component, every: int) -> SceneView:
+    """Each so-manieth pixel of the window in which a part is."""
+    height, width = part.inside.shape
+    depth = view.depth[part.top : part.top + height : every, part.left : part.left + width : every]
+    crop, (rows, columns) = view.camera.crop(part.left, part.top, width, height), depth.shape
+    camera = Intrinsics(columns, rows, crop.fx / every, crop.fy / every, crop.cx / every, crop.cy / every)
+    return replace(view, depth=np.ascontiguousarray(depth), camera=camera, background=np.zeros_like(depth))
+
+
+def faces_in(view: SceneView, mask: Mask) -> Mask:
+    """Which pixels (H, W) of a mask are flat faces'."""
+    rays = inverse(back_project(view.depth, view.camera)[mask])
     margin = inverse_margin(rays, view.noise)
     seen = rays[:, 2] ** -2.0 / (view.camera.fx * view.camera.fy)
-    planes, mask = local_planes(part, rays), part.mask(view)
-    left = np.ones(len(rays), dtype=np.bool_)
+    planes, left = local_planes(mask, rays), np.ones(len(rays), dtype=np.bool_)
     for _ in range(TRIES):
         best = most_close(planes, rays[left], margin[left], seen[left])
         if best is None:
@@ -45,7 +71,7 @@ def flat_faces(view: SceneView, part: Component) -> Mask:
         off, area = distances(plane, rays, margin), seen * np.linalg.norm(plane) / rays[:, 2]
         face = large_patches(view, mask, left & (off < 1.0), closeness(off), area)
         left &= ~face
-        planes = planes[~np.isclose(planes @ best, best @ best, rtol=ALIKE)] if not face.any() else planes
+        planes = planes if face.any() else planes[~np.isclose(planes @ best, best @ best, rtol=ALIKE)]
     flat = np.zeros_like(mask)
     flat[mask] = ~left
     return flat
@@ -57,11 +83,11 @@ def inverse(points: Array) -> Array:
     return rays
 
 
-def local_planes(part: Component, rays: Array) -> Array:
-    """Planes (S, 3) through what fills small squares of a part, by least squares."""
-    number = np.full(part.inside.shape, -1)
-    number[part.inside] = np.arange(len(rays))
-    height, width = part.inside.shape
+def local_planes(mask: Mask, rays: Array) -> Array:
+    """Planes (S, 3) through what fills small squares of a mask (H, W), by least squares."""
+    number = np.full(mask.shape, -1)
+    number[mask] = np.arange(len(rays))
+    height, width = mask.shape
     planes = []
     for top in range(0, height - CELL + 1, STEP):
         for left in range(0, width - CELL + 1, STEP):
@@ -75,7 +101,9 @@ def local_planes(part: Component, rays: Array) -> Array:
 def fit(rays: Array) -> Array:
     """The plane (3,) through points (P, 3) by least squares."""
     flat = np.column_stack([rays[:, :2], np.ones(len(rays))])
-    return np.asarray(np.linalg.lstsq(flat, rays[:, 2], rcond=None)[0], dtype=np.float64)
+    moments, pull = np.einsum("pi,pj->ij", flat, flat), np.einsum("pi,p->i", flat, rays[:, 2])
+    plane: Array = np.linalg.solve(moments + RIDGE * np.eye(3), pull)
+    return plane
 
 
 def fit_close(plane: Array, rays: Array, margin: Array) -> Array:
@@ -99,8 +127,8 @@ def most_close(planes: Array, rays: Array, margin: Array, seen: Array) -> Array 
     every = -(-len(rays) // SAMPLED)
     rays, margin, seen = rays[::every], margin[::every], every * seen[::every]
     off = np.abs(rays[:, :2] @ planes[:, :2].T + planes[:, 2] - rays[:, 2:]) / margin[:, None]
-    close = seen @ closeness(off)
-    close[close < LEAST_SHARE * (seen @ (off < 1.0))] = 0.0
+    close = np.einsum("p,ps->s", seen, closeness(off))
+    close[close < LEAST_SHARE * np.einsum("p,ps->s", seen, (off < 1.0).astype(np.float64))] = 0.0
     best: Array = planes[close.argmax()]
     return best if close.max() > 0.5 * LEAST_FACE else None
 
@@ -128,7 +156,7 @@ def large_patches(view: SceneView, mask: Mask, near: Mask, close: Array, area: A
     found = np.zeros_like(mask)
     for patch in components(view, patches):
         each = patch.mask(view)
-        if closes[each] @ areas[each] >= max(LEAST_FACE, LEAST_SHARE * areas[each].sum()):
+        if (closes * areas)[each].sum() >= max(LEAST_FACE, LEAST_SHARE * areas[each].sum()):
             found |= each & (around > LEAST_AROUND)
     large: Mask = found[mask]
     return large
