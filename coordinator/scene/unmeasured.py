@@ -27,7 +27,7 @@ def tell_emptiness(surface: Array, lens: Lens, kinds: Kinds) -> float:
     are unmeasured and b that of the body's. It says by how much that is likelier than the body: 2 p - 1.
 
     Args:
-        surface: Points (V, 3) all over the body as it is about to be, metres.
+        surface: Points (V, 3) all over the body as it was two frames ago, metres.
         lens: Of the window.
         kinds: The window's pixels (H, W).
     """
