@@ -15,24 +15,26 @@ from coordinator.results.track import Track
 from coordinator.results.truth import Truth
 
 COLOURS = "magma_r"
-WORST_CM, WORST_DEG = 30.0, 45.0  # the darkest colour
+WORST_CM, WORST_DEG, WORST_SLIDE_CM = 30.0, 45.0, 5.0  # the darkest colour
 
 
 def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with joint errors, and angle errors where they are known."""
+    """Write a PNG with errors of joints, and of angles and of what slides where they are known."""
     errors = compare(track, truth)
     time_s = track.time_s[np.isin(track.frame, errors.frame)]
     joints = tuple(name for name in track.joint_names if name in truth.joint_names)
-    wanted = [bool(joints), bool(errors.dof_names)]
+    wanted = [bool(joints), bool(errors.dof_names), bool(errors.slide_names)]
     with styled():
-        figure = new_figure(6.2 * sum(wanted) + 0.8, 4.2 + 0.22 * max(len(joints), len(errors.dof_names)))
-        rows = 0.22 * max(len(joints), len(errors.dof_names), 4)
+        most = max(len(joints), len(errors.dof_names), len(errors.slide_names))
+        figure, rows = new_figure(6.2 * sum(wanted) + 0.8, 4.2 + 0.22 * most), 0.22 * max(most, 4)
         axes = figure.subplots(3, sum(wanted), sharex=True, squeeze=False, height_ratios=[2.6, rows, 0.16])
         columns = iter(axes.T)
         if joints:
             draw_joint_errors(figure, next(columns), time_s, errors, joints)
         if errors.dof_names:
             draw_angle_errors(figure, next(columns), time_s, errors)
+        if errors.slide_names:
+            draw_slide_errors(figure, next(columns), time_s, errors)
         for strip in axes[2]:
             draw_status(strip, track.time_s, track.status)
         save(figure, file)
@@ -72,6 +74,18 @@ def draw_angle_errors(
     axes[0].set_ylim(0.0, top(mean, 1.0))
     axes[0].legend(loc="upper right")
     draw_rows(figure, axes[1], time_s, errors.angle_deg.T, errors.dof_names, WORST_DEG, "degrees")
+
+
+def draw_slide_errors(
+    figure: Figure, axes: NDArray[np.object_], time_s: NDArray[np.float64], errors: Errors
+) -> None:
+    """The mean error of the joints that slide above, each one's below."""
+    rows = errors.slide_m * 100.0
+    mean = known_mean(rows, axis=1)
+    axes[0].plot(time_s, mean, color=REPORTED, linewidth=1.6)
+    axes[0].set(title=f"sliding joints, mean error {np.nanmean(mean):.2f} cm", ylabel="centimetres")
+    axes[0].set_ylim(0.0, top(mean, 0.1))
+    draw_rows(figure, axes[1], time_s, rows.T, plain(errors.slide_names), WORST_SLIDE_CM, "cm")
 
 
 def draw_rows(

@@ -1,12 +1,13 @@
-"""Every angle over time, left beside right, with how far it may be off, as drawings to stand in a page."""
+"""Every angle, and what slides, over time, with how far it may be off, as drawings to stand in a page."""
 
 from __future__ import annotations
 
 import numpy as np
 from markupsafe import Markup
 
-from coordinator.report.curve import Curve, draw_curve
+from coordinator.report.curve import CENTIMETRE, Curve, draw_curve
 from coordinator.report.groups import SIDES, group_angles, pair_of
+from coordinator.results.slides import Slides
 from coordinator.results.track import Track
 
 WIDTHS = {2: 540.0, 3: 355.0}  # of a drawing, by how many stand side by side
@@ -15,6 +16,14 @@ WIDTHS = {2: 540.0, 3: 355.0}  # of a drawing, by how many stand side by side
 def draw_angles(track: Track) -> list[tuple[str, int, list[Markup]]]:
     """For each part of the body its name, how many drawings stand side by side, and the drawings."""
     return [(group, *draw_group(track, members)) for group, members in group_angles(track.angle_names or ())]
+
+
+def draw_slides(track: Track, slides: Slides) -> list[tuple[str, int, list[Markup]]]:
+    """The same for joints that slide, each in centimetres of its own; none where nothing does."""
+    columns = 3
+    curves = [slide_of(track, slides, s) for s in range(len(slides.names))]
+    drawings = [draw_curve(curve, curve.reach, WIDTHS[columns]) for curve in curves]
+    return [("sliding joints", columns, drawings)] if drawings else []
 
 
 def draw_group(track: Track, names: list[str]) -> tuple[int, list[Markup]]:
@@ -43,4 +52,16 @@ def curve_of(track: Track, name: str) -> Curve:
         value=np.degrees(track.angle[:, at]),
         deviation=np.degrees(track.angle_deviation[:, at]),
         doubtful=track.unknown,
+    )
+
+
+def slide_of(track: Track, slides: Slides, at: int) -> Curve:
+    """One sliding joint of a track, in centimetres."""
+    return Curve(
+        name=slides.names[at].replace("_", " ") + ", cm",
+        time_s=track.time_s,
+        value=100.0 * slides.value[:, at],
+        deviation=100.0 * slides.deviation[:, at],
+        doubtful=track.unknown,
+        unit=CENTIMETRE,
     )

@@ -1,4 +1,4 @@
-"""One angle over time as a small SVG drawing: a curve, a band about it, and shaded times."""
+"""One angle, or what slides, over time as a small SVG drawing: a curve, a band about it, and shaded times."""
 
 from __future__ import annotations
 
@@ -16,19 +16,34 @@ HEIGHT = 150.0
 LEFT, RIGHT, TOP, BOTTOM = 38.0, 8.0, 22.0, 20.0  # margins
 MOST_TICKS = 5
 DEGREES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 180.0, 360.0)
+CENTIMETRES = tuple(unit * power for power in (0.01, 0.1, 1, 10, 100, 1000) for unit in (1.0, 2.0, 5.0))
 SECONDS = tuple(unit * power for power in (0.001, 0.01, 0.1, 1, 10, 100, 1000, 10000) for unit in (1, 2, 5))
 THINNED = 3  # points for each unit of width, of the longest recordings
 
 
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """What values are in: its sign, if it is short, steps between lines, the least that is spanned."""
+
+    sign: str
+    steps: tuple[float, ...]
+    least_range: float
+
+
+DEGREE = Unit("°", DEGREES, 1.0)
+CENTIMETRE = Unit("", CENTIMETRES, 0.1)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """An angle (F,) in degrees with its deviation, both NaN where nothing is known, at F times in seconds."""
+    """A value (F,) in its unit with its deviation, both NaN where nothing is known, at F times in seconds."""
 
     name: str
     time_s: Array
     value: Array
     deviation: Array
     doubtful: Mask
+    unit: Unit = DEGREE
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -54,15 +69,15 @@ class Scale:
 
 
 def draw_curve(curve: Curve, reach: tuple[float, float], width: float) -> Markup:
-    """The drawing; `reach` are the degrees that its height shows, so that several can share them."""
+    """The drawing; `reach` is what its height shows, so that several can share them."""
     across = scale(
         float(curve.time_s.min()), float(curve.time_s.max()), LEFT, width - RIGHT, least_range=1e-3
     )
-    up = scale(*reach, HEIGHT - BOTTOM, TOP, least_range=1.0)
+    up = scale(*reach, HEIGHT - BOTTOM, TOP, least_range=curve.unit.least_range)
     parts = [
         f'<svg class="curve" viewBox="0 0 {width:g} {HEIGHT:g}" role="img">',
         f'<text class="name" x="{LEFT:g}" y="14">{escape(curve.name)}</text>',
-        *draw_grid(across, up),
+        *draw_grid(across, up, curve.unit),
         *draw_doubts(curve, across),
         *draw_band(curve, across, up, width),
         *draw_line(curve, across, up, width),
@@ -77,11 +92,11 @@ def scale(least: float, greatest: float, start: float, end: float, *, least_rang
     return Scale(middle - half, middle + half, start, end)
 
 
-def draw_grid(across: Scale, up: Scale) -> Iterator[str]:
-    """Degrees with lines, seconds below."""
-    for degrees, text in ticks(up, DEGREES):
-        yield f'<path class="grid" d="M{LEFT:g} {degrees:.1f}H{across.end:g}"/>'
-        yield f'<text class="degrees" x="{LEFT - 5:g}" y="{degrees + 4:.1f}">{text}°</text>'
+def draw_grid(across: Scale, up: Scale, unit: Unit) -> Iterator[str]:
+    """Values with lines, seconds below."""
+    for height, text in ticks(up, unit.steps):
+        yield f'<path class="grid" d="M{LEFT:g} {height:.1f}H{across.end:g}"/>'
+        yield f'<text class="degrees" x="{LEFT - 5:g}" y="{height + 4:.1f}">{text}{unit.sign}</text>'
     for second, text in ticks(across, SECONDS):
         yield f'<text class="seconds" x="{second:.1f}" y="{HEIGHT - 5:g}">{text} s</text>'
 
@@ -117,7 +132,7 @@ def draw_band(curve: Curve, across: Scale, up: Scale, width: float) -> Iterator[
 
 
 def draw_line(curve: Curve, across: Scale, up: Scale, width: float) -> Iterator[str]:
-    """The angle itself."""
+    """The value itself."""
     for first, last in stretches(np.isfinite(curve.value)):
         at = thin(np.arange(first, last), curve.value, width)
         yield f'<path class="line" d="{path(across(curve.time_s[at]), up(curve.value[at]))}"/>'

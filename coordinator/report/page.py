@@ -12,12 +12,13 @@ from jinja2 import Environment, PackageLoader, Template, select_autoescape
 from common.errors import InputError
 from coordinator.files.atomic import write_atomically
 from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
-from coordinator.report.angles import draw_angles
+from coordinator.report.angles import draw_angles, draw_slides
 from coordinator.report.doubts import find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
 from coordinator.report.groups import are_a_persons
 from coordinator.report.ranges import list_ranges
 from coordinator.results.completing import read_track_with_angles
+from coordinator.results.slides import read_slides
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track
 
@@ -56,7 +57,7 @@ def template(name: str) -> Template:
 
 def render(run: Path, track: Track, summary: dict[str, Any], back: str | None = None) -> str:
     """The page's text."""
-    sequence = summary.get("sequence", run.name)
+    sequence, sliding = summary.get("sequence", run.name), draw_slides(track, read_slides(run, track))
     return template(TEMPLATE).render(
         title=f"{sequence}: {run.name}" if back else sequence,
         back=back,
@@ -71,7 +72,8 @@ def render(run: Path, track: Track, summary: dict[str, Any], back: str | None = 
         leaps=find_leaps(track),
         ranges=list_ranges(track),
         pictures={name: embed(run / name) for name in PICTURES},
-        angles=draw_angles(track),
+        angles=[*draw_angles(track), *sliding],
+        slides=bool(sliding),
         stages=describe_stages(summary),
         settings=list_settings(summary.get("settings", {})),
         whole=json.dumps(summary, indent=2),

@@ -7,12 +7,13 @@ people's limbs are also held against those that follow from the true joints, whi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import ROOT_DOFS
 from common.errors import InputError
 from coordinator.bodies.from_joints import angles_from_joints
 from coordinator.results.track import Track
@@ -33,6 +34,7 @@ class Evaluation(msgspec.Struct, frozen=True):
     best_hypothesis_angle_error_deg_by_dof: dict[str, float] | None
     mean_angle_error_deg_by_angle: dict[str, float] | None  # of limbs, against those of the true joints
     worst_angle_error_deg_by_angle: dict[str, float] | None
+    mean_slide_error_cm_by_dof: dict[str, float] | None  # of joints that slide
     mean_joint_error_cm: float | None
     pck10: float | None  # share of joints within 10 cm
     within_deviation: float | None  # share of joints no farther off than their `joint_deviation`
@@ -50,6 +52,8 @@ class Errors:
     best_angle_deg: NDArray[np.float64]  # (F, A) of the best hypothesis
     joint_m: NDArray[np.float64]  # (F, J)
     joint_deviation_m: NDArray[np.float64] | None = None  # (F, J) that the track expects, if it does
+    slide_names: tuple[str, ...] = ()  # (S,) joints that slide, but for the root
+    slide_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # (F, S)
 
     @property
     def mean_angle_deg(self) -> NDArray[np.float64]:
@@ -73,6 +77,7 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
         best_hypothesis_angle_error_deg_by_dof=by_dof(errors.dof_names, errors.best_angle_deg),
         mean_angle_error_deg_by_angle={name: float(off.mean()) for name, off in limbs.items()} or None,
         worst_angle_error_deg_by_angle={name: float(off.max()) for name, off in limbs.items()} or None,
+        mean_slide_error_cm_by_dof=by_dof(errors.slide_names, errors.slide_m * 100.0),
         mean_joint_error_cm=overall(errors.joint_m * 100.0),
         pck10=share_within(errors.joint_m, NEAR_M),
         within_deviation=share_expected(errors, 1.0),
@@ -91,12 +96,13 @@ def compare(track: Track, truth: Truth) -> Errors:
         )
     angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in truth.slides)
     joints = tuple(n for n in track.joint_names if n in truth.joint_names)
-    if not angles and not joints:
+    slides = tuple(n for n in track.dof_names if n in truth.slides and n not in ROOT_DOFS)
+    if not angles and not joints and not slides:
         raise InputError("the truth has neither angles nor joints of the track; their names must be the same")
     my_angles, my_joints = positions(track.dof_names, angles), positions(track.joint_names, joints)
     true_angles = truth.pose[theirs][:, positions(truth.dof_names, angles)]
     true_joints = truth.joint_positions[theirs][:, positions(truth.joint_names, joints)]
-    expected = track.joint_deviation
+    expected, out = track.joint_deviation, track.pose[mine][:, positions(track.dof_names, slides)]
     return Errors(
         frame=frame,
         dof_names=angles,
@@ -104,6 +110,8 @@ def compare(track: Track, truth: Truth) -> Errors:
         best_angle_deg=best_hypothesis(track.hypothesis_pose[mine][:, :, my_angles], true_angles),
         joint_m=np.linalg.norm(track.joint_positions[mine][:, my_joints] - true_joints, axis=-1),
         joint_deviation_m=None if expected is None else expected[mine][:, my_joints],
+        slide_names=slides,
+        slide_m=np.abs(out - truth.pose[theirs][:, positions(truth.dof_names, slides)]),
     )
 
 

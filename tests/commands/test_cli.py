@@ -312,6 +312,7 @@ def test_evaluate_prints_one_object_that_a_program_reads(
         "best_hypothesis_angle_error_deg_by_dof",
         "mean_angle_error_deg_by_angle",
         "worst_angle_error_deg_by_angle",
+        "mean_slide_error_cm_by_dof",
         "mean_joint_error_cm",
         "within_deviation",
         "within_two_deviations",
