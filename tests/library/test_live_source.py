@@ -17,7 +17,7 @@ import pytest
 import gepf
 from common.protocol.messages import encode_live, encode_live_end
 from common.transport.opening import open_router, open_worker
-from tests.support.people import SETTINGS, STANDING, as_bytes, shown
+from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
 from tests.support.processes.programs import started, wait_until
 from tests.support.small_sequence import write_small_sequence
 
@@ -85,6 +85,23 @@ def test_the_newest_frame_is_always_the_next(endpoint: str) -> None:
     assert seen[-1] == 19
     assert len(seen) <= 2  # the last alone, if all came at once
     assert (live.received, live.skipped) == (20, 20 - len(seen))
+
+
+@pytest.mark.slow
+def test_before_anybody_comes_everybody_is_absent(endpoint: str) -> None:
+    """An empty room is a frame like any other for one person or several."""
+    wall = [frame_of(number, np.full((CAMERA.height, CAMERA.width), 4.0)) for number in range(2)]
+    for tracker, expected in (
+        (gepf.Tracker(PERSON, SETTINGS), "absent"),
+        (gepf.PeopleTracker(2, SETTINGS), ["absent", "absent"]),
+    ):
+        done = threading.Semaphore(0)
+        with camera(endpoint, [*map(encode_live, wall), END], lambda: done.acquire(timeout=60.0)):  # noqa: B023
+            found = []
+            for estimate in tracker.follow(gepf.live(KEY, listen=endpoint, idle_timeout=60.0)):
+                found.append([e.status for e in estimate] if isinstance(estimate, list) else estimate.status)
+                done.release()
+        assert found == [expected, expected]
 
 
 def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
