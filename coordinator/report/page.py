@@ -16,7 +16,7 @@ from coordinator.report.angles import draw_angles, draw_slides
 from coordinator.report.doubts import find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
 from coordinator.report.groups import are_a_persons
-from coordinator.report.ranges import list_ranges
+from coordinator.report.ranges import list_ranges, list_slides
 from coordinator.results.completing import read_track_with_angles
 from coordinator.results.slides import read_slides
 from coordinator.results.summary import read_summary
@@ -57,7 +57,7 @@ def template(name: str) -> Template:
 
 def render(run: Path, track: Track, summary: dict[str, Any], back: str | None = None) -> str:
     """The page's text."""
-    sequence, sliding = summary.get("sequence", run.name), draw_slides(track, read_slides(run, track))
+    sequence, slides = summary.get("sequence", run.name), read_slides(run, track)
     return template(TEMPLATE).render(
         title=f"{sequence}: {run.name}" if back else sequence,
         back=back,
@@ -70,10 +70,10 @@ def render(run: Path, track: Track, summary: dict[str, Any], back: str | None = 
         doubts=find_doubts(track),
         flags=find_flags(track),
         leaps=find_leaps(track),
-        ranges=list_ranges(track),
+        ranges=[*list_ranges(track), *list_slides(track, slides)],
         pictures={name: embed(run / name) for name in PICTURES},
-        angles=[*draw_angles(track), *sliding],
-        slides=bool(sliding),
+        angles=[*draw_angles(track), *draw_slides(track, slides)],
+        slides=bool(slides.names),
         stages=describe_stages(summary),
         settings=list_settings(summary.get("settings", {})),
         whole=json.dumps(summary, indent=2),

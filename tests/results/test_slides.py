@@ -64,6 +64,7 @@ def test_the_report_shows_what_slides_in_centimetres(gantry: BodyModel, tmp_path
     write_report(tmp_path / "run", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert "of what slides centimetres" in page
+    assert ">10.0 cm … 13.0 cm (3.0 cm)</td><td>15.0 cm/s</td><td>0.0 cm</td>" in page
     drawing = page.partition("<summary>sliding joints</summary>")[2].partition("</svg>")[0]
     assert ">main lift, cm</text>" in drawing
     assert all(f">{centimetres}</text>" in drawing for centimetres in (10, 11, 12, 13))
