@@ -37,12 +37,21 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
     found = [
         (run, evaluate_run(run, tracks[run], of_run)) for run in runs if (of_run := truths[run]) is not None
     ]
-    if not any(each.mean_angle_error_deg_by_dof or each.mean_angle_error_deg_by_angle for _, each in found):
+    if not any(knows_angles(each) for _, each in found):
         logger.warning("the truth holds joints alone, no pose: errors of angles are not known")
     if as_csv:
         write_table(found)
     else:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[0][1])).decode() + "\n")
+
+
+def knows_angles(found: Evaluation) -> bool:
+    """Whether a truth says of angles, or of what slides, by pose or by joints."""
+    return bool(
+        found.mean_angle_error_deg_by_dof
+        or found.mean_angle_error_deg_by_angle
+        or found.mean_slide_error_cm_by_dof
+    )
 
 
 def say_without(runs: Sequence[Path]) -> str:
