@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, TRANSLATION, BodyModel
 from coordinator.results.model_file import MODEL_FILE, read_tracked_body
-from coordinator.results.track import Track
-from coordinator.results.uncertainty import UNSEEN
+from coordinator.results.track import UNSEEN, Track
 
 Array = NDArray[np.float64]
 

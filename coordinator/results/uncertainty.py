@@ -11,7 +11,7 @@ from common.body import ROOT_DOFS
 from coordinator.bodies.angles import Angles, is_person
 from coordinator.bodies.levers import SHORTEST, even_out, shown_by, weigh
 from coordinator.filters.sighting import USUAL_INTERVAL
-from coordinator.results.track import Track, filled
+from coordinator.results.track import UNSEEN, Track, filled
 
 
 def deviation(track: Track) -> NDArray[np.float64]:
@@ -31,11 +31,6 @@ def deviation(track: Track) -> NDArray[np.float64]:
 
 
 SHORTEST_BONE = 0.1  # metres
-
-UNSEEN = 2.0
-"""True errors are about so many times as large as the hypotheses' spread, since few particles are drawn: on
-the same people 69 % of the joints lie within the deviation that follows, 96 % within twice of it."""
-
 
 ANGLE_MISFIT = np.radians(5.0)
 """Radians that a person's angles lie off at the least, where joints are in place and all hypotheses agree.
