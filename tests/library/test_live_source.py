@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import threading
@@ -159,7 +160,7 @@ def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: s
 
 @pytest.mark.parametrize("first", ["publisher", "tracker"])
 def test_the_example_runs_in_either_order(endpoint: str, tmp_path: Path, first: str) -> None:
-    """As its users run it, beside `gepf publish`: the first frame and the last are tracked."""
+    """As its users run it, beside `gepf publish`: what comes is tracked, and the last frame, too."""
     write_small_sequence(tmp_path / "seq", 6)
     example = (sys.executable, "-m", "examples.live_tracking")
     tracking = [*example, KEY, endpoint, str(tmp_path / "seq" / "init.json")]
@@ -180,6 +181,6 @@ def test_the_example_runs_in_either_order(endpoint: str, tmp_path: Path, first: 
             time.sleep(2.0)
             with started(*playing, command=GEPF) as publisher:
                 lines = process.communicate(timeout=120.0)[0].splitlines()
-    assert lines[0].startswith("frame 0 tracked: ")
+    assert re.match(r"frame \d tracked: ", lines[0])  # the newest that came; on a busy machine not frame 0
     assert lines[-2].startswith("frame 5 ")
     assert lines[-1].endswith(" of 6 frames were skipped")
