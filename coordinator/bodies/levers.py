@@ -29,7 +29,6 @@ LEAST = np.radians(1e-4)
 """Standard deviation of an angle that is known."""
 MOST = np.radians(10_000.0)
 """And of one that nothing shows: where that lasts, what was reported is evened out."""
-SHORTEST = 1e-3  # seconds between frames
 
 _SHOWN_BY = {
     # angle: the joint whose place shows it, and the one about which that turns

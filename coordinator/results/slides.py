@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, TRANSLATION, BodyModel
 from coordinator.results.model_file import MODEL_FILE, read_tracked_body
-from coordinator.results.track import UNSEEN, Track
+from coordinator.results.spread import UNSEEN, root_mean_square
+from coordinator.results.track import Track
 
 Array = NDArray[np.float64]
 
@@ -37,9 +38,7 @@ def slides_of(track: Track, model: BodyModel) -> Slides:
     names = tuple(name for j in sliding if (name := model.dof_names[j]) not in ROOT_DOFS)
     at = [track.dof_names.index(name) for name in names]
     value = track.pose[:, at]
-    away = np.nan_to_num(track.hypothesis_pose[:, :, at] - value[:, None])
-    weight = np.nan_to_num(track.hypothesis_weight)
-    weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
-    deviation: Array = UNSEEN * np.sqrt(np.einsum("fm,fms->fs", weight, away**2))
+    away = track.hypothesis_pose[:, :, at] - value[:, None]
+    deviation = UNSEEN * root_mean_square(away, track.hypothesis_weight)
     deviation[track.unknown] = np.nan
     return Slides(names, value, deviation)

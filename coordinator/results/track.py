@@ -22,10 +22,6 @@ TRACK_FILE = "track.npz"
 
 logger = logging.getLogger(__name__)
 
-UNSEEN = 2.0
-"""True errors are about so many times as large as the hypotheses' spread, since few particles are drawn: on
-the same people 69 % of the joints lie within the deviation that follows, 96 % within twice of it."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:

@@ -7,30 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import ROOT_DOFS
 from coordinator.bodies.angles import Angles, is_person
-from coordinator.bodies.levers import SHORTEST, even_out, shown_by, weigh
+from coordinator.bodies.levers import even_out, shown_by, weigh
 from coordinator.filters.sighting import USUAL_INTERVAL
-from coordinator.results.track import UNSEEN, Track, filled
-
-
-def deviation(track: Track) -> NDArray[np.float64]:
-    """Root mean square distance (F, D) of the hypotheses from the reported pose, by weight; metres, radians.
-
-    Zero where a frame ended with one hypothesis: it says where else the body may be, not how exactly the
-    reported pose is known.
-    """
-    away = track.hypothesis_pose - track.pose[:, None, :]
-    turning = np.array([name not in ROOT_DOFS[:3] for name in track.dof_names])
-    away[..., turning] = (away[..., turning] + np.pi) % (2.0 * np.pi) - np.pi
-    weight = np.nan_to_num(track.hypothesis_weight)
-    squares = np.einsum("fm,fmd->fd", weight, np.nan_to_num(away) ** 2)
-    total = weight.sum(axis=1, keepdims=True)
-    spread: NDArray[np.float64] = np.sqrt(squares / np.where(total > 0.0, total, 1.0))
-    return spread
-
+from coordinator.results.spread import UNSEEN, root_mean_square
+from coordinator.results.track import Track, filled
 
 SHORTEST_BONE = 0.1  # metres
+SHORTEST = 1e-3  # seconds between frames
 
 ANGLE_MISFIT = np.radians(5.0)
 """Radians that a person's angles lie off at the least, where joints are in place and all hypotheses agree.
@@ -74,13 +58,8 @@ def deviations(track: Track, angles: Angles, about: NDArray[np.float64], most: f
 
 def hypotheses_spread(track: Track, angles: Angles, about: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far the hypotheses' angles are from these (F, A), in the root mean square, radians."""
-    known = np.isfinite(track.hypothesis_weight)
-    away = np.where(known[..., None], hypotheses_near(track, angles, about) - about[:, None], 0.0)
-    squares = away**2
-    weight = np.where(known, track.hypothesis_weight, 0.0)
-    mean = np.einsum("fm,fma->fa", weight, squares) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
-    spread: NDArray[np.float64] = np.sqrt(mean)
-    return spread
+    away = hypotheses_near(track, angles, about) - about[:, None]
+    return root_mean_square(away, track.hypothesis_weight)
 
 
 def hypotheses_near(track: Track, angles: Angles, about: NDArray[np.float64]) -> NDArray[np.float64]:

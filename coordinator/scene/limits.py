@@ -20,10 +20,14 @@ class Limits:
 
     def keep(self, frame: DepthFrame) -> DepthFrame:
         """The frame, in which nothing else was measured; the same one without limits."""
+        return self.split(frame)[0]
+
+    def split(self, frame: DepthFrame) -> tuple[DepthFrame, NDArray[np.bool_] | None]:
+        """What `keep` and `leave_out` give."""
         left_out = self.leave_out(frame)
         if left_out is None:
-            return frame
-        return replace(frame, depth=np.where(left_out, np.uint16(0), frame.depth))
+            return frame, None
+        return replace(frame, depth=np.where(left_out, np.uint16(0), frame.depth)), left_out
 
     def leave_out(self, frame: DepthFrame) -> NDArray[np.bool_] | None:
         """Pixels (H, W) that do not count, measured or not; None without limits."""

@@ -56,8 +56,8 @@ class Scene:
         self._furnished = background is not None
         self._background = None if background is None else given(background)
 
-    def see(self, frame: DepthFrame) -> SceneView:
-        """A frame with what is known of its scene."""
+    def see(self, frame: DepthFrame, left_out: NDArray[np.bool_] | None = None) -> SceneView:
+        """A frame with what is known of its scene; `left_out` (H, W) are pixels that do not count."""
         depth = frame.metres()
         self._look(depth, sample(depth, frame.intrinsics))
         known = self._background
@@ -69,6 +69,7 @@ class Scene:
             planes=self._planes,
             background=np.zeros_like(depth) if known is None else known.depth,
             furnished=self._furnished,
+            left_out=left_out,
         )
 
     def learn(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coordinator.tracking.certainty.certainty import OFF, PROBABLE, SUSPECTED, Certainty
+from coordinator.tracking.distance import farthest_joint
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.search.watch import Watch
 
@@ -42,8 +43,7 @@ def is_settled(watch: Watch, weights: Array, joints: Array) -> bool:
 
 def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
     """Whether the first hypothesis, or one about as likely, has some joint elsewhere than it is reported."""
-    apart = np.linalg.norm(joints - reported, axis=-1).max(axis=1)
-    return bool(np.any((apart > APART) & (weights > RIVAL * weights[0])))
+    return bool(np.any((farthest_joint(joints, reported) > APART) & (weights > RIVAL * weights[0])))
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:

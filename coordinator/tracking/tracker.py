@@ -34,7 +34,7 @@ from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Reported, report
 from coordinator.tracking.search.company import has_company
-from coordinator.tracking.search.facing import told_apart
+from coordinator.tracking.search.facing import looks_alike
 from coordinator.tracking.search.search import ways_of
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.settling import begin_with
@@ -322,7 +322,7 @@ class Tracker:
     def _looks_alike(self, believed: Belief, rival: Finding) -> bool:
         """Whether a search found the body the other way round, about as likely."""
         joints = self._joints_of(believed)
-        return not told_apart(self.model.joint_names, rival.standing, joints, believed.log_weights[0])
+        return looks_alike(self.model.joint_names, rival.standing, joints, believed.log_weights[0])
 
     def _joints_of(self, belief: Belief) -> Array:
         """Positions (J, 3) of the likeliest hypothesis' joints, camera frame, metres."""

@@ -20,7 +20,6 @@ from coordinator.report import write_report
 from coordinator.report.doubts import Flag, find_banner, find_doubts, find_flags, find_leaps
 from coordinator.report.ranges import list_ranges
 from coordinator.results.track import Track
-from coordinator.results.uncertainty import deviation
 from tests.support.runs import swing, write_run
 
 SUMMARY = {
@@ -144,16 +143,6 @@ def test_flagged_joints_are_named_the_most_often_flagged_first() -> None:
     track = replace(track_of(["tracked"] * 4), joint_names=names, joint_off_probability=chance)
     assert find_flags(track) == [Flag("right wrist", 0.5, 11, 0.7), Flag("left knee", 0.25, 11, 0.2)]
     assert find_flags(track_of(["tracked"])) == []
-
-
-def test_deviation_is_by_weight_and_the_short_way_round() -> None:
-    """sqrt(1/4 0.2^2) = 0.1, whole turns aside; a padded hypothesis does not count."""
-    track = track_of(["tracked"] * 2)
-    assert deviation(track) == pytest.approx(np.full((2, 1), 0.1))
-    padded = np.concatenate([track.hypothesis_weight, np.full((2, 1), np.nan)], axis=1)
-    poses = np.concatenate([track.hypothesis_pose, np.full((2, 1, 1), np.nan)], axis=1)
-    padded_track = replace(track, hypothesis_weight=padded, hypothesis_pose=poses)
-    assert deviation(padded_track) == pytest.approx(np.full((2, 1), 0.1))
 
 
 def elbow_track(degrees: list[float], status: list[str] | None = None, off: float = 8.0) -> Track:

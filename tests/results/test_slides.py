@@ -15,7 +15,7 @@ from coordinator.bodies.urdf.reading import read_urdf
 from coordinator.pictures.errors import draw_errors
 from coordinator.report import write_report
 from coordinator.results.slides import read_slides, slides_of
-from coordinator.results.track import UNSEEN
+from coordinator.results.spread import UNSEEN
 from coordinator.results.truth import Truth
 from tests.support.runs import swing, write_run
 

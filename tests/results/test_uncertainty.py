@@ -9,7 +9,7 @@ from common.activation import activate
 from common.kinematics import joint_positions
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.results.recording.recorded import assemble
-from coordinator.results.track import UNSEEN
+from coordinator.results.spread import UNSEEN
 from coordinator.results.uncertainty import ANGLE_MISFIT
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -138,8 +136,8 @@ def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
     """It is neither empty nor unmeasured: whose arm reaches out of the region has it still."""
     room, limits = Room(), Limits(region=(0, 0, 66, 120))
     frame = room.see(PERSON).frame
-    left_out = limits.leave_out(frame)
-    view = replace(Scene().see(limits.keep(frame)), left_out=left_out)
+    frame, left_out = limits.split(frame)
+    view = Scene().see(frame, left_out)
     cut = cut_out(view, room.surface(PERSON, 2000))
     left, top, right, bottom = cut.window
     assert left_out is not None

@@ -13,7 +13,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
-from coordinator.tracking.search.facing import TOLD_APART, across, both_ways, told_apart, turned_round
+from coordinator.tracking.search.facing import TOLD_APART, across, both_ways, looks_alike, turned_round
 from coordinator.tracking.search.recall import recall
 from coordinator.tracking.search.stages import Standing
 from coordinator.tracking.search.verdict import Verdict
@@ -80,15 +80,15 @@ def test_the_other_way_round_is_tried_to_the_end() -> None:
     assert both_ways(found, NAMES, 4, 0.01).log_likelihood.tolist() == [-1.0, -2.0, -3.0, -40.0]
 
 
-@pytest.mark.parametrize(("less", "told"), [(0.5 * TOLD_APART, False), (1.5 * TOLD_APART, True)])
-def test_both_ways_about_as_likely_are_not_told_apart(less: float, told: bool) -> None:
+@pytest.mark.parametrize(("less", "alike"), [(0.5 * TOLD_APART, True), (1.5 * TOLD_APART, False)])
+def test_both_ways_about_as_likely_look_alike(less: float, alike: bool) -> None:
     """Whichever of them is believed; who is turned but a little is no rival."""
     found = standing([-3.0, -3.1, -3.0 - less], FRONT, 0.3, BACK)
-    assert told_apart(NAMES, found, found.joints[0], -3.0) is told
-    assert told_apart(NAMES, found, found.joints[2], -3.0 - less) is False
+    assert looks_alike(NAMES, found, found.joints[0], -3.0) is alike
+    assert looks_alike(NAMES, found, found.joints[2], -3.0 - less)
 
 
-def test_what_is_not_told_apart_is_ambiguous() -> None:
+def test_what_looks_alike_is_ambiguous() -> None:
     """In words, too; it is searched again before long, and no size is measured meanwhile."""
     sure = Certainty(*np.zeros((3, 3)))
     doubted = Watch(tracked=CHECKS[-1] + 1).searched(alike=True)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from common.camera import Intrinsics, back_project
+from common.camera import Intrinsics
 from coordinator.scene.people.components import Component, components
-from coordinator.scene.room.planes import inverse_margin, plane_inverse
+from coordinator.scene.room.planes import inverse_margin, plane_inverse, refit, sample
 from coordinator.scene.view import SceneView
 
 Array = NDArray[np.float64]
@@ -27,7 +27,6 @@ LEAST_FACE = 0.08  # square metres by which more of it lies close than farther o
 LEAST_SHARE = 0.5  # of what is near, the same: of a face 0.8 and more, of a curved surface 0.4 at the most
 TRIES = 8  # planes that are looked at
 ALIKE = 0.05  # of planes that are looked at but once
-FITS = 2  # of each, by what lies close
 AROUND, LEAST_AROUND = 9, 0.3  # pixels a side, and the least share of what is near, as above
 CELL, STEP = 10, 5  # pixels: sides of the squares that planes are first fitted to, and from one to the next
 FILLED = 0.75  # least share of a square that is the part's
@@ -59,7 +58,7 @@ def thinned(view: SceneView, part: Component, every: int) -> SceneView:
 
 def faces_in(view: SceneView, mask: Mask) -> Mask:
     """Which pixels (H, W) of a mask are flat faces'."""
-    rays = inverse(back_project(view.depth, view.camera)[mask])
+    rays = sample(np.where(mask, view.depth, np.float32(0.0)), view.camera, stride=1)
     margin = inverse_margin(rays, view.noise)
     seen = rays[:, 2] ** -2.0 / (view.camera.fx * view.camera.fy)
     planes, left = local_planes(mask, rays), np.ones(len(rays), dtype=np.bool_)
@@ -67,7 +66,7 @@ def faces_in(view: SceneView, mask: Mask) -> Mask:
         best = most_close(planes, rays[left], margin[left], seen[left])
         if best is None:
             break
-        plane = fit_close(best, rays[left], margin[left])
+        plane = refit(best, rays[left], view.noise, (CLOSE, CLOSE))
         off, area = distances(plane, rays, margin), seen * np.linalg.norm(plane) / rays[:, 2]
         face = large_patches(view, mask, left & (off < 1.0), closeness(off), area)
         left &= ~face
@@ -75,12 +74,6 @@ def faces_in(view: SceneView, mask: Mask) -> Mask:
     flat = np.zeros_like(mask)
     flat[mask] = ~left
     return flat
-
-
-def inverse(points: Array) -> Array:
-    """Points (P, 3) in metres as x/z, y/z and 1/z."""
-    rays: Array = np.column_stack([points[:, :2], np.ones(len(points))]) / points[:, 2:]
-    return rays
 
 
 def local_planes(mask: Mask, rays: Array) -> Array:
@@ -103,14 +96,6 @@ def fit(rays: Array) -> Array:
     flat = np.column_stack([rays[:, :2], np.ones(len(rays))])
     moments, pull = np.einsum("pi,pj->ij", flat, flat), np.einsum("pi,p->i", flat, rays[:, 2])
     plane: Array = np.linalg.solve(moments + RIDGE * np.eye(3), pull)
-    return plane
-
-
-def fit_close(plane: Array, rays: Array, margin: Array) -> Array:
-    """The same plane (3,) through all points (P, 3) that lie close about it."""
-    for _ in range(FITS):
-        on = rays[distances(plane, rays, margin) < CLOSE]
-        plane = fit(on) if len(on) >= FEWEST else plane
     return plane
 
 

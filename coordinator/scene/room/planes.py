@@ -68,9 +68,9 @@ class Planes:
 NONE = Planes(np.empty((0, 3)), has_floor=False)
 
 
-def sample(depth_m: NDArray[np.floating], camera: Intrinsics) -> Array:
-    """Points (N, 3) as x/z, y/z and 1/z, of a grid of pixels."""
-    stride = max(1, camera.width // ACROSS)
+def sample(depth_m: NDArray[np.floating], camera: Intrinsics, stride: int | None = None) -> Array:
+    """Points (N, 3) as x/z, y/z and 1/z, of a grid of pixels, so many apart; ACROSS in a row if None."""
+    stride = stride or max(1, camera.width // ACROSS)
     v, u = np.nonzero(depth_m[::stride, ::stride])
     inverse = 1.0 / depth_m[::stride, ::stride][v, u].astype(np.float64)
     return np.stack(
@@ -121,9 +121,9 @@ def largest_planes(rays: Array, noise: DepthNoise) -> list[Array]:
 STEEPEST = 1e-3
 
 
-def refit(plane: Array, rays: Array, noise: DepthNoise) -> Array:
-    """A plane's coefficients (3,) by least squares over the points that are on it within the noise."""
-    for within in (2.0, 1.0):
+def refit(plane: Array, rays: Array, noise: DepthNoise, margins: tuple[float, ...] = (2.0, 1.0)) -> Array:
+    """A plane's coefficients (3,) by least squares over the points on it, within so many margins of noise."""
+    for within in margins:
         moments = np.zeros((3, 4))
         if add_moments(plane, rays, noise.growth, within, moments) < LEAST_POINTS:
             return plane

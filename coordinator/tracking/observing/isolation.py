@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,9 +67,8 @@ class Isolation:
 
     def cut(self, frame: DepthFrame, body: PosedBody | None) -> Isolated:
         """What the next frame shows near a body; without one, of whoever is the likeliest to be a person."""
-        left_out = self._scope.limits.leave_out(frame)
-        frame = self._scope.limits.keep(frame)
-        view = replace(self._scene.see(frame), left_out=left_out)
+        frame, left_out = self._scope.limits.split(frame)
+        view = self._scene.see(frame, left_out)
         if not view.furnished:
             box = None if body is None else bounding_box(body.model, body.pose)
             return Isolated(isolate(frame, box, self._points), view, self._scene.learn(view, None))

@@ -69,9 +69,8 @@ class Division:
 
         reach: From each body, metres, to what may be its own; None for the usual.
         """
-        left_out = self._scope.limits.leave_out(frame)
-        frame = self._scope.limits.keep(frame)
-        view = replace(self._scene.see(frame), left_out=left_out)
+        frame, left_out = self._scope.limits.split(frame)
+        view = self._scene.see(frame, left_out)
         placed = [n for n, body in enumerate(bodies) if body is not None]
         surfaces = [body.surface for body in bodies if body is not None]
         near = [surround(surface) for surface in surfaces]

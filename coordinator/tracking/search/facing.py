@@ -44,8 +44,8 @@ def both_ways(standing: Standing, names: tuple[str, ...], count: int, apart: flo
     return standing.take(kept)
 
 
-def told_apart(names: tuple[str, ...], standing: Standing, body: Array, log_likelihood: float) -> bool:
-    """Whether none that faces away from a body (J, 3) explains the frame about as well as that does."""
+def looks_alike(names: tuple[str, ...], standing: Standing, body: Array, log_likelihood: float) -> bool:
+    """Whether some that faces away from a body (J, 3) explains the frame about as well as that does."""
     turned = turned_round(names, standing.joints, body)
     rivals = standing.log_likelihood[turned]
-    return not bool(np.any(rivals > log_likelihood - TOLD_APART))
+    return bool(np.any(rivals > log_likelihood - TOLD_APART))

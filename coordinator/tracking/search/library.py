@@ -136,16 +136,21 @@ def look_at(model: BodyModel, poses: Array, cell: float) -> Library:
     count = len(poses)
     images, middles = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
     occupied = np.empty(count)
-    every = max(1, len(model.vertices) // VERTICES)
+    every = stride(model)
     links, vertices = model.skin_links[::every, 0].copy(), model.vertices[::every].copy()
     sign_each(vertices, links, link_transforms(model, poses), cell, images, middles, occupied)
     cells = np.ascontiguousarray(images.reshape(count, ROWS * COLUMNS).T)
     return Library(poses, joint_positions(model, poses), middles, cells, occupied, cell, BOUND * cell)
 
 
+def stride(model: BodyModel) -> int:
+    """From one to the next of the vertices that are enough to fill the cells."""
+    return max(1, len(model.vertices) // VERTICES)
+
+
 def lay_vertices(model: BodyModel, transforms: Array) -> Array:
     """Some vertices (N, V, 3) of the surface, each moved by its main link's transform (N, L, 3, 4)."""
-    every = max(1, len(model.vertices) // VERTICES)
+    every = stride(model)
     t = transforms[:, model.skin_links[::every, 0]]
     moved: Array = np.einsum("nvij,vj->nvi", t[..., :3], model.vertices[::every]) + t[..., 3]
     return moved

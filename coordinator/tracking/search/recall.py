@@ -9,19 +9,19 @@ from common.body import BodyModel
 from common.kinematics import pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.tracking.search.candidates import Alike, look_straight
+from coordinator.tracking.search.library import stride
 from coordinator.tracking.search.signature import CELL, COLUMNS, ROWS, sign
 
 Array = NDArray[np.float64]
 
 TURNS = 4  # about the root's second axis, which is upright in a person
-VERTICES = 1700  # of the surface, that are enough to fill the cells
 
 
 def recall(model: BodyModel, pose: Array, points: Array) -> Alike:
     """A body as it was in pose (D,), with its middle where points (P, 3) are observed, turned TURNS times."""
     turn = look_straight(points.mean(axis=0), 0.0)
     poses = turned(pose)
-    surfaces = pose_vertices(model, poses)[:, :: max(1, len(model.vertices) // VERTICES)]
+    surfaces = pose_vertices(model, poses)[:, :: stride(model)]
     seen = middle(points @ turn.T)
     for each, surface in zip(poses, surfaces, strict=True):
         each[:3] += (seen - middle(surface @ turn.T)) @ turn

@@ -19,6 +19,7 @@ from common.kinematics import joint_positions
 from common.settings import RefineSettings, preset
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.scene.room.planes import Planes
+from coordinator.tracking.distance import farthest_joint
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.search import (
@@ -67,7 +68,7 @@ class Finding:
 
     def is_elsewhere(self, joints: Array) -> bool:
         """Whether it is another posture or place than that of joints (J, 3), and not the same one refined."""
-        return bool(apart(self.standing.joints[0], joints) > ELSEWHERE)
+        return bool(farthest_joint(self.standing.joints[0], joints) > ELSEWHERE)
 
 
 class Seeker:
@@ -163,13 +164,7 @@ class Seeker:
     def _mention_rivals(verdict: Verdict, standing: Standing) -> Verdict:
         """Say where other poses explain the frame as well."""
         close = standing.log_likelihood > standing.log_likelihood[0] - ALIKE
-        count = int(np.sum(close & (apart(standing.joints, standing.joints[0]) > ELSEWHERE)))
+        count = int(np.sum(close & (farthest_joint(standing.joints, standing.joints[0]) > ELSEWHERE)))
         if verdict.why or not count:
             return verdict
         return Verdict(verdict.strain, f"{count + 1} poses look alike; the likeliest was taken")
-
-
-def apart(one: Array, other: Array) -> Array:
-    """How far the joint is, at the most, between joints (..., J, 3) of two postures, metres."""
-    farthest: Array = np.linalg.norm(one - other, axis=-1).max(axis=-1)
-    return farthest
