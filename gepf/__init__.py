@@ -20,6 +20,7 @@ from common.settings import Settings, preset
 from coordinator.bodies.human.measures import Measures
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
+from coordinator.security.tls import TlsFiles
 from coordinator.sources import ArraySource, Source, open_source
 from gepf.live_source import LiveSource, live
 from gepf.named import Estimate
@@ -42,6 +43,7 @@ __all__ = [
     "Run",
     "Settings",
     "Source",
+    "TlsFiles",
     "Tracker",
     "live",
     "load",

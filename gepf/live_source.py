@@ -10,9 +10,11 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from common.transport.bus import Bus
-from common.transport.endpoints import check_endpoint, is_loopback
 from common.transport.opening import open_coordinator
+from coordinator.pool.options import Pool
+from coordinator.security.tls import TlsFiles
 from coordinator.sources.live import LiveFrames, from_first_seen
+from gepf.security import secure
 
 log = logging.getLogger("gepf")
 
@@ -27,14 +29,14 @@ class LiveSource(Closing):
     A context manager, for iterations that are neither finished nor left by a `for`.
     """
 
-    def __init__(self, key: str, listen: str | None, connect: str | None, idle: float | None) -> None:
-        self._key, self._listen, self._connect = key, listen, connect
+    def __init__(self, key: str, reached: Pool, idle: float | None) -> None:
+        self._key, self._reached = key, reached
         self._frames = LiveFrames(key, log.info, idle=idle)
         self._session: Bus | None = None  # of an iteration that goes on
 
     def __iter__(self) -> Iterator[DepthFrame]:
-        listen, connect = ((endpoint,) if endpoint else () for endpoint in (self._listen, self._connect))
-        with open_coordinator(listen, connect) as bus:
+        reached = self._reached
+        with open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security) as bus:
             self._session = bus
             bus.subscribe(self._key, self._frames.receive)
             log.info("listening on %s", self._key)
@@ -68,28 +70,26 @@ def live(
     connect: str | None = None,
     *,
     idle_timeout: float | None = None,
+    tls: TlsFiles | None = None,
     insecure: bool = False,
 ) -> LiveSource:
     """Depth images that others publish on a Zenoh key, for `follow` of a tracker.
 
     Args:
-        key: Names between slashes, such as camera/depth.
+        key: Names between slashes, such as camera/depth; with `tls` under gepf/, such as gepf/live/depth.
         listen: Endpoint at which the publisher may join, such as tcp/127.0.0.1:7447.
         connect: Endpoint of a router or publisher; it may come later.
         idle_timeout: Seconds of silence after which the stream is over; None to wait for ever.
-        insecure: Listen to other hosts, too, though anybody there could publish.
+        tls: The authority's certificate, the coordinator's, and its key, for endpoints such as tls/HOST:7447.
+        insecure: Listen to other hosts without encryption, though anybody there could publish.
 
-    Raises InputError for a key or an endpoint that cannot be used; its iteration for a port that is in use.
+    Raises InputError for a key, an endpoint or a certificate that cannot be used; its iteration for a port
+    that is in use, and where the other side does not let us in.
     """
     if listen is None and connect is None:
         raise InputError("nobody could publish to this; give listen or connect an endpoint")
     if idle_timeout is not None and not idle_timeout > 0.0:
         raise InputError(f"idle_timeout={idle_timeout:g} would end at once; give seconds above 0, or None")
-    for option, endpoint in (("listen", listen), ("connect", connect)):
-        if endpoint is not None:
-            check_endpoint(option, endpoint, None)
-    if listen is not None and not insecure and not is_loopback(listen):
-        raise InputError(
-            f"listen={listen} lets everyone publish who can reach it; if that is meant, insecure=True"
-        )
-    return LiveSource(check_stream(key), listen, connect, idle_timeout)
+    security = secure(listen, connect, tls, insecure=insecure)
+    reached = Pool(0, listen, connect, security)
+    return LiveSource(check_stream(key, guarded=tls is not None), reached, idle_timeout)

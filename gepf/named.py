@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
+from common.body import TRANSLATION, BodyModel
 from common.errors import InputError
 from coordinator.bodies.angles import Angles, angles_of
 from coordinator.results.recording.recorded import certainty_of
@@ -58,9 +58,15 @@ class Estimate(estimate.Estimate):
         return float(certainty_of(self.model, self).seen[index_of(name, self.joint_names, "joint")])
 
     def angle(self, name: str, *, degrees: bool = False) -> float:
-        """An angle, radians unless `degrees`: the value nearest to zero, as one frame knows no others."""
+        """An angle, radians unless `degrees`: the value nearest to zero, as one frame knows no others.
+
+        Of what slides metres; InputError if these are asked for in degrees.
+        """
         if name in self.model.dof_names:
-            value = self.pose[self.model.dof_names.index(name)]
+            at = self.model.dof_names.index(name)
+            if degrees and self.model.kinds[at] == TRANSLATION:
+                raise refuse_degrees(name)
+            value = self.pose[at]
         else:
             value = self._angles.measure(self.pose[None])[0, index_of(name, self.angle_names, "angle")]
         return float(np.degrees(value) if degrees else value)
@@ -74,6 +80,11 @@ def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float])
     """An estimate with its body."""
     values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
     return Estimate(**values, model=model, held=held)
+
+
+def refuse_degrees(name: str) -> InputError:
+    """The error for a place that is asked for as an angle in degrees."""
+    return InputError(f"'{name}' slides, so it is in metres; ask for it without degrees=True")
 
 
 def index_of(name: str, names: tuple[str, ...], kind: str) -> int:

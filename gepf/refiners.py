@@ -8,9 +8,9 @@ from contextlib import ExitStack
 from common.errors import InputError
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.security.tls import TlsFiles, choose_security
 from coordinator.tracking.refiner import Refiner
 from gepf.direct import DirectRefiner
+from gepf.security import secure
 
 log = logging.getLogger("gepf")
 
@@ -30,7 +30,7 @@ def choose_workers(workers: Workers) -> Pool:
         case Pool():
             return workers
         case str():
-            return Pool(0, connect=workers, security=choose_security(None, workers, TlsFiles()))
+            return Pool(0, connect=workers, security=secure(None, workers))
         case _ if workers < 1:
             raise InputError(f"workers={workers} would refine nothing; give None, 1 or more, or a Pool")
         case _:

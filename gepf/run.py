@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import ROOT_DOFS
 from common.errors import InputError
 from coordinator.bodies.human.isb import isb_angles, isb_names
 from coordinator.exports import export_run
 from coordinator.exports.csv import write_csv
 from coordinator.exports.recorded import RecordedRun, read_run
+from coordinator.results.slides import read_slides
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track
-from gepf.named import index_of
+from gepf.named import index_of, refuse_degrees
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,19 +88,27 @@ class Run:
         return self.track.joint_names
 
     def angle(self, name: str, *, degrees: bool = False) -> Array:
-        """An angle (F,) by its plain, ISB's or MPEG-4 name; radians unless `degrees`.
+        """An angle (F,) by its plain, ISB's or MPEG-4 name, radians unless `degrees`; metres of what slides.
 
-        InputError lists the names that there are.
+        InputError lists the names that there are, and refuses degrees of what slides.
         """
         track = self.track
         if name in track.dof_names:
-            values = np.unwrap(track.pose[:, track.dof_names.index(name)])
+            slides = name in self._sliding
+            if slides and degrees:
+                raise refuse_degrees(name)
+            column = track.pose[:, track.dof_names.index(name)]
+            values = column if slides else np.unwrap(column)
         elif name in self.isb_angle_names:
             shoulders = isb_angles(self.angle_names, self._recorded.angle)
             values = shoulders[:, self.isb_angle_names.index(name)]
         else:
             values = self._recorded.angle[:, index_of(name, self.angle_names, "angle")]
         return np.degrees(values) if degrees else values.copy()
+
+    @property
+    def _sliding(self) -> frozenset[str]:
+        return frozenset(ROOT_DOFS[:3]) | set(read_slides(self.folder, self.track).names)
 
     def angle_deviation(self, name: str, *, degrees: bool = False) -> Array:
         """How far an angle of `angle_names` may be off (F,), one standard deviation; NaN where it is lost."""

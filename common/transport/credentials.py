@@ -24,7 +24,9 @@ class Credentials:
     key: Path
 
 
-def read_credentials(ca: Path | None, cert: Path | None, key: Path | None) -> Credentials | None:
+def read_credentials(
+    ca: str | Path | None, cert: str | Path | None, key: str | Path | None
+) -> Credentials | None:
     """All three or none; InputError otherwise, or for a file that cannot be read."""
     given = {"--tls-ca": ca, "--tls-cert": cert, "--tls-key": key}
     missing = [option for option, path in given.items() if path is None]
@@ -32,7 +34,7 @@ def read_credentials(ca: Path | None, cert: Path | None, key: Path | None) -> Cr
         return None
     if ca is None or cert is None or key is None:
         raise InputError(f"{' and '.join(missing)} missing; give all of {', '.join(given)}, or none")
-    credentials = Credentials(ca.absolute(), cert.absolute(), key.absolute())
+    credentials = Credentials(*(Path(file).absolute() for file in (ca, cert, key)))
     for field in fields(credentials):
         check_readable(f"--tls-{field.name}", getattr(credentials, field.name))
     return credentials

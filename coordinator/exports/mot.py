@@ -1,10 +1,10 @@
 """OpenSim's motion file: angles in degrees over time.
 
-First the angles with their plain names, which mean what `docs/formats.md` says. Then, for people, the
-coordinates of the full-body model of Rajagopal et al. (2016), so that the motion plays on that model:
-rotations in the order Z, X, Y of the child in its parent, OpenSim's axes (x forward, y up, z to the right).
-Those are Euler angles, so an arm's may jump where it is abducted by about 90 degrees. Lost frames are left
-out.
+First the angles with their plain names, which mean what `docs/formats.md` says, and what slides in metres.
+Then, for people, the coordinates of the full-body model of Rajagopal et al. (2016), so that the motion plays
+on that model: rotations in the order Z, X, Y of the child in its parent, OpenSim's axes (x forward, y up, z
+to the right). Those are Euler angles, so an arm's may jump where it is abducted by about 90 degrees. Lost
+frames are left out.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from coordinator.bodies.angles import MIRROR, Angles, is_person, person_angles
 from coordinator.bodies.human.anatomy import BallJoint, hanging
 from coordinator.bodies.swing_twist import nearest_turn
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+from coordinator.results.slides import read_slides
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,9 @@ PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 def write_mot(run: RecordedRun, file: BinaryIO) -> None:
     """One line a frame: time, the angles, and OpenSim's coordinates."""
     track, kept = run.track, ~run.lost
+    slides = read_slides(run.folder, track)
     columns = dict(zip(run.angle_names, np.degrees(run.angle).T, strict=True))
+    columns |= dict(zip(slides.names, slides.value.T, strict=True))
     if is_person(track.dof_names):
         columns |= opensim_coordinates(run)
     text = io.TextIOWrapper(file, encoding="utf-8", newline="\n")

@@ -14,11 +14,11 @@ from coordinator.security.roster import read_roster
 
 @dataclass(frozen=True, slots=True)
 class TlsFiles:
-    """What the command line's three options say."""
+    """Who we are to others: the certificate of who signs all, our own, and its key; all three or none."""
 
-    ca: Path | None = None
-    cert: Path | None = None
-    key: Path | None = None
+    ca: str | Path | None = None
+    cert: str | Path | None = None
+    key: str | Path | None = None
 
 
 def choose_security(

@@ -29,7 +29,7 @@ def lines_of(name: str, thing: Any) -> Iterator[str]:
     if inspect.isfunction(thing):
         yield f"{name}{shown(thing)}"
         return
-    made = name in ("ArraySource", "DepthFrame", "Intrinsics", "PeopleTracker", "Tracker")
+    made = name in ("ArraySource", "DepthFrame", "Intrinsics", "PeopleTracker", "TlsFiles", "Tracker")
     yield f"class {name}{shown(thing).removesuffix(' -> None')}" if made else f"class {name}"
     if issubclass(thing, Exception):
         return

@@ -147,7 +147,13 @@ def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -
         (lambda: gepf.live(KEY), "give listen or connect an endpoint"),
         (lambda: gepf.live("camera/*", listen="tcp/127.0.0.1:1"), "such as camera/depth"),
         (lambda: gepf.live(KEY, listen="nowhere"), "nowhere"),
-        (lambda: gepf.live(KEY, listen="tcp/0.0.0.0:7447"), "lets everyone publish.*insecure=True"),
+        (lambda: gepf.live(KEY, listen="tcp/0.0.0.0:7447"), "listen=.* lets everyone in.*insecure=True"),
+        (lambda: gepf.live(KEY, connect="tls/host:7447"), r"connect=.* add tls=TlsFiles\(ca, cert, key\)"),
+        (lambda: gepf.live(KEY, connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
+        (
+            lambda: gepf.live(KEY, connect="tls/host:1", tls=gepf.TlsFiles("a", "b", "c")),
+            "tls.ca .*cannot be",
+        ),
         (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
     ],
 )

@@ -8,15 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
+import gepf
+from common.activation import activate
 from common.body import BodyModel
+from common.kinematics import joint_positions
 from coordinator.bodies.urdf.reading import read_urdf
 from coordinator.pictures.errors import draw_errors
+from coordinator.pictures.hypotheses import curves_of_slides, draw_hypotheses
 from coordinator.report import write_report
+from coordinator.results.model_file import TrackedBody
 from coordinator.results.slides import read_slides, slides_of
 from coordinator.results.spread import UNSEEN
 from coordinator.results.truth import Truth
+from coordinator.tracking.estimate import Estimate
+from gepf.named import named
 from tests.support.runs import swing, write_run
 
 FRAMES = 6
@@ -80,3 +88,73 @@ def test_the_picture_of_errors_has_a_column_for_what_slides(gantry: BodyModel, t
         with Image.open(tmp_path / "errors.png") as picture:
             sizes.append(picture.width)
     assert sizes[1] > 1.3 * sizes[0]
+
+
+def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path: Path) -> None:
+    """Of a run, an estimate and a table; the root's place is no angle either, and what turns is as it was."""
+    poses = swing(gantry, FRAMES)
+    poses[:, gantry.dof("root_tx")] = np.linspace(0.0, 8.0, FRAMES)  # which no turn may be taken off
+    track = write_run(tmp_path / "run", gantry, poses)
+    run = gepf.load(tmp_path / "run")
+    estimate = estimate_of(gantry, poses[0])
+    for name in ("main_lift", "root_tx"):
+        at = gantry.dof(name)
+        assert np.array_equal(run.angle(name), track.pose[:, at])
+        assert estimate.angle(name) == poses[0, at]
+        for holder in (run, estimate):
+            with pytest.raises(gepf.InputError, match=f"'{name}' slides, so it is in metres"):
+                holder.angle(name, degrees=True)
+    assert run.angle("turn", degrees=True)[0] == pytest.approx(estimate.angle("turn", degrees=True))
+    table = run.to_dataframe()
+    assert np.array_equal(table["main_lift"], run.angle("main_lift"))
+    assert not {"main_lift_deg", "root_tx_deg"} & set(table.columns)
+
+
+def estimate_of(model: BodyModel, pose: NDArray[np.float64]) -> gepf.Estimate:
+    """One frame of it."""
+    joints = joint_positions(model, pose[None])[0]
+    plain = Estimate(0, 0.0, "tracked", pose, joints, pose[None], np.ones(1), 0.01)
+    return named(plain, model, {})
+
+
+def test_opensims_file_has_what_slides_in_metres(gantry: BodyModel, tmp_path: Path) -> None:
+    """A column beside the angles, as OpenSim has it of translations in a file in degrees."""
+    track = write_run(tmp_path / "run", gantry, swing(gantry, FRAMES))
+    gepf.load(tmp_path / "run").export(tmp_path / "run.mot")
+    lines = (tmp_path / "run.mot").read_text().partition("endheader\n")[2].splitlines()
+    at = lines[0].split("\t").index("main_lift")
+    values = [float(line.split("\t")[at]) for line in lines[1:]]
+    assert np.allclose(values, track.pose[:, gantry.dof("main_lift")], atol=1e-8)
+
+
+def test_the_picture_of_hypotheses_shows_what_slides(gantry: BodyModel, tmp_path: Path) -> None:
+    """One drawing more than without it, in centimetres, with every hypothesis and the truth."""
+    track = write_run(tmp_path / "run", gantry, swing(gantry, FRAMES))
+    at = gantry.dof("main_lift")
+    other = track.pose.copy()
+    other[:, at] += 0.05
+    track = replace(
+        track,
+        hypothesis_pose=np.stack([track.pose, other], axis=1),
+        hypothesis_weight=np.tile([0.7, 0.3], (FRAMES, 1)),
+    )
+    truth = Truth(track.frame[1:], track.joint_names, track.joint_positions[1:], track.dof_names, other[1:])
+    (curve,) = curves_of_slides(track, gantry, truth)
+    assert (curve.title, curve.unit) == ("main lift", "cm")
+    assert np.allclose(curve.hypotheses, 100.0 * np.stack([track.pose[:, at], other[:, at]], axis=1))
+    assert np.isnan(curve.true[0])
+    assert np.allclose(curve.true[1:], 100.0 * other[1:, at])
+    heights = []
+    turning = [name for name in gantry.dof_names if name != "main_lift"]
+    for body in (gantry, activate(gantry, turning, np.zeros(len(gantry.dof_names)))):
+        kept = [gantry.dof(name) for name in body.dof_names]
+        part = replace(
+            track,
+            dof_names=body.dof_names,
+            pose=track.pose[:, kept],
+            hypothesis_pose=track.hypothesis_pose[:, :, kept],
+        )
+        draw_hypotheses(part, TrackedBody(body, {}), None, tmp_path / "hypotheses.png")
+        with Image.open(tmp_path / "hypotheses.png") as picture:
+            heights.append(picture.height)
+    assert heights[0] > 1.3 * heights[1]

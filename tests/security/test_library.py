@@ -1,0 +1,66 @@
+"""Certificates in the library: live input from a real publisher, encrypted, directly and through a router."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import gepf
+from common.transport.opening import open_coordinator, open_router
+from tests.support.processes.certificates import Folder
+from tests.support.processes.programs import started
+from tests.support.small_sequence import write_small_sequence
+
+KEY = "gepf/live/depth"
+GEPF = (sys.executable, "-m", "coordinator.cli")
+
+
+def files_of(folder: Folder, name: str) -> gepf.TlsFiles:
+    """Somebody's three files, as users name them: texts."""
+    own = folder.of(name)
+    return gepf.TlsFiles(str(own.ca), str(own.cert), str(own.key))
+
+
+@pytest.mark.parametrize("way", ["listen", "router"])
+def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_path: Path) -> None:
+    """What `gepf publish` shows with the coordinator's certificate, to the end."""
+    write_small_sequence(tmp_path / "seq", 3)
+    playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", place]
+    tls = files_of(ours, "coordinator")
+    if way == "listen":
+        live = gepf.live(KEY, listen=place, tls=tls, idle_timeout=60.0)
+        with started(*playing, *ours.options("coordinator"), command=GEPF):
+            numbers = [frame.number for frame in live]
+    else:
+        live = gepf.live(KEY, connect=place, tls=tls, idle_timeout=60.0)
+        routing = open_router([place], (), ours.routing)
+        with routing, started(*playing, *ours.options("coordinator"), command=GEPF):
+            numbers = [frame.number for frame in live]
+    assert numbers[-1] == 2
+    assert (live.received, live.malformed) == (3, 0)
+
+
+def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours: Folder) -> None:
+    """Another's certificate, a plain endpoint beside one, a key that would be dropped: one line each."""
+    tls = files_of(ours, "coordinator")
+    mistakes: list[tuple[Callable[[], object], str]] = [
+        (lambda: gepf.live(KEY, listen=place, tls=files_of(ours, "w0")), "is for 'w0', not for"),
+        (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", tls=tls), "listen=.* is not encrypted"),
+        (lambda: gepf.live("camera/depth", listen=place, tls=tls), "use gepf/live/camera/depth"),
+    ]
+    for mistake, says in mistakes:
+        with pytest.raises(gepf.InputError, match=says) as caught:
+            mistake()
+        assert "\n" not in str(caught.value)
+        assert "--" not in str(caught.value)
+
+
+def test_another_authority_lets_nobody_in(place: str, ours: Folder, foreign: Folder) -> None:
+    """The iteration says why in one line."""
+    with open_coordinator([place], (), ours.listening):
+        live = gepf.live(KEY, connect=place, tls=files_of(foreign, "coordinator"), idle_timeout=20.0)
+        with pytest.raises(gepf.InputError, match=r"not valid under|another authority"):
+            list(live)
