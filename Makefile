@@ -73,7 +73,7 @@ images-test: ## track with these images: router, two workers and coordinator apa
 lock: ## new pinned versions in constraints.txt: the newest that pyproject.toml allows
 	@.ci/lock
 
-clean-kernels: ## forget compiled kernels: after changing one that a kernel of another file calls
+clean-kernels: ## forget compiled kernels: the next start compiles them all
 	find $(PACKAGES) \( -name '*.nbi' -o -name '*.nbc' \) -delete
 
 clean: ## remove the virtual environment and all caches

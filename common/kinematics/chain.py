@@ -6,11 +6,11 @@ metres, angles in radians.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import TRANSLATION, BodyModel
+from common.compiling import numba
 from common.kinematics.arrays import contiguous
 from common.kinematics.rotations import fill_rotation
 

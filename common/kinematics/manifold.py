@@ -8,11 +8,11 @@ singular pose; the joint values that belong to it are found on the branch neares
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.compiling import numba
 from common.kinematics.arrays import contiguous
 from common.kinematics.rotations import (
     euler_angles,

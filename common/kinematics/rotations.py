@@ -5,9 +5,10 @@ Euler angles are those of Rx(a) Ry(b) Rz(c), in radians.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from common.compiling import numba
 
 Array = NDArray[np.float64]
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.compiling import numba
 from common.kinematics.chain import link_transforms
 
 Array = NDArray[np.float64]

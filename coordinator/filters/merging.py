@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.compiling import numba
 from common.kinematics.arrays import contiguous
 from common.kinematics.manifold import ball_vector
 from common.kinematics.rotations import handedness

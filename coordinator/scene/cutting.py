@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.extent import BLOCK, reach_back
 from coordinator.scene.nearness import CELL, Nearness, square_at, surround

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from common.compiling import numba
 
 Array = NDArray[np.float64]
 Steps = NDArray[np.uint8]

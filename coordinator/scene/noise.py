@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from common.compiling import numba
 
 LEAST = 0.001  # metres at any distance
 GROWTH = (0.0003, 0.03)  # metres for each square metre of distance: the least and the most

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from coordinator.scene.cutting import CLOSE, REACH, STEP, Squares, Window, find_window
 from coordinator.scene.nearness import CELL, Nearness, square_at
 from coordinator.scene.noise import margin_at

@@ -6,10 +6,10 @@ room or somebody's hair. Where it misses more of the room than of the body, the 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from common.frame import EMPTY, SUBJECT, UNMEASURED
 from coordinator.scene.room.marks import Lens
 

@@ -106,18 +106,22 @@ def test_before_anybody_comes_everybody_is_absent(endpoint: str) -> None:
 
 
 def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
-    """A `break` ends the session, so that the publisher has nobody; another iteration listens anew."""
+    """A `break` ends the session; another iteration listens anew.
+
+    One image may go to the ended session, which the publisher has not seen off yet.
+    """
     first = shown("standing").frames[0]
-    messages = [encode_live(first)] * 3 + [b"rubbish", END]
+    messages = [encode_live(first)] * 4 + [b"rubbish", END]
     done = threading.Semaphore(0)
-    with camera(endpoint, messages, lambda: done.acquire(timeout=60.0)):
+    with camera(endpoint, messages, lambda: done.acquire(timeout=2.0)):
         live = gepf.live(KEY, listen=endpoint, idle_timeout=60.0)
         for _ in live:
             break
-        done.release()
+        assert live.received == 1
         for _ in live:
             done.release(10)
-    assert (live.received, live.malformed) == (3, 1)
+    assert live.received in {3, 4}
+    assert live.malformed == 1
 
 
 def test_silence_and_close_end_the_iteration(endpoint: str) -> None:

@@ -5,10 +5,10 @@ Surfaces that the camera looks along are left out: depth cameras do not measure 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.packing import PackedObservation
 from worker.kernel.surface import Surface
 

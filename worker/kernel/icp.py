@@ -9,11 +9,11 @@ batch it came in.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.bounds import LARGEST_POSE
+from common.compiling import numba
 from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.search.warm_start import find_correspondences

@@ -17,10 +17,10 @@ step; a weight takes both anew in the pose that it is for.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.observation import BLOCK
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.robust import robust_cost

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
+from common.compiling import numba
 from common.frame import EMPTY, UNMEASURED, SubjectFrame
 from worker.kernel.search.neighbourhoods import neighbourhoods
 from worker.kernel.silhouette import nearest_occupied_pixels

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numba
+from common.compiling import numba
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

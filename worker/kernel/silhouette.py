@@ -7,9 +7,10 @@ quarter of a worker's start.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from common.compiling import numba
 
 Pixels = NDArray[np.int32]
 FAR = -1

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
+from common.compiling import numba
 from worker.kernel.search.neighbourhoods import neighbourhoods
 
 Array = NDArray[np.float64]

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.bounds import MOST_PIXELS
+from common.compiling import numba
 from common.kinematics.chain import forward_kinematics
 from worker.kernel.drawing import LANES, draw_row
 from worker.kernel.surface import Skeleton, Surface

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.free_space import project_onto_silhouette
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.robust import robust_weight

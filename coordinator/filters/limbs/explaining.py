@@ -5,10 +5,10 @@ What compiled loops go over comes last in its array, so that they take several a
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from common.kinematics.chain import compose, forward_kinematics
 from common.kinematics.rotations import fill_rotation
 

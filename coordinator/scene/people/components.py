@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import back_project
+from common.compiling import numba
 from coordinator.scene.noise import margin_at
 from coordinator.scene.ransac import segment_plane
 from coordinator.scene.room.marks import Depth

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from coordinator.scene.nearness import CELL, Nearness, square_at
 from coordinator.scene.noise import margin_at
 from coordinator.scene.room.marks import TWO_SAMPLES, Depth, Lens

@@ -6,10 +6,10 @@ of the planes through them that are about level and have nothing below them, the
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from coordinator.scene.noise import DepthNoise, margin_at
 
 Array = NDArray[np.float64]

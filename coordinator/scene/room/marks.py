@@ -5,10 +5,10 @@ What is deeper than the background is not the room for that: somebody may come t
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from coordinator.scene.noise import margin_at
 
 Array = NDArray[np.float64]

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
+from common.compiling import numba
 from coordinator.scene.noise import DepthNoise, margin_at
 from coordinator.scene.ransac import segment_plane
 from coordinator.scene.room.floor import is_surface, level_plane

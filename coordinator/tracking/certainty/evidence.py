@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import is_person

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.compiling import numba
 from common.frame import EMPTY, SUBJECT, SubjectFrame
 from common.kinematics import pose_vertices
 

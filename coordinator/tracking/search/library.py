@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.compiling import numba
 from common.kinematics import joint_positions, link_transforms
 from common.kinematics.rotations import euler_angles
 from coordinator.tracking.search import modes

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import msgspec
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
+from common.compiling import numba
 from common.settings import RefineSettings
 from common.sizes import Body, Sized, Sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE

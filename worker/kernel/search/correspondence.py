@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.observation import BLOCK, TILE
 from worker.kernel.tiles import box_within, boxes_within, largest_of, lowest_bit, search_lanes
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from common.compiling import numba
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

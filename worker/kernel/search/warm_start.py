@@ -6,10 +6,10 @@ between, they are mapped to the new set of visible vertices.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.search.correspondence import closest_points, closest_points_from_guess
 from worker.kernel.surface import Surface

@@ -8,10 +8,10 @@ would.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from common.kinematics.chain import forward_kinematics, motion_axes
 from common.kinematics.manifold import apply_step
 from worker.kernel.observation import BLOCK

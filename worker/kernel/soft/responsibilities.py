@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.observation import BLOCK
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.soft.samples import SampleGrid

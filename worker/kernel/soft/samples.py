@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.surface import Surface
 from worker.kernel.visibility import (
     LARGEST_SIDE,

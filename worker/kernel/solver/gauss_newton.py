@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from common.kinematics.chain import forward_kinematics
 from common.kinematics.manifold import apply_step, ball_vector
 from common.kinematics.rotations import handedness

@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from common.kinematics.chain import motion_axes
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.tiles import add_products

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from common.kinematics.rotations import euler_matrix, handedness, rotation_vector
 from worker.kernel.surface import Skeleton
 
