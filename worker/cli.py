@@ -147,6 +147,7 @@ def serve(
         logging.getLogger().setLevel(logging.WARNING)
     if tied:
         threading.Thread(target=end_with_parent, daemon=True).start()
+    log.info("loading, before connecting to %s; the first time this takes a minute", identity.at.name)
     kernel = load()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal

@@ -9,7 +9,7 @@ from common.errors import InputError
 from common.transport.credentials import Credentials
 
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
-ENCRYPTED = "tls"
+ENCRYPTED, LOCAL = "tls", "unixsock-stream"
 TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
 
 
@@ -36,7 +36,7 @@ def check_listening(endpoint: str, credentials: Credentials | None, *, insecure:
 
 def is_loopback(endpoint: str) -> bool:
     """Whether only programs of this host can connect."""
-    if protocol_of(endpoint) == "unixsock-stream":
+    if protocol_of(endpoint) == LOCAL:
         return True
     host, _ = host_and_port(endpoint)
     try:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from common.transport.endpoints import LOCAL
 from common.transport.opening import open_router
 from coordinator.pool.local_workers import LocalWorkers, private_folder
 from coordinator.pool.options import Pool
@@ -33,7 +34,7 @@ def shared_pool(pool: Pool) -> Iterator[SharedPool]:
     """Start the local worker of `pool`, and let others join as it says, for as long as the context lasts."""
     with private_folder() as name:
         folder = Path(name)
-        local = f"unixsock-stream/{folder / 'bus'}"
+        local = f"{LOCAL}/{folder / 'bus'}"
         with open_router([local, *pool.listen_endpoints], pool.connect_endpoints, pool.security):
             names = [WORKER] if pool.lanes else []
             workers = LocalWorkers(names, local, folder, (*pool.worker_command, "--lanes", str(pool.lanes)))

@@ -22,6 +22,7 @@ from common.protocol.messages import OfSizes, RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
+from common.transport.endpoints import LOCAL
 from common.transport.opening import open_coordinator
 from common.transport.publishers import Publisher
 from coordinator.pool.exchange import Exchange
@@ -29,6 +30,7 @@ from coordinator.pool.local_workers import LocalWorkers, private_folder
 from coordinator.pool.options import Pool, no_worker_timeout
 from coordinator.pool.publication import Publication
 from coordinator.pool.refinement import Refinement
+from coordinator.pool.router_link import RouterLink
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.pool.worker_registry import WorkerRegistry
 from coordinator.tracking.stopwatch import Stopwatch
@@ -73,7 +75,7 @@ class ZenohRefiner:
     def __enter__(self) -> Self:
         with ExitStack() as stack:
             folder = Path(stack.enter_context(private_folder()))
-            local = f"unixsock-stream/{folder / 'bus'}"
+            local = f"{LOCAL}/{folder / 'bus'}"
             pool = self._pool
             own = [local] if pool.lanes else []
             self._bus = stack.enter_context(
@@ -82,6 +84,8 @@ class ZenohRefiner:
             where = (pool.asked or pool).connect
             if where and not self._bus.is_linked(within=LOOK):
                 self._report(f"nobody answers at {where} yet; trying on")
+            if pool.connect and not pool.listen and not pool.asked:
+                self._bus.watch_links(RouterLink(self._report).change)
             self._publication = Publication(self._bus, self.run)
             self._bus.announce(keys.run_alive(self.run))
             names = [f"{self.run}-0"] if pool.lanes else []

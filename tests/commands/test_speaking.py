@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pty
 import re
 import signal
 import subprocess
@@ -13,14 +14,21 @@ from pathlib import Path
 
 import pytest
 
+from coordinator.bodies.human.template import human
 from coordinator.cli import main
-from coordinator.results.recording.log import Opening, append_records
-from tests.support.processes.programs import wait_until
+from tests.support.processes.programs import started, wait_until
 from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 from tests.support.processes.warm_processes import start
+from tests.support.runs import swing, write_run
+from tests.support.small_sequence import OPTIONS, write_small_sequence
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
 ENDED = (130, -signal.SIGINT)  # to a shell the same: `python -m` passes a signal on that came in an import
+
+
+def gepf(*words: str) -> subprocess.CompletedProcess[str]:
+    """The program, as a shell starts it."""
+    return subprocess.run([*GEPF, *words], capture_output=True, text=True, check=False, timeout=300.0)
 
 
 @pytest.fixture
@@ -42,24 +50,17 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
         (("track", "seq"), "Missing option '--out' DIR: New folder for the results."),
     ],
 )
-def test_what_there_is_to_choose_from_is_listed(
-    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_there_is_to_choose_from_is_listed(arguments: tuple[str, ...], says: str) -> None:
     """One line, exit code 2, for each thing that is missing or unknown."""
-    assert main(arguments) == 2
-    said = capsys.readouterr().err
-    assert says in said
-    assert said.count("\n") == 1
+    done = gepf(*arguments)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
-def test_faults_of_json_name_the_entry(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Of a start and of a person's measures."""
-    file, out = tmp_path / "wrong.json", str(tmp_path / "out")
+def test_faults_of_json_name_the_entry(sequence: Path, tmp_path: Path) -> None:
+    """Of a start and of a person's measures: exit code 2 before anything is begun."""
+    file, out = tmp_path / "wrong.json", tmp_path / "out"
     for option, content, says in (
         ("--init", '{"root_tx": 1, "root_ty": "a"}', 'root_ty is "a"; give a finite number'),
         ("--init", '{"root_tx": null}', "root_tx is null; give a finite number"),
@@ -67,31 +68,48 @@ def test_faults_of_json_name_the_entry(
         ("--model", '{"stature": [1.8]}', "stature is [1.8]; give a finite number"),
     ):
         file.write_text(content)
-        assert main(["track", str(sequence), "--out", out, option, str(file)], workers.connect) == 2
-        assert says in capsys.readouterr().err
+        done = gepf("track", str(sequence), "--out", str(out), option, str(file))
+        assert done.returncode == 2
+        assert says in done.stderr
+        assert not out.exists()
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
+def test_every_command_says_that_a_killed_run_can_be_gone_on_with(tmp_path: Path) -> None:
+    """Of a run that was really killed: exit code 2, and what to do."""
+    write_small_sequence(tmp_path / "seq", 400)
+    run = tmp_path / "killed"
+    track = ("track", str(tmp_path / "seq"), "--out", str(run), *OPTIONS, "--workers", "1")
+    with started(*track, command=GEPF) as process:
+        wait_until(lambda: (run / "frames.log").exists() and (run / "frames.log").stat().st_size > 0, 300.0)
+        process.kill()
+    for command in (
         ("report", "{run}"),
         ("evaluate", "{run}", "--truth", "{run}/track.npz"),
         ("export", "{run}", "--to", "csv", "--out", "{run}/x.csv"),
         ("view", "{run}", "--save", "{run}/x.rrd"),
         ("pictures", "{run}"),
-    ],
-)
-def test_every_command_says_that_a_killed_run_can_be_gone_on_with(
-    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A folder with a log of frames and no results: exit code 2, and what to do."""
-    run = tmp_path / "killed"
-    run.mkdir()
-    descriptor = os.open(run / "frames.log", os.O_CREAT | os.O_WRONLY)
-    append_records(descriptor, [Opening({})])
-    os.close(descriptor)
-    assert main([word.format(run=run) for word in command]) == 2
-    assert "was interrupted; end it by the same gepf track command with --resume" in capsys.readouterr().err
+    ):
+        done = gepf(*(word.format(run=run) for word in command))
+        assert done.returncode == 2
+        assert "was interrupted; end it by the same gepf track command with --resume" in done.stderr
+
+
+def test_an_export_says_what_it_wrote_and_replaces_nothing_unless_told(tmp_path: Path) -> None:
+    """A file in the way stays, and the line names --force; with it, the new one is there and said."""
+    body = human()
+    write_run(tmp_path / "run", body, swing(body, 3))
+    out = tmp_path / "walk.csv"
+    line = ("export", str(tmp_path / "run"), "--to", "csv", "--out", str(out))
+    written = gepf(*line)
+    assert (written.returncode, written.stdout) == (0, "")
+    assert str(out) in written.stderr
+    out.write_text("mine")
+    refused = gepf(*line)
+    assert refused.returncode == 2
+    assert "--force" in refused.stderr
+    assert out.read_text() == "mine"
+    assert gepf(*line, "--force").returncode == 0
+    assert out.read_text().startswith("frame,time_s,status,")
 
 
 def test_results_of_a_part_of_a_run_are_said_to_be_that(
@@ -109,16 +127,23 @@ def test_results_of_a_part_of_a_run_are_said_to_be_that(
 
 
 def test_track_says_at_once_what_it_does(sequence: Path, tmp_path: Path) -> None:
-    """Its first line names recording and folder, and an interrupt right after it ends the run with 130."""
+    """In a second of processor time its first line names recording and folder; interrupted then, it ends."""
     with subprocess.Popen(
         [*GEPF, "track", str(sequence), "--out", str(tmp_path / "out")], stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stderr is not None
-        line = process.stderr.readline()
+        line, used = process.stderr.readline(), processor_seconds(process.pid)
         process.send_signal(signal.SIGINT)
         process.stderr.read()
     assert re.match(rf"tracking .*{sequence.name} into .*out", line)
     assert process.returncode in ENDED
+    assert used < 1.0
+
+
+def processor_seconds(pid: int) -> float:
+    """User and system time of a process so far."""
+    user, system = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.parametrize(
@@ -152,15 +177,30 @@ def test_a_run_without_pictures_says_how_to_draw_them(
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """--no-pictures; then gepf pictures draws, as a real process, and says what it wrote."""
+    """--no-pictures; then gepf pictures draws, as a real process, with a bar, and says what it wrote."""
     tracked = tmp_path / "run"
     assert main(["track", str(sequence), "--out", str(tracked), "--no-pictures"], workers.connect) == 0
     assert f"gepf pictures {tracked} draws them" in capsys.readouterr().err
     assert not list(tracked.glob("*.gif"))
-    done = subprocess.run([*GEPF, "pictures", tracked], capture_output=True, text=True, check=False)
+    done = in_a_terminal("pictures", str(tracked))
     assert done.returncode == 0
+    assert re.search(r"━ +\d+/\d+ drawing pictures", done.stderr)
     assert "pictures are in" in done.stderr
     assert {path.name for path in tracked.iterdir()} >= {"overlay.gif", "sheet.png", "hypotheses.png"}
+
+
+def in_a_terminal(*words: str) -> subprocess.CompletedProcess[str]:
+    """The program with a terminal for its stderr; without colours."""
+    ours, theirs = pty.openpty()
+    surroundings = os.environ | {"TERM": "xterm", "NO_COLOR": "1", "COLUMNS": "200"}
+    with subprocess.Popen([*GEPF, *words], stderr=theirs, env=surroundings) as process:
+        os.close(theirs)
+        said = b""
+        with suppress(OSError):  # as a terminal ends
+            while part := os.read(ours, 65536):
+                said += part
+    os.close(ours)
+    return subprocess.CompletedProcess(words, process.returncode, "", said.decode())
 
 
 def draw_slowly(run: Path, delay: float) -> None:

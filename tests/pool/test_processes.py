@@ -185,7 +185,7 @@ def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
             assert process.wait(30.0) == 0
         assert process.stderr is not None
         lines = process.stderr.read().splitlines()
-        assert lines[0] == f"gepf-worker: connecting to {endpoint}"
+        assert lines[1] == f"gepf-worker: connecting to {endpoint}"
         assert f"gepf-worker: outside serves {endpoint} with 2 lanes" in lines
 
 

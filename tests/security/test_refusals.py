@@ -137,7 +137,7 @@ def test_refused_process_says_so_in_one_line(
         process.join(30.0)
         assert process.exitcode == 2
     lines = (tmp_path / "log").read_text().splitlines()
-    progress = ("gepf-worker: connecting to", "gepf-worker: connected to")
+    progress = tuple(f"gepf-worker: {doing}" for doing in ("loading", "connecting to", "connected to"))
     (reason,) = (line for line in lines if not line.startswith(progress))
     assert PROCESSES[case] in reason
     assert seen == []

@@ -1,0 +1,77 @@
+"""Who connects says to whom, that nobody answers, that a router went and that it is back: real processes."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from tests.support.processes.certificates import free_port
+from tests.support.processes.programs import WORKER, wait_until
+from tests.support.small_sequence import OPTIONS, write_small_sequence
+
+GEPF = (sys.executable, "-m", "coordinator.cli")
+LONG = 300.0  # seconds: the machine may be busy, and kernels may have to be compiled
+
+
+@contextmanager
+def logged(log: Path, *line: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A process whose stderr is in a file; killed if it is left running."""
+    with log.open("wb") as file, subprocess.Popen(line, stdin=subprocess.DEVNULL, stderr=file) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
+    """`gepf-worker --connect-timeout`: whom it tries, that it waits, and at the end exit code 1."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    done = subprocess.run(
+        [*WORKER, "--connect", endpoint, "--connect-timeout", "5"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LONG,
+    )
+    assert done.returncode == 1
+    for says in (
+        f"loading, before connecting to {endpoint}; the first time this takes a minute",
+        f"connecting to {endpoint}\n",
+        f"nobody answers at {endpoint} yet; trying for",
+        f"nobody answered at {endpoint} within 5 s; start the coordinator or router there",
+    ):
+        assert says in done.stderr
+
+
+def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
+    """Killed, and started again: a line each, on both sides, and the run goes on."""
+    write_small_sequence(tmp_path / "seq", 400)
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    logs = {name: tmp_path / f"{name}.log" for name in ("router", "run", "worker")}
+    router = (*GEPF, "router", "--listen", endpoint)
+    track = ("track", str(tmp_path / "seq"), "--out", str(tmp_path / "out"), *OPTIONS, "--no-pictures")
+
+    def says(name: str, line: str) -> bool:
+        return line in logs[name].read_text()
+
+    with ExitStack() as stack:
+        first = stack.enter_context(logged(logs["router"], *router))
+        run = stack.enter_context(logged(logs["run"], *GEPF, *track, "--workers", "0", "--connect", endpoint))
+        wait_until(lambda: says("run", "no worker is there"), LONG)
+        first.kill()
+        wait_until(lambda: says("run", f"{endpoint} is gone; trying to reach it again"), LONG)
+        worker = stack.enter_context(logged(logs["worker"], *WORKER, "--connect", endpoint))
+        wait_until(lambda: says("worker", f"nobody answers at {endpoint} yet"), LONG)
+        second = stack.enter_context(logged(logs["router"], *router))
+        wait_until(lambda: says("run", f"{endpoint} is back"), LONG)
+        wait_until(lambda: says("run", "joined"), LONG)
+        second.kill()
+        wait_until(lambda: says("worker", f"{endpoint} is gone; trying to reach it again"), LONG)
+        run.send_signal(signal.SIGINT)
+        assert run.wait(LONG) == 130
+        worker.send_signal(signal.SIGINT)
+        assert worker.wait(LONG) == 0
