@@ -22,7 +22,13 @@ from coordinator.results.configuration.run_configuration import AUTOMATIC, run_c
 from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracked_body
 from coordinator.results.recording.recorded import Recorded
 from coordinator.results.recording.recorder import CSV_FILE, Recorder, is_complete
-from coordinator.results.summary import describe_failure, describe_status, mostly_tracked, summarise
+from coordinator.results.summary import (
+    describe_extreme,
+    describe_failure,
+    describe_status,
+    mostly_tracked,
+    summarise,
+)
 from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.scene.scope import Scope
@@ -173,8 +179,11 @@ def write_results(
 
 
 def conclude(recorded: Recorded, show: Show) -> bool:
-    """Warn where most frames are not tracked; gives whether they are."""
+    """Warn where most frames are not tracked, or nobody has such a size; gives whether they are tracked."""
     tracked = mostly_tracked(recorded.estimates)
+    measured = recorded.state.checkpoint.measured
+    if measured is not None and measured.is_extreme:
+        show.warn(describe_extreme(measured.size))
     if not tracked:
         show.warn(describe_failure(recorded.estimates))
     return tracked

@@ -87,6 +87,15 @@ def describe_failure(estimates: Sequence[Estimate]) -> str:
     return f"most frames are not tracked ({describe_status(estimates)}){why}"
 
 
+def describe_extreme(size: tuple[float, float]) -> str:
+    """What to say of a stature in metres and a girth that are at the limits of what is sought."""
+    stature, girth = size
+    return (
+        f"the body came out {stature:.2f} m tall and of girth {girth:.2f}, as far as people are sought:"
+        " is it a person, and depth_scale right? --model takes measures that are known"
+    )
+
+
 def count_unanswered(estimates: Iterable[Estimate], particles: int) -> int:
     """Particles of all frames that were left out because the frame was due."""
     return sum(particles - e.particles_answered for e in estimates if e.particles_answered)

@@ -226,9 +226,10 @@ class Tracker:
                 found = found.at_rest()  # the way from a guess is no motion
             self._belief = self._decide(found, submitted.rival)
             if submitted.sighted is not None:
-                self._watch = self._watch.shown(submitted.sighted.subject.pixels)
-            with submitted.clock.stage("measure"):
-                self._size.ask(self._start, self._belief, self._watch, self.rules, submitted.frame.time_s)
+                subject = submitted.sighted.subject
+                self._watch = self._watch.shown(subject.pixels)
+                with submitted.clock.stage("measure"):
+                    self._size.ask(self._start, self._belief, self._watch, self.rules, subject)
         return Tracked(
             submitted.frame, self.state, self._belief, status, answered, submitted.sighted, submitted.clock
         )

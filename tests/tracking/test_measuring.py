@@ -27,8 +27,13 @@ from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.search.watch import GIVEN
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
+    BENT,
     GUESS,
+    KEPT,
+    LARGEST,
     LARGEST_STEP,
+    LENGTH_SHARE,
+    SMALLEST,
     Measured,
     Shown,
     uprightness,
@@ -98,6 +103,44 @@ def test_no_frame_may_ask_for_much() -> None:
     assert np.all(np.abs(step) < LARGEST_STEP)
 
 
+def test_length_has_its_share_of_what_a_frame_says() -> None:
+    """Points ask for 1 % more, length for 3 %; a length that is far off is bounded."""
+    about, curvature = (1.7, 1.07), np.array([1000.0, 100.0])
+    points = Shown(0.01 * curvature, curvature, 1.0)
+    both = replace(points, by_length=float(np.log(1.7)) + 0.03)
+    np.testing.assert_allclose(points.asks_for(about), np.log(about) + 0.01)
+    asked = both.asks_for(about) - np.log(about)
+    np.testing.assert_allclose(asked, [0.01 + LENGTH_SHARE * 0.02, 0.01])
+    far = replace(points, by_length=float(np.log(2.4))).asks_for(about)
+    assert far[0] - np.log(1.7) < LARGEST_STEP
+
+
+def test_words_on_quite_another_size_count_less() -> None:
+    """A frame asks for 5 % more: the next is asked about that, and what came before keeps a fifth of it."""
+    before = Measured.guessed(1.6, 1.07)
+    after = before.after(Shown(np.array([50.0]), np.array([1000.0]), 1.0), 0.0)
+    assert after.about == after.size
+    assert after.size[0] > 1.6 * 1.04
+    np.testing.assert_allclose(after.weight, [KEPT * (GUESS[0] + 1.0), GUESS[1]])
+
+
+@pytest.mark.parametrize(("sign", "bound"), [(1.0, LARGEST), (-1.0, SMALLEST)])
+def test_no_evidence_makes_a_giant_or_a_dwarf(sign: float, bound: tuple[float, float]) -> None:
+    """Frames that ask for more and more, by points and length, end at the limits of what people are."""
+    measured = Measured.guessed(1.75, 1.07)
+    assert not measured.is_extreme
+    for n in range(60):
+        told = Shown(sign * np.array([1e5, 1e5]), np.array([1e3, 1e2]), 1.0, float(np.log(1.75)) + sign)
+        measured = measured.after(told, 0.1 * n)
+        assert SMALLEST[0] <= measured.size[0] <= LARGEST[0]
+        assert SMALLEST[1] <= measured.size[1] <= LARGEST[1]
+    assert measured.size[0] == pytest.approx(bound[0], rel=0.01)
+    assert measured.is_extreme
+    for n in range(60, 120):
+        measured = measured.after(Shown(-told.slope, told.curvature, 1.0), 0.1 * n)
+    assert abs(np.log(measured.size[0] / bound[0])) > 0.1  # it comes back
+
+
 def test_frames_are_asked_ever_more_rarely() -> None:
     """Twelve a tenth of a second apart, twelve a fifth, and so on; the body changes after every third."""
     measured, asked, changed = Measured.guessed(1.7, 1.07), [], []
@@ -112,6 +155,17 @@ def test_frames_are_asked_ever_more_rarely() -> None:
     np.testing.assert_array_equal(apart[23:35], 12)
     assert changed == list(range(3, len(asked) + 1, 3))
     assert 40 < len(asked) < 60  # of 600
+
+
+def test_bent_frames_take_no_turn_from_upright_ones() -> None:
+    """After many bent frames these are asked rarely, and the first upright ones as often as any."""
+    measured = Measured.guessed(1.7, 1.07)
+    for n in range(24):
+        measured = measured.after(Shown(np.zeros(2), np.ones(2), BENT), 0.1 * n)
+    assert not measured.asks(2.5, bent=True)
+    assert measured.asks(2.5)
+    measured = measured.after(Shown(np.zeros(2), np.ones(2), 1.0), 2.5)
+    assert (measured.frames, measured.bent) == (25, 24)
 
 
 def test_bent_and_badly_explained_frames_count_less() -> None:
@@ -241,7 +295,8 @@ def test_a_size_that_was_not_answered_says_nothing(missing: float) -> None:
     size = PersonSize(BODIES, refiner)
     size.guess(start)
     before, belief = size.measured, begin(start.model, start.pose, SETTINGS.filter)
-    size.ask(start, belief, GIVEN, RULES, 0.5)
+    later = replace(subject, frame=replace(subject.frame, time_s=0.5))
+    size.ask(start, belief, GIVEN, RULES, later)
     assert before is not None
     assert size.measured is not None
     assert (size.measured.frames, size.measured.size) == (0, before.size)

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings
 from common.sizes import Body
@@ -11,7 +17,8 @@ from coordinator.tracking.estimate import RECORDED
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.starting.asking import Asker
-from coordinator.tracking.starting.measuring import Measured
+from coordinator.tracking.starting.length import SHOWN, measure_length
+from coordinator.tracking.starting.measuring import Measured, is_bent
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.status import is_settled
 
@@ -38,15 +45,25 @@ class PersonSize:
         if self._asker.can_ask(start):
             self.measured = Measured.guessed(start.stature, start.girth)
 
-    def ask(self, start: Start, belief: Belief, watch: Watch, rules: RefineSettings, time_s: float) -> None:
+    def ask(
+        self, start: Start, belief: Belief, watch: Watch, rules: RefineSettings, subject: SubjectFrame
+    ) -> None:
         """Ask the frame that was published last, if its pose is settled and its noise is small."""
-        if self.measured is None or not self.measured.asks(time_s) or rules.is_soft:
+        time_s = subject.frame.time_s
+        if self.measured is None or rules.is_soft:
+            return
+        bent = is_bent(start.model, belief.poses[0])
+        if not self.measured.asks(time_s, bent=bent):
             return
         poses, weights = belief.poses[:RECORDED], belief.weights[:RECORDED]
         if is_settled(watch, weights, joint_positions(start.model, poses)):
             known = self.measured
             shown = self._asker.ask(start, known, belief.poses[0], rules)
-            self.measured = known.passed(time_s) if shown is None else known.after(shown, time_s)
+            if shown is None:
+                self.measured = known.passed(time_s)
+                return
+            stature = None if bent else stature_by_length(start, belief.poses[0], subject)
+            self.measured = known.after(replace(shown, by_length=stature), time_s)
 
     def give(self, start: Start) -> Start:
         """The start with a body of the size that is known by now, if it is time; the same start otherwise."""
@@ -59,3 +76,9 @@ class PersonSize:
     def body_of(self, start: Start, particles: int) -> Body:
         """The body of so many particles, as a refiner gets it most easily."""
         return self._asker.body_of(start, particles)
+
+
+def stature_by_length(start: Start, pose: NDArray[np.float64], subject: SubjectFrame) -> float | None:
+    """Log stature (m) of who is as long as a frame shows, standing in a pose (D,); None where it does not."""
+    length = measure_length(start.model, pose, subject)
+    return None if length is None else float(np.log(length / SHOWN))

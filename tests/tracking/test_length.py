@@ -1,0 +1,85 @@
+"""How long a person who stands is, from rendered frames: whatever the size of the model that looks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.body import BodyModel
+from common.frame import HIDDEN, SUBJECT, SubjectFrame
+from common.kinematics import pose_vertices
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.template import human_of
+from coordinator.bodies.tracked import name_pose, scaled
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.starting.length import SHOWN, measure_length
+from coordinator.tracking.starting.measuring import is_bent
+from coordinator.tracking.starting.person_size import stature_by_length
+from coordinator.tracking.starting.start import Start
+from tests.support.people import CAMERA, STANDING, frame_of
+
+STATURE = 1.7
+POSTURE = {**STANDING, "root_tz": 2.7}
+BODIES = choose_bodies(None, "default")
+MODEL = BODIES.tracked(STATURE, 1.0, {})[0]
+
+
+def subject_in(posture: dict[str, float]) -> SubjectFrame:
+    """A rendered person of STATURE in a posture."""
+    body = human_of(Measures.of(STATURE, 1.0))
+    surface = pose_vertices(body, name_pose(body, posture)[None])[0]
+    with DepthRenderer(CAMERA) as renderer:
+        subject = isolate(frame_of(0, renderer.depth(surface, body.triangles)), None, 3000)
+    assert subject is not None
+    return subject
+
+
+def length_in(posture: dict[str, float], model: BodyModel = MODEL) -> float | None:
+    """The length that a frame shows of a person in a posture, looked at with a model in the same."""
+    return measure_length(model, name_pose(model, posture), subject_in(posture))
+
+
+@pytest.mark.parametrize("factor", [0.94, 1.0, 1.06])
+def test_length_is_the_persons_not_the_models(factor: float) -> None:
+    """A model that is too small or too large by 6 % measures the same, but for 1 cm, and nearly all of it."""
+    length = length_in(POSTURE, scaled(MODEL, factor))
+    assert length == pytest.approx(length_in(POSTURE), abs=0.01)
+    assert length == pytest.approx(SHOWN * STATURE, abs=0.03)
+
+
+def test_legs_apart_are_as_long() -> None:
+    """Who stands astride is as long as with the feet together."""
+    astride = {**POSTURE, "l_hip_abduct": 0.25, "r_hip_abduct": 0.25}
+    assert length_in(astride) == pytest.approx(length_in(POSTURE), abs=0.03)
+
+
+def test_nothing_is_said_without_head_or_feet() -> None:
+    """With the feet cut off by something nearer, outside of the picture, or a hand at the head."""
+    whole = subject_in(POSTURE)
+    rows = whole.frame.depth.shape[0]
+    depth = whole.frame.depth.copy()
+    depth[rows * 17 // 20 :] = 0
+    kinds = np.where(depth > 0, SUBJECT, 0).astype(np.uint8)
+    kinds[rows * 17 // 20 :] = HIDDEN
+    pose = name_pose(MODEL, POSTURE)
+    covered = replace(whole, frame=replace(whole.frame, depth=depth), kinds=kinds)
+    assert measure_length(MODEL, pose, whole) is not None
+    assert measure_length(MODEL, pose, covered) is None
+    left, top, right, _ = whole.view
+    outside = replace(whole, frame=covered.frame, view=(left, top, right, rows * 17 // 20))
+    assert measure_length(MODEL, pose, outside) is None
+    assert length_in({**POSTURE, "l_shoulder_flexion": 2.0, "l_elbow_flexion": 1.8}) is None
+
+
+def test_stature_follows_from_length() -> None:
+    """To within 4.5 % of a rendered person's; who squats is bent, and who stands is not."""
+    squat = {**POSTURE, **{f"{s}_{joint}_flexion": 1.2 for s in "rl" for joint in ("hip", "knee")}}
+    start = Start(MODEL, name_pose(MODEL, POSTURE), STATURE, 1.0)
+    stature = stature_by_length(start, start.pose, subject_in(POSTURE))
+    assert stature == pytest.approx(np.log(STATURE), abs=0.045)
+    assert not is_bent(MODEL, start.pose)
+    assert is_bent(MODEL, name_pose(MODEL, squat))
