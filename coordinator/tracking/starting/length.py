@@ -57,9 +57,9 @@ def reach(points: Array, joint: Array, outwards: Array, share: float) -> float:
     """How far points (P, 3) about a joint reach in a direction (3,), but a share; not a number for few."""
     offset = points - joint
     along = offset @ outwards
-    aside = np.linalg.norm(offset - along[:, None] * outwards, axis=1)
-    mine = along[(np.abs(along) < ABOVE) & (aside < HEAD)]
-    return float(np.quantile(mine, 1.0 - share)) if len(mine) >= FEWEST else float("nan")
+    aside = np.einsum("pi,pi->p", offset, offset) - along * along
+    mine = np.sort(along[(np.abs(along) < ABOVE) & (aside < HEAD * HEAD)])
+    return float(mine[round((1.0 - share) * (len(mine) - 1))]) if len(mine) >= FEWEST else float("nan")
 
 
 def points_near(subject: SubjectFrame, joint: Array, radius: float) -> Array:
