@@ -5,7 +5,8 @@ GepfError
 ├── ProtocolError    a message on the wire makes no sense or cannot be served
 │   └── VersionError it is of another version of the protocol
 └── BusError         the transport failed
-    └── NoWorkers    nobody is there to refine particles, and the wait for one is over
+    ├── NoWorkers    nobody is there to refine particles, and the wait for one is over
+    └── SilentWorkers  workers are there, and none of them answers
 """
 
 
@@ -31,3 +32,7 @@ class BusError(GepfError):
 
 class NoWorkers(BusError):
     """No worker is alive, and none came within the time that was allowed."""
+
+
+class SilentWorkers(BusError):
+    """Workers are alive, and none of them answers: the way to them is broken, or all of them hang."""

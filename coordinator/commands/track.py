@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
+from common.errors import SilentWorkers
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
@@ -41,6 +43,8 @@ from coordinator.tracking.pipeline import follow
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker
 
+RECONNECTIONS = 3  # to workers that are there and do not answer
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
@@ -54,6 +58,14 @@ class Run:
     scope: Scope
     recorder: Recorder
     colours: ColourFolder | None = None
+
+
+class Record(Protocol):
+    """Records a run; with `resume` from where it was left."""
+
+    def __call__(self, *, resume: bool) -> tuple[Run, Recorded | None]:
+        """Give the run, and what there is of it."""
+        ...
 
 
 def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> bool:
@@ -78,19 +90,41 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> boo
     if job.resume and is_complete(job.out, configuration):
         show.say(f"all {len(numbers)} frames are in {job.out} already")
         return True
-    with Recorder(job.out, configuration, resume=job.resume) as recorder:
-        run = Run(job, source, numbers, bodies, start, scope, recorder, colours)
-        meter = show.frames(len(numbers), recorder.frames)
-        show.say(describe_resume(run) if job.resume else announce(run))
-        try:
-            if recorder.frames < len(numbers):
-                track_frames(run, meter, show, connect)
-        finally:
-            recorded = finish(run, meter, show)
+
+    def record(*, resume: bool) -> tuple[Run, Recorded | None]:
+        with Recorder(job.out, configuration, resume=resume) as recorder:
+            run = Run(job, source, numbers, bodies, start, scope, recorder, colours)
+            return run, record_frames(run, show, connect, resume=resume)
+
+    run, recorded = connecting_anew(record, show, resume=job.resume)
     if recorded is None:
         return True
     draw(run, recorded, truth, show)
     return conclude(recorded, show)
+
+
+def connecting_anew(record: Record, show: Show, *, resume: bool) -> tuple[Run, Recorded | None]:
+    """Record a run; where all workers fall silent, go on from there over a new connection, a few times."""
+    for _ in range(RECONNECTIONS):
+        try:
+            return record(resume=resume)
+        except SilentWorkers:
+            show.say("workers are there, and none of them answers; connecting anew")
+            resume = True
+    return record(resume=resume)
+
+
+def record_frames(run: Run, show: Show, connect: Connect[PooledRefiner], *, resume: bool) -> Recorded | None:
+    """Track what is not recorded yet, and write the files of what then is, however that ends."""
+    total, done = len(run.numbers), run.recorder.frames
+    meter = show.frames(total, done)
+    show.say(describe_resume(run) if resume else announce(run))
+    try:
+        if done < total:
+            track_frames(run, meter, show, connect)
+    finally:
+        recorded = finish(run, meter, show)
+    return recorded
 
 
 def announce(run: Run) -> str:

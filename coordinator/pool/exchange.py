@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 
-from common.errors import ProtocolError
+from common.errors import ProtocolError, SilentWorkers
 from common.protocol import keys
 from common.protocol.messages import encode_request
 from coordinator.pool.dispatch.events import (
@@ -23,6 +23,7 @@ from coordinator.pool.dispatch.events import (
     Refused,
     Replied,
     Send,
+    Silence,
     Ticked,
     Unavailable,
     WorkerJoined,
@@ -31,9 +32,10 @@ from coordinator.pool.dispatch.events import (
 from coordinator.pool.dispatch.scheduler import Scheduler
 from coordinator.pool.refinement import Refinement
 from coordinator.pool.replies import Reply, read_refusal
-from coordinator.pool.worker_registry import WorkerRegistry
+from coordinator.pool.worker_registry import REQUEST_TIMEOUT, WorkerRegistry
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
+SILENT = "workers are there, and none of them answers; connect anew: --resume goes on, where frames are kept"
 
 
 class Exchange:
@@ -146,6 +148,10 @@ class Exchange:
                 refinement.accept(ticket, start)
             case Done():
                 refinement.complete = True
+            case Silence(worker, again):
+                self._report(f"worker {worker} is there, and has not answered for {REQUEST_TIMEOUT:.0f} s")
+                if again:
+                    raise SilentWorkers(SILENT)
             case Fail(reason):
                 raise ProtocolError(f"no worker can refine frame {refinement.request.frame}: {reason}")
 

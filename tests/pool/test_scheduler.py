@@ -21,12 +21,13 @@ from coordinator.pool.dispatch.events import (
     Refused,
     Replied,
     Send,
+    Silence,
     Ticked,
     Unavailable,
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.dispatch.scheduler import LATE_LEAST, PAUSE, Scheduler
+from coordinator.pool.dispatch.scheduler import LATE_LEAST, PAUSE, SILENT, Scheduler
 from coordinator.pool.dispatch.workload import REST, WINDOW
 
 Table = list[tuple[float, Event, list[Instruction]]]
@@ -536,5 +537,46 @@ def test_a_large_share_is_not_late_by_its_size() -> None:
             (2.0, Replied(2), [Accept(2, 0)]),
             (3.9, Ticked(), []),
             (4.1, Ticked(), [Send(4, "a", 100, 200)]),
+        ]
+    )
+
+
+def test_silence_is_named_and_then_again() -> None:
+    """Who is there and never answers is asked once more; a second silence is reported as such."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, JobStarted(10), [Send(0, "a", 0, 10)]),
+            (1.5 * SILENT, Ended(0), [Silence("a", again=False)]),
+            (1.6 * SILENT, Ticked(), [Send(1, "a", 0, 10)]),
+            (3.1 * SILENT, Ended(1), [Silence("a", again=True)]),
+        ]
+    )
+
+
+@pytest.mark.parametrize("said", [Unavailable(1, "no frame"), Refused(1, "no"), Replied(99)])
+def test_any_word_breaks_the_silence(said: Event) -> None:
+    """An answer to whatever, of whoever, shows that the way is open: a worker that hangs is its own fault."""
+    scheduler = play(
+        [
+            (0.0, A, []),
+            (0.0, JobStarted(10), [Send(0, "a", 0, 10)]),
+            (1.5 * SILENT, Ended(0), [Silence("a", again=False)]),
+            (1.6 * SILENT, Ticked(), [Send(1, "a", 0, 10)]),
+        ]
+    )
+    scheduler.handle(said, 1.7 * SILENT)
+    late = scheduler.handle(Ticked(), 2.0 * SILENT) + scheduler.handle(Ended(1), 3.1 * SILENT)
+    assert not any(isinstance(instruction, Silence) for instruction in late)
+
+
+def test_a_request_that_ends_early_is_no_silence() -> None:
+    """The worker has just gone, or was too busy: it is asked again."""
+    play(
+        [
+            (0.0, A, []),
+            (0.0, JobStarted(10), [Send(0, "a", 0, 10)]),
+            (0.5 * SILENT, Ended(0), []),
+            (0.6 * SILENT, Ticked(), [Send(1, "a", 0, 10)]),
         ]
     )

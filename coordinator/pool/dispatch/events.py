@@ -106,4 +106,12 @@ class Fail:
     reason: str
 
 
-Instruction = Send | Accept | Done | Fail
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """Nobody has answered for as long as a request may take, though `worker` is there; `again`, once more."""
+
+    worker: str
+    again: bool
+
+
+Instruction = Send | Accept | Done | Fail | Silence

@@ -13,6 +13,7 @@ even when its job is done: a worker that is still busy with it cannot do other w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
@@ -30,6 +31,7 @@ from coordinator.pool.dispatch.events import (
     Refused,
     Replied,
     Send,
+    Silence,
     Ticked,
     Unavailable,
     WorkerJoined,
@@ -53,6 +55,7 @@ SMOOTHING = 0.2  # of the usual time
 SHORTEST = 1e-6  # seconds a particle
 PAUSE = 0.1  # seconds after a request that nothing came of: the worker may just have gone, or come
 REFUSALS_LEAST = 3  # of a batch, before it fails the job
+SILENT = 20.0  # seconds; a request that ends later without a result has met the bus's own timeout
 
 
 @dataclass(slots=True)
@@ -76,6 +79,8 @@ class Scheduler:
     usual_seconds: float | None = None  # from request to result, for each particle of a lane
     next_ticket: int = 0
     may_wait: bool = False  # whether there may be batches that wait; to look costs time with many
+    answered_at: float = -math.inf  # when any worker has said anything about any request last
+    silent_at: float | None = None  # when a request ended of silence, with no answer to any since
 
     def handle(self, event: Event, now: float) -> list[Instruction]:
         """What is to be done about an event at time `now`, seconds from any origin."""
@@ -95,12 +100,18 @@ class Scheduler:
                 self._forget(name)
                 outcome = []
             case Replied(ticket, at):
+                self._hear(now)
                 outcome = self._accept(ticket, now if at is None else at)
             case Refused(ticket, reason):
+                self._hear(now)
                 outcome = self._refuse(ticket, reason, now)
-            case Ended(ticket) | Unavailable(ticket):
+            case Unavailable(ticket):
+                self._hear(now)
                 self._give_up(ticket, now)
                 outcome = []
+            case Ended(ticket):
+                ended = self._give_up(ticket, now)
+                return [*self._assign(now), *self._listen(ended, now)]
             case Ticked():
                 outcome = []
         return outcome + self._assign(now)
@@ -192,13 +203,25 @@ class Scheduler:
         refusers = {worker for worker, _ in batch.refusals}
         return len(batch.refusals) >= REFUSALS_LEAST and refusers >= self.workers.keys()
 
-    def _give_up(self, ticket: int, now: float) -> None:
+    def _give_up(self, ticket: int, now: float) -> Flight | None:
         flight = self._land(ticket)
         if flight is not None:
             self.may_wait = True
             flight.batch.came_back = True
             strike(flight.worker, now)
             flight.worker.rests_until = max(flight.worker.rests_until, now + PAUSE)
+        return flight
+
+    def _hear(self, now: float) -> None:
+        self.answered_at, self.silent_at = now, None
+
+    def _listen(self, ended: Flight | None, now: float) -> list[Instruction]:
+        """Whether a request ended because nobody at all answers any longer."""
+        if ended is None or now < ended.sent_at + SILENT or self.answered_at > ended.sent_at:
+            return []
+        again = self.silent_at is not None and ended.sent_at >= self.silent_at
+        self.silent_at = self.silent_at or now
+        return [Silence(ended.worker.name, again)]
 
     def _assign(self, now: float) -> list[Instruction]:
         sends = self._hand_out(now) if self.may_wait else []

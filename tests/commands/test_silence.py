@@ -1,0 +1,98 @@
+"""Workers that are there and do not answer: a run connects anew, and goes on."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from rich.console import Console
+
+from common.errors import SilentWorkers
+from common.protocol import keys
+from common.settings import RefineSettings
+from common.sizes import Body
+from common.transport.opening import open_worker
+from coordinator.commands.console.progress import Show, show_on
+from coordinator.commands.options.choices import choose_settings
+from coordinator.commands.options.job import Job
+from coordinator.commands.track import RECONNECTIONS, track_sequence
+from coordinator.commands.workers import connect_workers
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import PendingRefinement, ZenohRefiner
+from coordinator.results.track import read_track
+from tests.support.processes.programs import INSTANT
+from tests.support.processes.serving import MODEL, POSES, SETTINGS, frame
+from tests.support.processes.still_workers import sequence  # noqa: F401 fixture
+
+
+class FallsSilent(ZenohRefiner):
+    """Real workers, to whom the way is broken from some request on."""
+
+    def __init__(self, pool: Pool, show: Show, requests: int) -> None:
+        super().__init__(pool, show.say)
+        self._left = requests
+
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> PendingRefinement:
+        """Pass it on, as long as there is a way."""
+        self._left -= 1
+        if self._left < 0:
+            raise SilentWorkers("silence")
+        return super().submit(body, poses, settings)
+
+
+def job(sequence: Path, out: Path) -> Job:
+    """A run with one worker, which gives particles back as they are."""
+    settings = choose_settings("gepf", "default", 6, 300, 0)
+    return Job(sequence, out, settings, Pool(1, worker_command=INSTANT), pictures=False)
+
+
+def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, tmp_path: Path) -> None:
+    """Frames that are recorded stay, and the tracker goes on from the last of them."""
+    written, opened = io.StringIO(), list[int]()
+
+    def connect(pool: Pool, show: Show) -> ZenohRefiner:
+        opened.append(1)
+        return connect_workers(pool, show) if len(opened) > 1 else FallsSilent(pool, show, 3)
+
+    show = show_on(Console(file=written, width=300))
+    track_sequence(job(sequence, tmp_path / "broken"), show, connect)
+    track_sequence(job(sequence, tmp_path / "calm"), show, connect_workers)
+    broken, calm = (tmp_path / name / "track.npz" for name in ("broken", "calm"))
+    assert broken.read_bytes() == calm.read_bytes()
+    assert len(opened) == 2
+    assert "none of them answers; connecting anew" in written.getvalue()
+    assert "going on with frame" in written.getvalue()
+
+
+def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: Path) -> None:
+    """As every fault of the bus does."""
+    opened = list[int]()
+
+    def connect(pool: Pool, show: Show) -> ZenohRefiner:
+        opened.append(1)
+        return FallsSilent(pool, show, 3 if len(opened) == 1 else 0)
+
+    with pytest.raises(SilentWorkers):
+        track_sequence(job(sequence, tmp_path / "out"), show_on(Console(file=io.StringIO())), connect)
+    assert len(opened) == RECONNECTIONS + 1
+    assert len(read_track(tmp_path / "out").frame) > 0
+
+
+@pytest.mark.slow
+def test_a_worker_that_takes_requests_and_never_answers_is_named(endpoint: str) -> None:
+    """Twice the time that a request may take, and then an error in place of a wait without end."""
+    said = list[str]()
+    with ZenohRefiner(Pool(0, listen=endpoint), said.append) as refiner, open_worker([endpoint]) as bus:
+        requests = bus.requests(keys.worker_refine("mute"))
+        bus.announce(keys.worker_lanes("mute", 1))
+        bus.announce(keys.worker_alive("mute"))
+        refiner.wait_for(1)
+        refiner.publish(frame(1))
+        pending = refiner.submit(MODEL, POSES, SETTINGS)
+        with pytest.raises(SilentWorkers, match="none of them answers"):
+            pending.result()
+        requests.close()
+    assert said.count("worker mute is there, and has not answered for 30 s") == 2
