@@ -49,7 +49,8 @@ def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
 
     One that fails stops no other. An interrupt ends all; their frames are kept, for `--resume`.
     """
-    ended = run_pool(jobs, at_once, show)
+    place = {job.out: at for at, job in enumerate(jobs)}
+    ended = sorted(run_pool(jobs, at_once, show), key=lambda each: place[each.job.out])
     for line in tabulate([(e.job, e.code, e.line, e.seconds) for e in ended]):
         show.say(line)
     return gravest([each.code for each in ended])
