@@ -20,6 +20,7 @@ Size = tuple[float, float]  # share of the way from the slim body to the thick o
 
 BODIES_KEPT = 16  # of one body, in the sizes that were asked for last: two people may share it
 MOST_VERTICES = 2**16  # of a body that comes in sizes
+ORIGIN = "_origin"  # of a body that was made in a size: what it is a size of, and which
 MOVED = ("vertices", "points", "joint_points")  # what differs between sizes
 
 
@@ -52,13 +53,16 @@ class Sizes:
         return self._made[size]
 
     def _make(self, share: float, scale: float) -> BodyModel:
+        """A new body, which remembers what it is a size of: so it need not be sent whole."""
         moved = {}
         for name in MOVED:
             slim, thick = getattr(self.slim, name), getattr(self.thick, name)
             moved[name] = (slim + share * (thick - slim)) * scale
             if not np.abs(moved[name]).max(initial=0.0) <= LARGEST_LENGTH:
                 raise ProtocolError("the body is too large in this size")
-        return replace(self.slim, **moved)
+        made = replace(self.slim, **moved)
+        vars(made)[ORIGIN] = self, (share, scale)
+        return made
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +83,12 @@ class Part(NamedTuple):
 
 Body = BodyModel | Sized
 """What particles have: all the same body, or each a size of its own."""
+
+
+def as_sizes(body: Body, particles: int) -> Body:
+    """The body of so many particles, as sizes of others if it was made as one."""
+    origin = vars(body).get(ORIGIN) if isinstance(body, BodyModel) else None
+    return body if origin is None else Sized(origin[0], np.tile(origin[1], (particles, 1)))
 
 
 def parts_of(body: Body, particles: int) -> Iterator[Part]:

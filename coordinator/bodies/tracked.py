@@ -10,9 +10,18 @@ from numpy.typing import NDArray
 
 from common.activation import activate
 from common.body import BodyModel
+from common.sizes import Sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 
 Array = NDArray[np.float64]
+
+THICKER = 0.1  # than usual, of the second body from which those of all girths are made
+BETWEEN = (1.0, 1.0 + THICKER)  # girths of these two
+
+
+def size_of(stature: float, girth: float) -> tuple[float, float]:
+    """The share of the way from the usual girth to the thick one, and the scale."""
+    return (girth - 1.0) / THICKER, stature / REFERENCE_STATURE
 
 
 def scaled(model: BodyModel, factor: float) -> BodyModel:
@@ -66,7 +75,8 @@ class Bodies:
         self._dof_names = dof_names
         self._build = build
         self._full: dict[float, BodyModel] = {}
-        self._for_start: dict[float, BodyModel] = {}
+        self._started: dict[float, BodyModel] = {}
+        self._for_start: Sizes | None = None  # in all sizes
         self.start_dofs = start_dofs
         self.active = active
         self.measures = measures
@@ -84,10 +94,20 @@ class Bodies:
 
     def for_start(self, stature: float, girth: float) -> BodyModel:
         """The body with the degrees of freedom that a start is searched in."""
-        if girth not in self._for_start:
+        if self.measures is not None:
+            return self._starting(stature, girth)
+        if self._for_start is None:
+            slim, thick = (self._starting(REFERENCE_STATURE, between) for between in BETWEEN)
+            if len(slim.vertices) != len(thick.vertices):
+                return self._starting(stature, girth)
+            self._for_start = Sizes(slim, thick)
+        return self._for_start.body(size_of(stature, girth))
+
+    def _starting(self, stature: float, girth: float) -> BodyModel:
+        if girth not in self._started:
             full = self.full(REFERENCE_STATURE, girth)
-            self._for_start[girth] = activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
-        return scaled(self._for_start[girth], stature / REFERENCE_STATURE)
+            self._started[girth] = activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
+        return scaled(self._started[girth], stature / REFERENCE_STATURE)
 
     def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The body as it is tracked, what is not active held at `values`, and its pose (D,) there."""
@@ -125,8 +145,4 @@ class OneBody(Bodies):
 
     def for_start(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
         """The body with the degrees of freedom that a start is searched in."""
-        if not self._for_start:
-            self._for_start[1.0] = activate(
-                self._model, self.start_dofs, np.zeros(len(self._model.dof_names))
-            )
-        return self._for_start[1.0]
+        return self._starting(REFERENCE_STATURE, 1.0)

@@ -338,8 +338,7 @@ class Tracker:
         rules, settings, vertices = self.rules, self._settings, len(self.model.vertices)
         most = most_iterations(proposal.poses.shape, settings.points, vertices)
         refine = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
-        body = self._size.body_of(self._start, len(proposal.poses))
-        return Request(proposal, self._refiner.submit(body, proposal.poses, refine))
+        return Request(proposal, self._refiner.submit(self.model, proposal.poses, refine))
 
     def _update(self, request: Request, clock: Stopwatch) -> tuple[Belief, int]:
         """The belief after a frame, and of how many particles at the least; layers ask for more than once."""

@@ -218,7 +218,7 @@ def test_what_is_left_over_is_far_from_all_of_the_body() -> None:
     rng = np.random.default_rng(3)
     points, vertices = 0.3 * rng.normal(size=(200, 3)), 0.3 * rng.normal(size=(400, 3))
     left = np.empty(len(points), dtype=np.bool_)
-    find_left_over(points, vertices, 0.5, left)
+    find_left_over(np.ascontiguousarray(points.T), vertices, 0.5, left)
     apart = np.linalg.norm((points[:, None] - vertices) * (1.0, 1.0, 0.5), axis=-1)
     assert 0.1 < left.mean() < 0.9
     np.testing.assert_array_equal(left, apart.min(axis=1) > NEAR)

@@ -55,7 +55,8 @@ def pack_model(model: BodyModel) -> tuple[Skeleton, Surface]:
 def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     """Skeleton and surface of a model."""
     order, leaves = order_vertices(model)
-    rank = np.argsort(order, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
     skin_links, skin_weights = weights_first(model.skin_links[order], model.skin_weights[order])
     skeleton = Skeleton(
         model.kinds,
@@ -71,20 +72,30 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         np.ascontiguousarray(model.vertices[order]),
         vertex_normals(model.vertices, model.triangles)[order],
         leaves,
-        rank[model.triangles][np.argsort(rank[model.triangles[:, 0]], kind="stable")].astype(np.uint32),
+        in_order(rank[model.triangles]),
         np.ascontiguousarray(skin_links, np.uint32),
         np.ascontiguousarray(skin_weights),
     )
     return skeleton, surface
 
 
+def in_order(triangles: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """Triangles (T, 3) in the order of their first corners; small numbers are sorted in one go."""
+    first = triangles[:, 0]
+    small = first.max(initial=0) <= np.iinfo(np.uint16).max
+    order = np.argsort(first.astype(np.uint16) if small else first, kind="stable")
+    return triangles[order].astype(np.uint32)
+
+
 def weights_first(
     links: NDArray[np.int64], weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Links and weights (V, K) of vertices, those without weight last, and no more than there must be."""
-    order = np.argsort(weights <= 0.0, axis=1, kind="stable")
-    most = max(1, int(np.count_nonzero(weights > 0.0, axis=1).max(initial=1)))
-    order = order[:, :most]
+    some = weights > 0.0
+    most = max(1, int(np.count_nonzero(some, axis=1).max(initial=1)))
+    if not np.any(some[:, 1:] & ~some[:, :-1]):  # as it is in most models
+        return links[:, :most], weights[:, :most]
+    order = np.argsort(~some, axis=1, kind="stable")[:, :most]
     return np.take_along_axis(links, order, axis=1), np.take_along_axis(weights, order, axis=1)
 
 

@@ -118,6 +118,7 @@ class Search:
     def prepare(self) -> None:
         """Make the bodies that candidates are tried on."""
         for girth in GIRTHS if self._known is None else ():
+            self._bodies.full(REFERENCE_STATURE, girth)
             self._bodies.for_start(REFERENCE_STATURE, girth)
 
     def find(

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, BodyModel
 from common.compiling import numba
 from common.settings import RefineSettings
-from common.sizes import Body, Sized, Sizes
+from common.sizes import Sized, Sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies
+from coordinator.bodies.tracked import BETWEEN, Bodies, size_of
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.starting.measuring import Measured, Shown, uprightness, weigh_frame
 from coordinator.tracking.starting.start import Start
@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 Measures = tuple[float, float]  # stature in metres, and girth
 
 STEP = 0.04  # of a measure, as a share
-THICKER = 0.1  # than usual, of the second body from which those of all girths are made
-BETWEEN = (1.0, 1.0 + THICKER)  # girths of these two
 ROUNDS = 3  # of ICP for each body
 WITHOUT_GIRTH = 3  # variants: the body, one larger and one smaller
 CELL = 5.0 / (18.0 * np.sqrt(3.0))
@@ -44,11 +42,6 @@ def sizes_of(bodies: Bodies, values: Mapping[str, float]) -> Sizes:
     """All sizes of a body of which what does not move is held at these values."""
     usual, thick = (bodies.tracked(REFERENCE_STATURE, girth, values)[0] for girth in BETWEEN)
     return Sizes(usual, thick)
-
-
-def size_of(stature: float, girth: float) -> tuple[float, float]:
-    """The share of the way from the usual girth to the thick one, and the scale."""
-    return (girth - 1.0) / THICKER, stature / REFERENCE_STATURE
 
 
 def vary(sizes: Sizes, about: Measures) -> Variants:
@@ -76,7 +69,6 @@ class Asker:
         self._variants: Variants | None = None
         self._values: Mapping[str, float] | None = None  # of what does not move, in all sizes
         self._sizes: Sizes | None = None
-        self._resized: tuple[Start, Sized] | None = None  # last
 
     def prepare(self) -> None:
         """Make what the first question needs, so that no frame has to wait for it."""
@@ -110,16 +102,7 @@ class Asker:
     def resize(self, start: Start, stature: float, girth: float) -> Start:
         """The same start with a body of another size."""
         sizes, size = self._sizes_of(start), size_of(stature, girth)
-        resized = replace(start, model=sizes.body(size), stature=stature, girth=girth)
-        self._resized = resized, Sized(sizes, np.array([size]))
-        return resized
-
-    def body_of(self, start: Start, particles: int) -> Body:
-        """The body of so many particles, as a refiner gets it most easily: as a size of what it knows."""
-        if self._resized is None or self._resized[0] is not start:
-            return start.model
-        sized = self._resized[1]
-        return replace(sized, sizes=np.repeat(sized.sizes, particles, axis=0))
+        return replace(start, model=sizes.body(size), stature=stature, girth=girth)
 
     def _sizes_of(self, start: Start) -> Sizes:
         """All sizes of a body, made once for each pose of what does not move."""

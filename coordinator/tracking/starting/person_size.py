@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings
-from common.sizes import Body
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
 from coordinator.tracking.estimate import RECORDED
@@ -72,10 +71,6 @@ class PersonSize:
         if self.measured.size == (start.stature, start.girth):
             return start
         return self._asker.resize(start, *self.measured.size)
-
-    def body_of(self, start: Start, particles: int) -> Body:
-        """The body of so many particles, as a refiner gets it most easily."""
-        return self._asker.body_of(start, particles)
 
 
 def stature_by_length(start: Start, pose: NDArray[np.float64], subject: SubjectFrame) -> float | None:
