@@ -51,6 +51,8 @@ class PersonSize:
         time_s = subject.frame.time_s
         if self.measured is None or rules.is_soft:
             return
+        if not any(self.measured.asks(time_s, bent=bent) for bent in (False, True)):
+            return
         bent = is_bent(start.model, belief.poses[0])
         if not self.measured.asks(time_s, bent=bent):
             return
