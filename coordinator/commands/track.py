@@ -14,6 +14,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show, counted
 from coordinator.commands.finished.pictures import draw_pictures
+from coordinator.commands.garbage import leave_loaded_alone
 from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.workers import Connect, PooledRefiner
@@ -163,7 +164,7 @@ def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[Poole
         known = KnownMotion(run.job.joint_states) if run.job.joint_states else None
         tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past, isolation, known)
         frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
-        for estimate, state in follow(tracker, frames):
+        for estimate, state in leave_loaded_alone(follow(tracker, frames)):
             meter.advance(estimate)
             if results is not None:
                 results.put(estimate, tracker.model, tracker.start.held)

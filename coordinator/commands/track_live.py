@@ -13,6 +13,7 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show
+from coordinator.commands.garbage import leave_loaded_alone
 from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.track import conclude, describe_pool, write_results
@@ -113,7 +114,7 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
         tracker.prepare()
         refiner.listen(run.key, run.frames.receive)
         show.say(f"listening on {run.key}; the newest frame is tracked as soon as the workers are ready")
-        for frame in from_first_seen(iter(run.frames), show.say):
+        for frame in leave_loaded_alone(from_first_seen(iter(run.frames), show.say)):
             estimate = tracker.track(frame)
             if results is not None:
                 results.put(estimate, tracker.model, tracker.start.held)

@@ -8,6 +8,7 @@ from common.errors import InputError
 from coordinator.bodies.choice import choose_bodies
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import Show
+from coordinator.commands.garbage import leave_loaded_alone
 from coordinator.commands.options.job import Job
 from coordinator.commands.people.group import Group, advance, open_all_results, open_group, put_all
 from coordinator.commands.people.track import conclude
@@ -63,7 +64,7 @@ def track_newest(
         refiner.listen(key, frames.receive)
         show.say(f"listening on {key}; the newest frame is tracked as soon as the workers are ready")
         crowd = Crowd(refiner, job.settings, bodies, job.people, scope)
-        for frame in from_first_seen(iter(frames), show.say):
+        for frame in leave_loaded_alone(from_first_seen(iter(frames), show.say)):
             results = [
                 (estimate, tracker.state)
                 for estimate, tracker in zip(crowd.track(frame), crowd.trackers, strict=True)

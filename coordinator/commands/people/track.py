@@ -12,6 +12,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show, counted
 from coordinator.commands.finished.pictures import draw_pictures
+from coordinator.commands.garbage import leave_loaded_alone
 from coordinator.commands.options.job import Job
 from coordinator.commands.people.group import Group, advance, open_all_results, open_group, put_all
 from coordinator.commands.track import describe_pool
@@ -99,7 +100,7 @@ def track_frames(run: PeopleRun, meter: FrameMeter, show: Show, connect: Connect
     with connect(job.pool, show) as refiner, meter, open_all_results(job, refiner) as outlets:
         crowd = Crowd(refiner, job.settings, run.bodies, job.people, run.scope, group.states)
         frames = (run.source.frame(number) for number in run.numbers[group.frames :])
-        for results in follow_all(crowd, frames):
+        for results in leave_loaded_alone(follow_all(crowd, frames)):
             advance(meter, results)
             put_all(results, crowd, outlets)
             group.append(results, refiner.statistics, meter.seconds)
