@@ -2,7 +2,8 @@
 
 Numba keeps a compiled kernel for as long as its own file stays the same, though it holds what it calls from
 other files, and their constants. Here it is kept for as long as all files of these packages stay the same
-that its file imports, directly or through others. Import `numba` from here where kernels are compiled.
+that its file imports, directly or through others. Import `numba` from here where kernels are compiled. Those
+of other packages in the same process are numba's own matter, or of whom the user names instead.
 """
 
 from __future__ import annotations
@@ -16,11 +17,27 @@ from typing import Any
 import numba
 from numba.core import caching
 
+from common.errors import InputError
+from common.kernel_cache import PACKAGES, VARIABLE
+
 __all__ = ["numba"]
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = "common|worker|coordinator|gepf"
-IMPORT = re.compile(rf"^ *from ((?:{PACKAGES})[\w.]*) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
+IMPORT = re.compile(rf"^ *from ((?:{'|'.join(PACKAGES)})[\w.]*) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
+SETTING = "CACHE_LOCATOR_CLASSES"
+USUAL = (
+    "UserProvidedCacheLocator",
+    "InTreeCacheLocator",
+    "UserWideCacheLocator",
+    "IPythonCacheLocator",
+    "ZipCacheLocator",
+)
+"""Where numba keeps what others compile, in its own order."""
+
+
+def is_ours(file: Path) -> bool:
+    """Whether a file is there, and of these packages."""
+    return file.is_file() and any(file.is_relative_to(ROOT / package) for package in PACKAGES)
 
 
 @cache
@@ -55,9 +72,15 @@ def sources(file: Path) -> bytes:
 
 
 class BySources:
-    """A kernel is as old as all the sources that it may stand on."""
+    """A kernel of ours is as old as all the sources that it may stand on."""
 
     _py_file: str
+
+    @classmethod
+    def from_function(cls, py_func: object, py_file: str) -> Any:
+        """Where a function is kept; None if it is not ours, or that cannot be written to."""
+        ours = is_ours(Path(py_file).resolve())
+        return super().from_function(py_func, py_file) if ours else None  # type: ignore[misc]
 
     def get_source_stamp(self) -> Any:
         return sources(Path(self._py_file).resolve())
@@ -75,5 +98,19 @@ class InHome(BySources, caching.UserWideCacheLocator):
     """Kept in the user's cache, where the source's folder cannot be written to."""
 
 
-ours = [f"{each.__module__}.{each.__name__}" for each in (InFolder, InTree, InHome)]
-setattr(numba.config, "CACHE_LOCATOR_CLASSES", ",".join([*ours, "IPythonCacheLocator", "ZipCacheLocator"]))  # noqa: B010
+class Nowhere:
+    """None of them can be written to."""
+
+    @classmethod
+    def from_function(cls, _: object, py_file: str) -> None:
+        """InputError for a function of ours."""
+        if is_ours(Path(py_file).resolve()):
+            raise InputError(
+                f"compiled kernels cannot be kept beside {py_file} or in this user's cache;"
+                f" name a folder that can be written to in {VARIABLE}"
+            )
+
+
+ours = [f"{each.__module__}.{each.__name__}" for each in (InFolder, InTree, InHome, Nowhere)]
+theirs = getattr(numba.config, SETTING) or ",".join(USUAL)
+setattr(numba.config, SETTING, ",".join([*ours, theirs]))

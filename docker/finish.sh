@@ -7,6 +7,6 @@ site=$(echo "$1"/lib/python3.*/site-packages)
 find "$site" -type d -name tests -prune -exec rm -rf {} +
 find "$site" \( -name '*.pyx' -o -name '*.pxd' -o -name '*.h' -o -name '*.a' \) -type f -delete
 
-# Bytecode and kernels are taken for current by their source's time; layers keep no fractions of a second.
+# Bytecode is taken for current by its source's time; layers keep no fractions of a second.
 find "$1" -name '*.py' -exec touch --date=2020-01-01 {} +
 "$1"/bin/python -m compileall -q "$site" >/dev/null || true # some packages come with templates of source

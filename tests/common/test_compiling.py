@@ -47,23 +47,26 @@ def checkout(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def run(checkout: Path, code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Code in a fresh process of a checkout."""
+    clean = {name: value for name, value in os.environ.items() if name != VARIABLE}
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=checkout,
+        env={**clean, "PYTHONPATH": str(checkout), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
 @pytest.mark.parametrize("where", ["beside the source", "in a folder"])
 def test_a_kernel_is_compiled_anew_when_what_it_calls_changed(checkout: Path, where: str) -> None:
     """Whether code or a constant; a file that it does not stand on, or none, changes nothing."""
     folder = {} if where == "beside the source" else {VARIABLE: str(checkout / "kernels")}
-    clean = {name: value for name, value in os.environ.items() if name != VARIABLE}
 
     def result() -> str:
-        environment = {**clean, **folder, "PYTHONPATH": str(checkout)}
-        done = subprocess.run(
-            [sys.executable, "-c", RUN],
-            cwd=checkout,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stdout.strip()
+        return run(checkout, RUN, **folder).stdout.strip()
 
     assert [result(), result()] == ["4 0", "4 1"]
     (checkout / "worker" / "constants.py").write_text("FACTOR = 3\n")
@@ -72,6 +75,29 @@ def test_a_kernel_is_compiled_anew_when_what_it_calls_changed(checkout: Path, wh
     assert result() == "13 0"
     (checkout / "worker" / "other.py").write_text("FACTOR = 5\n")
     assert result() == "13 1"
+
+
+def test_kernels_of_other_packages_are_kept_as_numba_keeps_them(checkout: Path) -> None:
+    """Whether gepf is loaded beside them or not, and however their source is encoded."""
+    theirs = CALLEE.replace("common.compiling import numba", "numba import njit").replace(
+        "numba.njit", "njit"
+    )
+    text = "# -*- coding: latin-1 -*-\n# caf\xe9\n" + theirs.replace(
+        "from worker.constants import FACTOR", "FACTOR = 2"
+    )
+    (checkout / "theirs.py").write_bytes(text.encode("latin-1"))
+    use = "from theirs import twice as f; print(f(1), sum(f.stats.cache_hits.values()))"
+    beside = f"import common.compiling; {use}"
+    assert [run(checkout, code).stdout.strip() for code in (use, beside, use)] == ["2 0", "2 1", "2 1"]
+
+
+def test_where_nothing_can_be_written_the_user_is_told_what_helps(checkout: Path) -> None:
+    """Neither beside the source nor in the user's cache; with a folder that can be, all is well."""
+    (checkout / "worker" / "__pycache__").touch()
+    nowhere = {"XDG_CACHE_HOME": os.devnull, "PYTHONDONTWRITEBYTECODE": "1"}
+    told = run(checkout, RUN, **nowhere)
+    assert re.search(rf"InputError: compiled kernels cannot be kept .*{VARIABLE}", told.stderr)
+    assert run(checkout, RUN, **nowhere, **{VARIABLE: str(checkout / "kernels")}).stdout == "4 0\n"
 
 
 def test_no_file_takes_numba_from_elsewhere() -> None:
