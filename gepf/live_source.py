@@ -14,7 +14,7 @@ from common.transport.opening import open_coordinator
 from coordinator.pool.options import Pool
 from coordinator.security.tls import TlsFiles
 from coordinator.sources.live import LiveFrames, from_first_seen
-from gepf.security import secure
+from gepf.security import said_in_python, secure
 
 log = logging.getLogger("gepf")
 
@@ -36,7 +36,9 @@ class LiveSource(Closing):
 
     def __iter__(self) -> Iterator[DepthFrame]:
         reached = self._reached
-        with open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security) as bus:
+        with said_in_python():
+            opened = open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
+        with opened as bus:
             self._session = bus
             bus.subscribe(self._key, self._frames.receive)
             log.info("listening on %s", self._key)
@@ -92,4 +94,4 @@ def live(
         raise InputError(f"idle_timeout={idle_timeout:g} would end at once; give seconds above 0, or None")
     security = secure(listen, connect, tls, insecure=insecure)
     reached = Pool(0, listen, connect, security)
-    return LiveSource(check_stream(key, guarded=tls is not None), reached, idle_timeout)
+    return LiveSource(check_stream(key, guarded=security is not None), reached, idle_timeout)

@@ -20,6 +20,7 @@ from coordinator.results.model_file import TrackedBody
 from coordinator.results.people import person_folder
 from coordinator.results.recording.recorded import assemble, floor_up
 from coordinator.results.recording.saving import save_run
+from coordinator.security.tls import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.observing.isolation import prepare
 from coordinator.tracking.pace import keep_up
@@ -41,6 +42,7 @@ class PeopleTracker(Closing):
         active: Degrees of freedom to track, None for the usual ones.
         camera: Matrix (3, 3) in pixels; needed to track arrays only.
         depth_scale: Units per metre of arrays of whole numbers.
+        tls: The authority's certificate, the coordinator's, and its key, for workers at tls/HOST:PORT.
 
     A context manager: at its end, or with `close`, the workers that it started end. The first person is who
     was found first. Raises InputError for what cannot be tracked.
@@ -55,6 +57,7 @@ class PeopleTracker(Closing):
         active: tuple[str, ...] | None = None,
         camera: ArrayLike | None = None,
         depth_scale: float | None = None,
+        tls: TlsFiles | None = None,
     ) -> None:
         if people < 1:
             raise InputError(f"people={people} would track nobody; give 1 or more")
@@ -62,7 +65,7 @@ class PeopleTracker(Closing):
         bodies = choose_bodies(active, self._settings.preset, HUMAN)
         self._images, self._frames = Images(camera, depth_scale), 0
         self._stack = ExitStack()
-        refiner = open_refiner(workers, self._stack)
+        refiner = open_refiner(workers, tls, self._stack)
         self._made = partial(Crowd, refiner, bodies=bodies, people=people)
         self._crowd = self._made(self._settings)
 

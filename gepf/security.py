@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
 from common.errors import InputError
 from common.transport.session import Security
 from coordinator.security.tls import TlsFiles, choose_security
@@ -19,14 +22,17 @@ def secure(
     listen: str | None, connect: str | None, tls: TlsFiles | None = None, *, insecure: bool = False
 ) -> Security | None:
     """Certificate and access rules for these endpoints; InputError where they do not fit together."""
-    try:
+    with said_in_python():
         return choose_security(listen, connect, tls or TlsFiles(), insecure=insecure)
+
+
+@contextmanager
+def said_in_python(names: Mapping[str, str] = IN_PYTHON) -> Iterator[None]:
+    """Have faults of the input name the library's arguments, where they name the command line's options."""
+    try:
+        yield
     except InputError as error:
-        raise InputError(in_python(str(error))) from error
-
-
-def in_python(line: str) -> str:
-    """A line of the command line with the library's names in place of options."""
-    for option, name in IN_PYTHON.items():
-        line = line.replace(option, name)
-    return line
+        line = str(error)
+        for option, name in names.items():
+            line = line.replace(option, name)
+        raise InputError(line) from error

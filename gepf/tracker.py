@@ -23,6 +23,7 @@ from coordinator.filters.methods import apply_method
 from coordinator.results.model_file import TrackedBody
 from coordinator.results.recording.recorded import assemble, certainty_of, floor_up
 from coordinator.results.recording.saving import save_run
+from coordinator.security.tls import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.observing.isolation import prepare
 from coordinator.tracking.pace import keep_up
@@ -53,6 +54,7 @@ class Tracker(Closing):
         active: Degrees of freedom to track, None for the usual ones.
         camera: Matrix (3, 3), fx 0 cx, 0 fy cy, 0 0 1 in pixels; needed to track arrays only.
         depth_scale: Units per metre of arrays of whole numbers.
+        tls: The authority's certificate, the coordinator's, and its key, for workers at tls/HOST:PORT.
 
     A context manager: at its end, or with `close`, the workers that it started end. Raises InputError for
     what cannot be tracked.
@@ -68,6 +70,7 @@ class Tracker(Closing):
         active: tuple[str, ...] | None = None,
         camera: ArrayLike | None = None,
         depth_scale: float | None = None,
+        tls: TlsFiles | None = None,
     ) -> None:
         settings = apply_method(settings or preset("default"))  # checked before any worker starts
         bodies = bodies_to_track(model, active, settings.preset)
@@ -77,7 +80,7 @@ class Tracker(Closing):
         if given is not None:
             given_start(given, bodies)  # checked before any worker starts
         self._stack = ExitStack()
-        refiner = open_refiner(workers, self._stack)
+        refiner = open_refiner(workers, tls, self._stack)
         self._made = partial(FrameTracker, refiner, bodies=bodies, start=given)
         self._tracker = self._made(settings)
 

@@ -35,7 +35,7 @@ from coordinator.pool.replies import Reply, read_refusal
 from coordinator.pool.worker_registry import REQUEST_TIMEOUT, WorkerRegistry
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
-SILENT = "workers are there, and none of them answers; connect anew: --resume goes on, where frames are kept"
+SILENT = "workers are there, and none of them answers: the way to them is broken, or all of them hang"
 
 
 class Exchange:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 import gepf
 from common.transport.opening import open_coordinator, open_router
+from tests.support.people import SETTINGS, STANDING, shown
 from tests.support.processes.certificates import Folder
 from tests.support.processes.programs import started
+from tests.support.processes.secure import secure_worker
 from tests.support.small_sequence import write_small_sequence
 
 KEY = "gepf/live/depth"
@@ -43,13 +46,30 @@ def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_pa
     assert (live.received, live.malformed) == (3, 0)
 
 
+@pytest.mark.parametrize("way", ["listen", "router"])
+def test_a_tracker_has_workers_with_certificates(way: str, place: str, ours: Folder) -> None:
+    """Those who come to a pool that listens, and those behind a router."""
+    workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=30.0) if way == "listen" else place
+    with ExitStack() as stack:
+        if way == "router":
+            stack.enter_context(open_router([place], (), ours.routing))
+        tracker = gepf.Tracker(
+            gepf.Measures.of(1.82), SETTINGS, workers, STANDING, tls=files_of(ours, "coordinator")
+        )
+        stack.enter_context(tracker)
+        stack.enter_context(secure_worker(place, ours, "w0"))
+        assert tracker.track(shown("standing").frames[0]).particles_answered == SETTINGS.filter.particles
+
+
 def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours: Folder) -> None:
     """Another's certificate, a plain endpoint beside one, a key that would be dropped: one line each."""
-    tls = files_of(ours, "coordinator")
+    tls, pool = files_of(ours, "coordinator"), gepf.Pool(0, listen="tcp/127.0.0.1:1")
     mistakes: list[tuple[Callable[[], object], str]] = [
         (lambda: gepf.live(KEY, listen=place, tls=files_of(ours, "w0")), "is for 'w0', not for"),
         (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", tls=tls), "listen=.* is not encrypted"),
         (lambda: gepf.live("camera/depth", listen=place, tls=tls), "use gepf/live/camera/depth"),
+        (lambda: gepf.Tracker(workers=place), r"^workers=.* needs a certificate; add tls=TlsFiles\("),
+        (lambda: gepf.PeopleTracker(workers=pool, tls=tls), "^listen=.* is not encrypted"),
     ]
     for mistake, says in mistakes:
         with pytest.raises(gepf.InputError, match=says) as caught:
@@ -64,3 +84,13 @@ def test_another_authority_lets_nobody_in(place: str, ours: Folder, foreign: Fol
         live = gepf.live(KEY, connect=place, tls=files_of(foreign, "coordinator"), idle_timeout=20.0)
         with pytest.raises(gepf.InputError, match=r"not valid under|another authority"):
             list(live)
+
+
+def test_who_is_not_let_in_reads_what_to_give(place: str, ours: Folder) -> None:
+    """In Python's words, of live input and of workers: without certificates, at an encrypted port."""
+    plain = place.replace("tls/", "tcp/")
+    with open_coordinator([place], (), ours.listening):
+        for mistake in (lambda: list(gepf.live(KEY, connect=plain)), lambda: gepf.Tracker(workers=plain)):
+            with pytest.raises(gepf.InputError, match=r"give tls/HOST:PORT with tls=TlsFiles\(") as caught:
+                mistake()
+            assert "--" not in str(caught.value)
