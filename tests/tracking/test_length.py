@@ -7,20 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.body import BodyModel
+from common.body import ROOT_DOFS, BodyModel
 from common.frame import HIDDEN, SUBJECT, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose, scaled
+from coordinator.filters.gradient_enhanced import begin
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.search.watch import GIVEN
 from coordinator.tracking.starting.length import SHOWN, measure_length
 from coordinator.tracking.starting.measuring import is_bent
-from coordinator.tracking.starting.person_size import stature_by_length
+from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
 from coordinator.tracking.starting.start import Start
-from tests.support.people import CAMERA, STANDING, frame_of
+from gepf.direct import DirectRefiner
+from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
 
 STATURE = 1.7
 POSTURE = {**STANDING, "root_tz": 2.7}
@@ -83,3 +86,26 @@ def test_stature_follows_from_length() -> None:
     assert stature == pytest.approx(np.log(STATURE), abs=0.045)
     assert not is_bent(MODEL, start.pose)
     assert is_bent(MODEL, name_pose(MODEL, squat))
+
+
+def test_who_sits_with_legs_that_do_not_move_is_not_taken_for_short() -> None:
+    """Straight as the rest of the body is, head and soles are as far apart as the held legs have them."""
+    sitting = {**POSTURE, **{f"{s}_{joint}_flexion": 1.4 for s in "rl" for joint in ("hip", "knee")}}
+    bodies = choose_bodies((*ROOT_DOFS, "r_shoulder_flexion", "l_shoulder_flexion"), "default")
+    model, pose = bodies.tracked(STATURE, 1.0, sitting)
+    start, subject = Start(model, pose, STATURE, 1.0, sitting), subject_in(sitting)
+    assert not is_bent(model, pose)
+    shown = stature_by_length(start, pose, subject)
+    assert shown is not None
+    assert shown < np.log(0.9 * STATURE)
+    refiner = DirectRefiner()
+    refiner.publish(subject)
+    size = PersonSize(bodies, refiner)
+    size.guess(start)
+    for n in range(12):
+        later = replace(subject, frame=replace(subject.frame, time_s=0.1 * n))
+        size.ask(start, begin(model, pose, SETTINGS.filter), GIVEN, SETTINGS.refine, later)
+        start = size.give(start)
+    assert size.measured is not None
+    assert size.measured.frames == 12
+    assert size.measured.size[0] == pytest.approx(STATURE, rel=0.03)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings
-from coordinator.bodies.tracked import Bodies
+from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.filters.belief import Belief
 from coordinator.tracking.estimate import RECORDED
 from coordinator.tracking.refiner import Refiner
@@ -18,7 +18,7 @@ from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.starting.asking import Asker
 from coordinator.tracking.starting.length import SHOWN, measure_length
 from coordinator.tracking.starting.measuring import Measured, is_bent
-from coordinator.tracking.starting.start import Start
+from coordinator.tracking.starting.start import USUAL_MEASURES, Start
 from coordinator.tracking.status import is_settled
 
 
@@ -33,6 +33,7 @@ class PersonSize:
 
     def __init__(self, bodies: Bodies, refiner: Refiner, measured: Measured | None = None) -> None:
         self._asker = Asker(bodies, refiner)
+        self._bodies = bodies
         self.measured = measured
 
     def prepare(self) -> None:
@@ -63,6 +64,7 @@ class PersonSize:
             if shown is None:
                 self.measured = known.passed(time_s)
                 return
+            bent = bent or is_held_bent(start, self._bodies)
             stature = None if bent else stature_by_length(start, belief.poses[0], subject)
             self.measured = known.after(replace(shown, by_length=stature), time_s)
 
@@ -73,6 +75,14 @@ class PersonSize:
         if self.measured.size == (start.stature, start.girth):
             return start
         return self._asker.resize(start, *self.measured.size)
+
+
+def is_held_bent(start: Start, bodies: Bodies) -> bool:
+    """Whether what does not move is held so that nobody can stand straight: as the legs of who sits."""
+    if not start.held:
+        return False
+    whole = bodies.full(*USUAL_MEASURES)
+    return is_bent(whole, name_pose(whole, start.held))
 
 
 def stature_by_length(start: Start, pose: NDArray[np.float64], subject: SubjectFrame) -> float | None:
