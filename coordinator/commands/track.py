@@ -216,9 +216,8 @@ def write_results(
 def conclude(recorded: Recorded, show: Show) -> bool:
     """Warn where most frames are not tracked, or nobody has such a size; gives whether they are tracked."""
     tracked = mostly_tracked(recorded.estimates)
-    measured = recorded.state.checkpoint.measured
-    if measured is not None and measured.is_extreme:
-        show.warn(describe_extreme(measured.size))
+    if extreme := describe_extreme(recorded):
+        show.warn(extreme)
     if not tracked:
         show.warn(describe_failure(recorded.estimates))
     return tracked

@@ -87,9 +87,12 @@ def describe_failure(estimates: Sequence[Estimate]) -> str:
     return f"most frames are not tracked ({describe_status(estimates)}){why}"
 
 
-def describe_extreme(size: tuple[float, float]) -> str:
-    """What to say of a stature in metres and a girth that are at the limits of what is sought."""
-    stature, girth = size
+def describe_extreme(recorded: Recorded) -> str:
+    """What to say of a person whose size came to the limits of what is sought; nothing of anybody else."""
+    measured = recorded.state.checkpoint.measured
+    if measured is None or not measured.is_extreme:
+        return ""
+    stature, girth = measured.size
     return (
         f"the body came out {stature:.2f} m tall and of girth {girth:.2f}, as far as people are sought:"
         " is it a person, and depth_scale right? --model takes measures that are known"

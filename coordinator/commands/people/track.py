@@ -21,7 +21,7 @@ from coordinator.results.configuration.run_configuration import run_configuratio
 from coordinator.results.model_file import TrackedBody
 from coordinator.results.people import is_complete, person_folder
 from coordinator.results.recording.recorded import Recorded
-from coordinator.results.summary import count_doubts, describe_status
+from coordinator.results.summary import count_doubts, describe_extreme, describe_status
 from coordinator.results.track import read_track
 from coordinator.scene.room.furniture import furniture
 from coordinator.scene.scope import Scope
@@ -137,9 +137,11 @@ def draw(run: PeopleRun, found: Mapping[int, Recorded], colours: ColourFolder | 
 
 
 def conclude(found: Mapping[int, Recorded], job: Job, show: Show) -> bool:
-    """Say how each person was tracked, and warn of those who mostly were not; gives whether all were."""
+    """Say how each was tracked; warn of who mostly was not, or has nobody's size; gives whether all were."""
     for number, recorded in found.items():
         show.say(f"{person_folder(job.out, number)}: {describe_status(recorded.estimates)}")
+        if extreme := describe_extreme(recorded):
+            show.warn(f"person {number}: {extreme}")
     if len(found) < job.people:
         show.say(f"{len(found)} of up to {job.people} people were found")
     failed = [number for number, each in found.items() if not followed(each.estimates)]
