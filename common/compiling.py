@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ import numba
 from numba.core import caching
 
 from common.errors import InputError
-from common.kernel_cache import PACKAGES, VARIABLE
+from common.kernel_cache import LETTERS, PACKAGES, VARIABLE
 
 __all__ = ["numba"]
 
@@ -71,19 +72,45 @@ def sources(file: Path) -> bytes:
     return hashlib.sha256(b"".join(content(each) for each in sorted(known))).digest()
 
 
+@cache
+def kept_in(folder: Path) -> tuple[Path, ...]:
+    """Compiled kernels in a folder, as they were when it was first looked at."""
+    return tuple(folder.glob("*.nb[ic]"))
+
+
 class BySources:
-    """A kernel of ours is as old as all the sources that it may stand on."""
+    """A kernel of ours is as old as all the sources that it may stand on.
+
+    Their state is in the names of its files: numba writes a kernel after the index that calls it current, and
+    if it were ended in between, an earlier kernel of the same name would be taken for that.
+    """
 
     _py_file: str
+    _lineno: int
 
     @classmethod
-    def from_function(cls, py_func: object, py_file: str) -> Any:
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
         """Where a function is kept; None if it is not ours, or that cannot be written to."""
-        ours = is_ours(Path(py_file).resolve())
-        return super().from_function(py_func, py_file) if ours else None  # type: ignore[misc]
+        if not is_ours(Path(py_file).resolve()):
+            return None
+        found = super().from_function(py_func, py_file)  # type: ignore[misc]
+        if found is not None:
+            found.forget_earlier(f"{Path(py_file).stem}.{py_func.__qualname__}-")
+        return found
 
     def get_source_stamp(self) -> Any:
         return sources(Path(self._py_file).resolve())
+
+    def get_disambiguator(self) -> str:
+        return f"{self._lineno}-{self.get_source_stamp().hex()[:LETTERS]}"
+
+    def forget_earlier(self, name: str) -> None:
+        """Remove a function's kernels of other states of the sources, whose files' names begin so."""
+        current = f"{name}{self.get_disambiguator()}."
+        for file in kept_in(Path(self.get_cache_path())):  # type: ignore[attr-defined]
+            if file.name.startswith(name) and not file.name.startswith(current):
+                with suppress(OSError):  # another process was faster, or it is somebody else's
+                    file.unlink()
 
 
 class InFolder(BySources, caching.UserProvidedCacheLocator):

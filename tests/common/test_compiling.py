@@ -77,6 +77,23 @@ def test_a_kernel_is_compiled_anew_when_what_it_calls_changed(checkout: Path, wh
     assert result() == "13 1"
 
 
+def test_a_process_that_was_killed_leaves_no_earlier_kernel_behind(checkout: Path) -> None:
+    """Between writing what calls a kernel current and the kernel; and kernels of earlier sources go."""
+
+    def kept() -> set[str]:
+        return {file.name for file in (checkout / "worker" / "__pycache__").glob("*.nb[ic]")}
+
+    assert run(checkout, RUN).stdout == "4 0\n"
+    before = kept()
+    (checkout / "worker" / "constants.py").write_text("FACTOR = 3\n")
+    index = "from numba.core.caching import IndexDataCacheFile as index"
+    end = "index._save_data = lambda *_: os._exit(7)"
+    assert run(checkout, f"import os; {index}; {end}; {RUN}").returncode == 7
+    assert [run(checkout, RUN).stdout for _ in range(2)] == ["9 0\n", "9 1\n"]
+    assert len(kept()) == len(before)
+    assert not kept() & before
+
+
 def test_kernels_of_other_packages_are_kept_as_numba_keeps_them(checkout: Path) -> None:
     """Whether gepf is loaded beside them or not, and however their source is encoded."""
     theirs = CALLEE.replace("common.compiling import numba", "numba import njit").replace(
