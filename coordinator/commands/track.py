@@ -217,7 +217,7 @@ def conclude(recorded: Recorded, show: Show) -> bool:
     """Warn where most frames are not tracked, or nobody has such a size; gives whether they are tracked."""
     tracked = mostly_tracked(recorded.estimates)
     if extreme := describe_extreme(recorded):
-        show.warn(extreme)
+        show.warn(f"{extreme} --model takes measures that are known")
     if not tracked:
         show.warn(describe_failure(recorded.estimates))
     return tracked

@@ -95,7 +95,7 @@ def describe_extreme(recorded: Recorded) -> str:
     stature, girth = measured.size
     return (
         f"the body came out {stature:.2f} m tall and of girth {girth:.2f}, as far as people are sought:"
-        " is it a person, and depth_scale right? --model takes measures that are known"
+        " is it a person, and depth_scale right?"
     )
 
 

@@ -50,6 +50,8 @@ def test_an_extreme_size_is_said(size: tuple[float, float]) -> None:
     one, several = said_at_the_end(measured)
     assert f"the body came out {size[0]:.2f} m tall" in one
     assert f"person 2: the body came out {size[0]:.2f} m tall" in several
+    assert "--model" in one
+    assert "--model" not in several  # which refuses it
 
 
 @pytest.mark.parametrize("measured", [None, Measured.guessed(1.7, 1.0)])

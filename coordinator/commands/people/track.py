@@ -19,7 +19,7 @@ from coordinator.commands.track import describe_pool
 from coordinator.commands.workers import Connect, PooledRefiner
 from coordinator.results.configuration.run_configuration import run_configuration
 from coordinator.results.model_file import TrackedBody
-from coordinator.results.people import is_complete, person_folder
+from coordinator.results.people import is_complete, person_folder, was_found
 from coordinator.results.recording.recorded import Recorded
 from coordinator.results.summary import count_doubts, describe_extreme, describe_status
 from coordinator.results.track import read_track
@@ -137,13 +137,17 @@ def draw(run: PeopleRun, found: Mapping[int, Recorded], colours: ColourFolder | 
 
 
 def conclude(found: Mapping[int, Recorded], job: Job, show: Show) -> bool:
-    """Say how each was tracked; warn of who mostly was not, or has nobody's size; gives whether all were."""
+    """Say how each was tracked; warn of who mostly was not, or has nobody's size; gives whether all were.
+
+    The first person has a run even where nobody was found.
+    """
     for number, recorded in found.items():
         show.say(f"{person_folder(job.out, number)}: {describe_status(recorded.estimates)}")
         if extreme := describe_extreme(recorded):
             show.warn(f"person {number}: {extreme}")
-    if len(found) < job.people:
-        show.say(f"{len(found)} of up to {job.people} people were found")
+    there = sum(was_found(recorded) for recorded in found.values())
+    if there < job.people:
+        show.say(f"{there} of up to {job.people} people were found")
     failed = [number for number, each in found.items() if not followed(each.estimates)]
     for number in failed:
         doubts = count_doubts(found[number].estimates)
