@@ -112,12 +112,13 @@ def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
     """
     first = shown("standing").frames[0]
     messages = [encode_live(first)] * 4 + [b"rubbish", END]
-    done = threading.Semaphore(0)
-    with camera(endpoint, messages, lambda: done.acquire(timeout=2.0)):
+    done, patience = threading.Semaphore(0), iter([60.0])
+    with camera(endpoint, messages, lambda: done.acquire(timeout=next(patience, 2.0))):
         live = gepf.live(KEY, listen=endpoint, idle_timeout=60.0)
         for _ in live:
             break
         assert live.received == 1
+        done.release()
         for _ in live:
             done.release(10)
     assert live.received in {3, 4}
