@@ -35,7 +35,10 @@ from coordinator.pool.replies import Reply, read_refusal
 from coordinator.pool.worker_registry import REQUEST_TIMEOUT, WorkerRegistry
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
-SILENT = "workers are there, and none of them answers: the way to them is broken, or all of them hang"
+SILENT = (
+    f"workers are there, and none of them answers within {REQUEST_TIMEOUT:.0f} s: the way to them is broken, "
+    "they hang, or they have too much to do at once, with so many particles or points"
+)
 
 
 class Exchange:
