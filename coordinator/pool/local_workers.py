@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,7 @@ COMMAND = (sys.executable, "-m", "worker.cli")
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 FRUITLESS_STARTS = 3  # in a row, none of them serving, until we give up
 GRACE = 2.0  # seconds to end by themselves
+ABSENCE = 10.0  # seconds for which one that has served may be away
 LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 
 
@@ -28,6 +29,7 @@ class LocalWorker:
     log: Path  # its standard error, which would garble ours
     process: subprocess.Popen[bytes]
     served: bool = False  # since it was started
+    away_since: float | None = None  # after that
 
 
 class LocalWorkers:
@@ -45,6 +47,16 @@ class LocalWorkers:
         if name in self.workers:
             self.workers[name].served = True
             self._fruitless = 0
+
+    def end_absent(self, present: Collection[str], now: float) -> None:
+        """Kill those that have served and are away for long, as one that is frozen; they are dead then."""
+        for worker in self.workers.values():
+            if worker.name in present or not worker.served:
+                worker.away_since = None
+            elif worker.away_since is None:
+                worker.away_since = now
+            elif now > worker.away_since + ABSENCE:
+                worker.process.kill()
 
     def restart_dead(self) -> list[str]:
         """Start those that have died again; gives a line for each. BusError if that has become pointless."""

@@ -57,6 +57,7 @@ class WorkerRegistry:
 
     def poll(self, now: float) -> None:
         """Start local workers that have died again; NoWorkers if nobody has been there for too long."""
+        self.local.end_absent(self._askers, now)
         for line in self.local.restart_dead():
             self._report(line)
         missing = None if self._askers else self._timeout.check(now)

@@ -104,6 +104,21 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> 
     assert f"worker {name} was ended by SIGKILL; starting it again" in said
 
 
+@pytest.mark.slow
+def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody would end the wait otherwise: once the bus misses it, it is given some time and then killed."""
+    monkeypatch.setattr("coordinator.pool.local_workers.ABSENCE", 1.0)
+    said: list[str] = []
+    with local(1, said.append) as refiner:
+        assert refined_bytes(refiner, 0) == expected(0)
+        name, pid = next(iter(refiner.local_pids.items()))
+        os.kill(pid, signal.SIGSTOP)
+        assert refined_bytes(refiner, 1) == expected(1)
+        assert not is_alive(pid)
+        assert refiner.statistics.local_workers_restarted == 1
+    assert f"worker {name} was ended by SIGKILL; starting it again" in said
+
+
 @pytest.mark.usefixtures("slow")
 @pytest.mark.parametrize(("lanes", "outside"), [(1, 1), (2, 2)])
 def test_frozen_worker_is_worked_around(lanes: int, outside: int, tmp_path: Path) -> None:
