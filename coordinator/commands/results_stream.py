@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol, runtime_checkable
 
-from common.errors import InputError
+from common.errors import InputError, SilentWorkers
 from common.protocol.keys import check_stream
 from coordinator.commands.options.job import Job
 from coordinator.results.recording.live_results import LiveResults, Outlet
@@ -34,13 +34,20 @@ def check_results(job: Job) -> None:
 
 
 @contextmanager
-def open_results(job: Job, refiner: Refiner) -> Iterator[LiveResults | None]:
-    """Where estimates are published, None if nobody asked; its end is published, too."""
+def open_results(job: Job, refiner: Refiner, *, again: bool = False) -> Iterator[LiveResults | None]:
+    """Where estimates are published, None if nobody asked; its end is published, too.
+
+    again: Whether the run connects anew where all workers fall silent, so that this is not the end.
+    """
     if job.results is None or not isinstance(refiner, Speaking):
         yield None
         return
-    results = LiveResults(refiner.speak(job.results), as_json=job.results_json)
+    results, goes_on = LiveResults(refiner.speak(job.results), as_json=job.results_json), False
     try:
         yield results
+    except SilentWorkers:
+        goes_on = again
+        raise
     finally:
-        results.end()
+        if not goes_on:
+            results.end()

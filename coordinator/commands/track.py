@@ -59,12 +59,13 @@ class Run:
     scope: Scope
     recorder: Recorder
     colours: ColourFolder | None = None
+    again: bool = False  # whether another connection is tried if all workers fall silent
 
 
 class Record(Protocol):
-    """Records a run; with `resume` from where it was left."""
+    """Records a run; with `resume` from where it was left, with `again` not for the last time."""
 
-    def __call__(self, *, resume: bool) -> tuple[Run, Recorded | None]:
+    def __call__(self, *, resume: bool, again: bool) -> tuple[Run, Recorded | None]:
         """Give the run, and what there is of it."""
         ...
 
@@ -92,9 +93,9 @@ def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> boo
         show.say(f"all {len(numbers)} frames are in {job.out} already")
         return True
 
-    def record(*, resume: bool) -> tuple[Run, Recorded | None]:
+    def record(*, resume: bool, again: bool) -> tuple[Run, Recorded | None]:
         with Recorder(job.out, configuration, resume=resume) as recorder:
-            run = Run(job, source, numbers, bodies, start, scope, recorder, colours)
+            run = Run(job, source, numbers, bodies, start, scope, recorder, colours, again)
             return run, record_frames(run, show, connect, resume=resume)
 
     run, recorded = connecting_anew(record, show, resume=job.resume)
@@ -108,11 +109,13 @@ def connecting_anew(record: Record, show: Show, *, resume: bool) -> tuple[Run, R
     """Record a run; where all workers fall silent, go on from there over a new connection, a few times."""
     for _ in range(RECONNECTIONS):
         try:
-            return record(resume=resume)
+            return record(resume=resume, again=True)
         except SilentWorkers:
-            show.say("workers are there, and none of them answers; connecting anew")
+            show.say(
+                "workers are there, and none of them answers; connecting anew: this run goes on by itself"
+            )
             resume = True
-    return record(resume=resume)
+    return record(resume=resume, again=False)
 
 
 def record_frames(run: Run, show: Show, connect: Connect[PooledRefiner], *, resume: bool) -> Recorded | None:
@@ -158,7 +161,11 @@ def choose_start(
 def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:
     """Track frame after frame; each is recorded while the workers are busy with the next."""
     recorder = run.recorder
-    with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
+    with (
+        connect(run.job.pool, show) as refiner,
+        meter,
+        open_results(run.job, refiner, again=run.again) as results,
+    ):
         past = recorder.past.state if recorder.past else None
         isolation = Isolation(run.job.settings.points, run.scope)
         known = KnownMotion(run.job.joint_states) if run.job.joint_states else None

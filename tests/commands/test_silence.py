@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from common.errors import SilentWorkers
 from common.protocol import keys
 from common.settings import RefineSettings
 from common.sizes import Body
-from common.transport.opening import open_worker
+from common.transport.opening import open_router, open_worker
 from coordinator.commands.console.progress import Show, show_on
 from coordinator.commands.options.choices import choose_settings
 from coordinator.commands.options.job import Job
@@ -22,8 +24,9 @@ from coordinator.commands.track import RECONNECTIONS, track_sequence
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import PendingRefinement, ZenohRefiner
+from coordinator.results.recording.live_results import END, KIND
 from coordinator.results.track import read_track
-from tests.support.processes.programs import INSTANT
+from tests.support.processes.programs import INSTANT, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, frame
 from tests.support.processes.still_workers import sequence  # noqa: F401 fixture
 
@@ -79,6 +82,25 @@ def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: P
         track_sequence(job(sequence, tmp_path / "out"), show_on(Console(file=io.StringIO())), connect)
     assert len(opened) == RECONNECTIONS + 1
     assert len(read_track(tmp_path / "out").frame) > 0
+
+
+def test_who_listens_hears_one_end(sequence: Path, endpoint: str, tmp_path: Path) -> None:
+    """What is published goes on over the new connection, and ends with the run."""
+    heard, opened = list[str](), list[int]()
+
+    def connect(pool: Pool, show: Show) -> ZenohRefiner:
+        opened.append(1)
+        return ZenohRefiner(pool, show.say) if len(opened) > 1 else FallsSilent(pool, show, 3)
+
+    pool = Pool(1, connect=endpoint, worker_command=INSTANT)
+    published = replace(job(sequence, tmp_path / "out"), results="robot/person", pool=pool)
+    with open_router([endpoint]), open_worker([endpoint]) as bus:
+        bus.subscribe("robot/person", lambda payload: heard.append(msgspec.msgpack.decode(payload)["kind"]))
+        track_sequence(published, show_on(Console(file=io.StringIO())), connect)
+        wait_until(lambda: END in heard)
+    assert len(opened) == 2
+    assert heard.count(KIND) > 0
+    assert heard.index(END) == len(heard) - 1
 
 
 @pytest.mark.slow
