@@ -68,7 +68,8 @@ class Estimate(estimate.Estimate):
                 raise refuse_degrees(name)
             value = self.pose[at]
         else:
-            value = self._angles.measure(self.pose[None])[0, index_of(name, self.angle_names, "angle")]
+            known = tuple(dict.fromkeys((*self.angle_names, *self.model.dof_names)))
+            value = self._angles.measure(self.pose[None])[0, index_of(name, known, "angle")]
         return float(np.degrees(value) if degrees else value)
 
     @property

@@ -103,7 +103,8 @@ class Run:
             shoulders = isb_angles(self.angle_names, self._recorded.angle)
             values = shoulders[:, self.isb_angle_names.index(name)]
         else:
-            values = self._recorded.angle[:, index_of(name, self.angle_names, "angle")]
+            known = tuple(dict.fromkeys((*self.angle_names, *self.isb_angle_names, *track.dof_names)))
+            values = self._recorded.angle[:, index_of(name, known, "angle")]
         return np.degrees(values) if degrees else values.copy()
 
     @property

@@ -104,6 +104,9 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
         for holder in (run, estimate):
             with pytest.raises(gepf.InputError, match=f"'{name}' slides, so it is in metres"):
                 holder.angle(name, degrees=True)
+    for holder in (run, estimate):
+        with pytest.raises(gepf.InputError, match=r"unknown angle 'lift'; choose from .*\bmain_lift\b"):
+            holder.angle("lift")
     assert run.angle("turn", degrees=True)[0] == pytest.approx(estimate.angle("turn", degrees=True))
     table = run.to_dataframe()
     assert np.array_equal(table["main_lift"], run.angle("main_lift"))
