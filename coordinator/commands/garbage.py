@@ -12,8 +12,11 @@ LOADING = 2  # of the things that a run goes through one by one, while which it 
 
 
 def leave_loaded_alone(run: Iterable[T]) -> Iterator[T]:
-    """Go through a run; all that is there after its first steps is not looked through again."""
-    for step, each in enumerate(run):
-        if step < LOADING:
-            gc.freeze()
-        yield each
+    """Go through a run; all that is there after its first steps is not looked through again until its end."""
+    try:
+        for step, each in enumerate(run):
+            if step < LOADING:
+                gc.freeze()
+            yield each
+    finally:
+        gc.unfreeze()
