@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -107,7 +108,7 @@ class Run:
             values = self._recorded.angle[:, index_of(name, known, "angle")]
         return np.degrees(values) if degrees else values.copy()
 
-    @property
+    @cached_property
     def _sliding(self) -> frozenset[str]:
         return frozenset(ROOT_DOFS[:3]) | set(read_slides(self.folder, self.track).names)
 

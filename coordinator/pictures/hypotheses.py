@@ -85,20 +85,20 @@ def curves_of_angles(track: Track, angles: Angles, truth: Truth | None) -> list[
 
 def curves_of_slides(track: Track, model: BodyModel, truth: Truth | None) -> list[Curve]:
     """The joints that vary most of those that slide."""
-    names = slides_of(track, model).names
-    at = [track.dof_names.index(name) for name in names]
+    slides = slides_of(track, model)
+    at = [track.dof_names.index(name) for name in slides.names]
     true = (
         true_poses(track, truth)[:, at] if truth is not None else np.full((len(track.frame), len(at)), np.nan)
     )
     return [
         Curve(
-            names[s].replace("_", " "),
+            slides.names[s].replace("_", " "),
             "cm",
-            100.0 * track.pose[:, at[s]],
+            100.0 * slides.value[:, s],
             100.0 * track.hypothesis_pose[:, :, at[s]],
             100.0 * true[:, s],
         )
-        for s in widest(track.pose[:, at], MOST_SLIDES)
+        for s in widest(slides.value, MOST_SLIDES)
     ]
 
 

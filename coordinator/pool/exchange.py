@@ -35,7 +35,7 @@ from coordinator.pool.replies import Reply, read_refusal
 from coordinator.pool.worker_registry import REQUEST_TIMEOUT, WorkerRegistry
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
-SILENT = (
+NOBODY_ANSWERS = (
     f"workers are there, and none of them answers within {REQUEST_TIMEOUT:.0f} s: the way to them is broken, "
     "they hang, or they have too much to do at once, with so many particles or points"
 )
@@ -154,7 +154,7 @@ class Exchange:
             case Silence(worker, again):
                 self._report(f"worker {worker} is there, and has not answered for {REQUEST_TIMEOUT:.0f} s")
                 if again:
-                    raise SilentWorkers(SILENT)
+                    raise SilentWorkers(NOBODY_ANSWERS)
             case Fail(reason):
                 raise ProtocolError(f"no worker can refine frame {refinement.request.frame}: {reason}")
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from common.kernel_cache import VARIABLE
+from tests.support.processes.fresh_python import fresh_python
 
 ROOT = Path(__file__).parents[2]
 CALLER = """from common.compiling import numba
@@ -47,26 +46,13 @@ def checkout(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(checkout: Path, code: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Code in a fresh process of a checkout."""
-    clean = {name: value for name, value in os.environ.items() if name != VARIABLE}
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=checkout,
-        env={**clean, "PYTHONPATH": str(checkout), **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
 @pytest.mark.parametrize("where", ["beside the source", "in a folder"])
 def test_a_kernel_is_compiled_anew_when_what_it_calls_changed(checkout: Path, where: str) -> None:
     """Whether code or a constant; a file that it does not stand on, or none, changes nothing."""
     folder = {} if where == "beside the source" else {VARIABLE: str(checkout / "kernels")}
 
     def result() -> str:
-        return run(checkout, RUN, **folder).stdout.strip()
+        return fresh_python(checkout, RUN, **folder).stdout.strip()
 
     assert [result(), result()] == ["4 0", "4 1"]
     (checkout / "worker" / "constants.py").write_text("FACTOR = 3\n")
@@ -83,13 +69,13 @@ def test_a_process_that_was_killed_leaves_no_earlier_kernel_behind(checkout: Pat
     def kept() -> set[str]:
         return {file.name for file in (checkout / "worker" / "__pycache__").glob("*.nb[ic]")}
 
-    assert run(checkout, RUN).stdout == "4 0\n"
+    assert fresh_python(checkout, RUN).stdout == "4 0\n"
     before = kept()
     (checkout / "worker" / "constants.py").write_text("FACTOR = 3\n")
     index = "from numba.core.caching import IndexDataCacheFile as index"
     end = "index._save_data = lambda *_: os._exit(7)"
-    assert run(checkout, f"import os; {index}; {end}; {RUN}").returncode == 7
-    assert [run(checkout, RUN).stdout for _ in range(2)] == ["9 0\n", "9 1\n"]
+    assert fresh_python(checkout, f"import os; {index}; {end}; {RUN}").returncode == 7
+    assert [fresh_python(checkout, RUN).stdout for _ in range(2)] == ["9 0\n", "9 1\n"]
     assert len(kept()) == len(before)
     assert not kept() & before
 
@@ -105,16 +91,20 @@ def test_kernels_of_other_packages_are_kept_as_numba_keeps_them(checkout: Path) 
     (checkout / "theirs.py").write_bytes(text.encode("latin-1"))
     use = "from theirs import twice as f; print(f(1), sum(f.stats.cache_hits.values()))"
     beside = f"import common.compiling; {use}"
-    assert [run(checkout, code).stdout.strip() for code in (use, beside, use)] == ["2 0", "2 1", "2 1"]
+    assert [fresh_python(checkout, code).stdout.strip() for code in (use, beside, use)] == [
+        "2 0",
+        "2 1",
+        "2 1",
+    ]
 
 
 def test_where_nothing_can_be_written_the_user_is_told_what_helps(checkout: Path) -> None:
     """Neither beside the source nor in the user's cache; with a folder that can be, all is well."""
     (checkout / "worker" / "__pycache__").touch()
     nowhere = {"XDG_CACHE_HOME": os.devnull, "PYTHONDONTWRITEBYTECODE": "1"}
-    told = run(checkout, RUN, **nowhere)
+    told = fresh_python(checkout, RUN, **nowhere)
     assert re.search(rf"InputError: compiled kernels cannot be kept .*{VARIABLE}", told.stderr)
-    assert run(checkout, RUN, **nowhere, **{VARIABLE: str(checkout / "kernels")}).stdout == "4 0\n"
+    assert fresh_python(checkout, RUN, **nowhere, **{VARIABLE: str(checkout / "kernels")}).stdout == "4 0\n"
 
 
 def test_no_file_takes_numba_from_elsewhere() -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from common.kernel_cache import VARIABLE, state_of
+from tests.support.processes.fresh_python import fresh_python
 
 ROOT = Path(__file__).parents[2]
 SHOW = f"import worker, os, sys; print('numba' in sys.modules, os.environ.get({VARIABLE!r}))"
@@ -26,15 +24,8 @@ def installed(tmp_path: Path) -> Path:
 
 def shown(root: Path, **environment: str) -> str:
     """Whether numba is loaded, and where kernels are kept, in a fresh process."""
-    clean = {name: value for name, value in os.environ.items() if name not in {VARIABLE, "PYTHONPATH"}}
-    done = subprocess.run(
-        [sys.executable, "-c", SHOW],
-        cwd=root,
-        env={**clean, "PYTHONPATH": str(root), **environment},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = fresh_python(root, SHOW, **environment)
+    done.check_returncode()
     return done.stdout.strip()
 
 
