@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coordinator.pool.dispatch.batches import LARGEST, split
+from coordinator.pool.dispatch.batches import LARGEST, in_rounds, split
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -376,6 +376,29 @@ def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) 
         )
 
 
+CREWS = st.lists(st.tuples(st.integers(1, 16), st.floats(0.25, 4.0)), min_size=1, max_size=8)
+
+
+@given(st.integers(1, 2000), CREWS)
+def test_no_sooner_end_than_by_whole_rounds(particles: int, crews: list[tuple[int, float]]) -> None:
+    """All can be done in the rounds given; a hair before the last of them ends, it could not."""
+    lanes = [count for count, _ in crews]
+    most = in_rounds(particles, [count * pace for count, pace in crews], lanes)
+    assert sum(most) >= particles
+    ends = max(can / count / pace for can, (count, pace) in zip(most, crews, strict=True))
+    sooner = [count * int(pace * ends * (1.0 - 1e-6)) for count, pace in crews]
+    assert sum(sooner) < particles
+
+
+@given(st.lists(st.floats(0.99, 1.01), min_size=2, max_size=16), st.integers(1, 40))
+def test_no_lane_gets_one_more_for_a_trifle(paces: list[float], rounds: int) -> None:
+    """Workers of sixteen lanes that are about as fast end in the same round."""
+    lanes = [16] * len(paces)
+    particles = sum(lanes) * rounds
+    ranges = split(particles, in_rounds(particles, [16 * pace for pace in paces], lanes))
+    assert {stop - start for start, stop in ranges} == {16 * rounds}
+
+
 TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
 
 
@@ -507,6 +530,18 @@ def test_more_lanes_get_more() -> None:
             (0.2, JobStarted(100), [Send(2, "a", 0, 30), Send(3, "b", 30, 100)]),
         ]
     )
+
+
+def test_noise_of_speeds_costs_no_round() -> None:
+    """A worker that was a percent faster gets no particle more than what its lanes have whole rounds of."""
+    counted: Table = [(0.0, LanesCounted(name, 16), []) for name in "ab"]
+    scheduler, now = play([*counted, *TWO_IDLE]), 0.0
+    for _ in range(8):
+        sends = [send for send in scheduler.handle(JobStarted(320), now) if isinstance(send, Send)]
+        assert [send.stop - send.start for send in sends] == [160, 160]
+        for send in sends:
+            scheduler.handle(Replied(send.ticket), now + (0.0643 if send.worker == "a" else 0.0657))
+        now += 1.0
 
 
 def test_a_lost_share_is_split_among_the_others() -> None:

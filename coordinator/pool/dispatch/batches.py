@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from heapq import heapify, heapreplace
 from itertools import accumulate, pairwise
 from math import ceil
 
+HAIR = 1e-9  # rounds; that rounding errors do not cost a whole one
 LARGEST = 10  # particles of a batch for each lane, where a share comes in parts
 
 
@@ -25,3 +27,23 @@ def split(particles: int, speeds: Sequence[float], *, in_parts: bool = False) ->
     reached = accumulate(rounds * list(speeds), initial=0.0)
     ends = [least * k + int(rest * share / total + 0.5) for k, share in enumerate(reached)]
     return list(pairwise(ends))
+
+
+def in_rounds(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[int]:
+    """How many particles each worker can refine in the least time in which all together can refine so many.
+
+    Each lane refines one after the other, so that a worker's time goes by rounds: one particle above a whole
+    round costs as much as another round. Speeds are as of `split`.
+    """
+    paces = [speed / count for speed, count in zip(speeds, lanes, strict=True)]
+    time = particles / sum(speeds)
+    rounds = [int(time * pace) for pace in paces]
+    left = particles - sum(done * count for done, count in zip(rounds, lanes, strict=True))
+    ends = [((done + 1) / pace, place) for place, (done, pace) in enumerate(zip(rounds, paces, strict=True))]
+    heapify(ends)
+    while left > 0:  # another round for who is done with it first
+        time, place = ends[0]
+        rounds[place] += 1
+        left -= lanes[place]
+        heapreplace(ends, ((rounds[place] + 1) / paces[place], place))
+    return [count * int(time * pace + HAIR) for pace, count in zip(paces, lanes, strict=True)]

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
-from coordinator.pool.dispatch.batches import split
+from coordinator.pool.dispatch.batches import in_rounds, split
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -86,7 +86,7 @@ class Scheduler:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
             case JobStarted(particles, in_parts):
-                ranges = split(particles, self._speeds(self._in_turn(now)), in_parts=in_parts)
+                ranges = self._shares(particles, self._in_turn(now), in_parts=in_parts)
                 self.batches = [Batch(*ends) for ends in ranges]
                 self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
@@ -161,13 +161,12 @@ class Scheduler:
         return [accepted, Done()]
 
     def _learn(self, flight: Flight, at: float) -> None:
-        worker, batch = flight.worker, flight.batch
+        worker = flight.worker
         seconds = (at - flight.sent_at) / flight.load
         usual = seconds if self.usual_seconds is None else self.usual_seconds
         self.usual_seconds = usual + SMOOTHING * (seconds - usual)
-        lanes = min(worker.lanes, batch.stop - batch.start)
         took = at - max(flight.sent_at, worker.answered_at)
-        worker.paces.append(lanes * took / (batch.stop - batch.start))
+        worker.paces.append(took / flight.load)
         worker.answered_at = at
 
     def _in_turn(self, now: float) -> list[Worker]:
@@ -175,7 +174,7 @@ class Scheduler:
         ready = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
         return ready + [worker for worker in self.workers.values() if worker.rests_until > now]
 
-    def _speeds(self, workers: Sequence[Worker]) -> list[float]:
+    def _speeds(self, workers: Sequence[Worker]) -> Sequence[float]:
         """How fast each worker is; a usual lane is 1, and so is a lane of which little is known."""
         paces = [median(w.paces) if len(w.paces) == PACES else None for w in workers]
         usual = max(SHORTEST, median([pace for pace in paces if pace is not None] or [SHORTEST]))
@@ -183,6 +182,15 @@ class Scheduler:
             worker.lanes * (1.0 if pace is None else clip(usual / max(SHORTEST, pace)))
             for worker, pace in zip(workers, paces, strict=True)
         ]
+
+    def _shares(
+        self, particles: int, workers: Sequence[Worker], *, in_parts: bool = False
+    ) -> list[tuple[int, int]]:
+        """Ranges of particles for these workers."""
+        speeds = self._speeds(workers)
+        if workers and not in_parts:
+            speeds = in_rounds(particles, speeds, [worker.lanes for worker in workers])
+        return split(particles, speeds, in_parts=in_parts)
 
     def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:
         current = self.is_current(ticket)
@@ -241,11 +249,11 @@ class Scheduler:
 
     def _split_what_came_back(self, now: float) -> None:
         """Split batches that ended without a result among the workers, lest one does it all alone."""
-        speeds = self._speeds([worker for *_, worker in sorted(rank(self.workers.values(), now))])
+        workers = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
         for batch in [batch for batch in self.waiting() if batch.came_back and not batch.refusals]:
             parts = [
                 Batch(batch.start + start, batch.start + stop, sent=batch.sent)
-                for start, stop in split(batch.stop - batch.start, speeds)
+                for start, stop in self._shares(batch.stop - batch.start, workers)
             ]
             place = self.batches.index(batch)
             self.batches[place : place + 1] = parts
