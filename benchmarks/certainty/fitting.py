@@ -16,6 +16,7 @@ from coordinator.tracking.certainty.evidence import CLUES
 Array = NDArray[np.float64]
 
 RIDGE = 1000.0  # joints that say nothing, for each weight of a clue of unit deviation
+RENDERED_WEIGHT = 0.3  # of a joint of rendered people, whose exact truth is not what is asked about people
 EXTREMES = (0.5, 99.5)  # per cent of each clue beyond which it counts as its limit
 HIDDEN_WEIGHT = 10.0  # of joints of which less than half is shown, in the fit of the deviation
 UNSEEN_STEPS = np.linspace(0.0, 2.0, 201)  # of what is added to hidden joints' log deviation
@@ -95,22 +96,33 @@ def fit_unseen(gathered: Sequence[Gathered]) -> float:
 
 
 def fit_functions(gathered: Sequence[Gathered]) -> Functions:
-    """Fit both functions to joints whose reference holds."""
+    """Fit both functions to joints whose reference holds.
+
+    Rendered people have an intercept of their own, which is left out: their truth is exact, and the rates at
+    which joints of people are off are those beside a measured reference.
+    """
     holds = [one.holds for one in gathered]
     raw = np.concatenate([one.evidence[held] for one, held in zip(gathered, holds, strict=True)])
     low, high = np.percentile(raw, EXTREMES, axis=0)
     evidence = np.concatenate([averaged(g, low, high)[held] for g, held in zip(gathered, holds, strict=True)])
     off = np.concatenate([d[held] for d, held in zip(distances(gathered), holds, strict=True)])
-    mean, scale = evidence.mean(axis=0), evidence.std(axis=0) + 1e-9
-    standard = (evidence - mean) / scale
     given = [
         over_time(add_left_over(g.evidence), g.interval)[h] for g, h in zip(gathered, holds, strict=True)
     ]
     chance, spread = np.concatenate(given).T
-    logistic = fit_logistic(standard, off > OFF, chance)
-    measured = np.concatenate([np.full(np.count_nonzero(g.holds), bool(g.person)) for g in gathered])
-    linear = fit_deviation(standard, off * np.exp(-spread), weights_of(is_hidden(raw), measured))
+    measured = are_measured(gathered)
+    mean, scale = evidence.mean(axis=0), evidence.std(axis=0) + 1e-9
+    columns = np.column_stack([np.ones(len(off)), ~measured, (evidence - mean) / scale])
+    weight = np.where(measured, 1.0, RENDERED_WEIGHT)
+    logistic = fit_logistic(columns, off > OFF, chance, weight)
+    linear = fit_deviation(columns, off * np.exp(-spread), weight * weights_of(is_hidden(raw), measured))
     return Functions(low, high, unstandardised(logistic, mean, scale), unstandardised(linear, mean, scale))
+
+
+def are_measured(gathered: Sequence[Gathered]) -> NDArray[np.bool_]:
+    """Which joints that hold (n,) are of measured people; all, where none is."""
+    measured = np.concatenate([np.full(np.count_nonzero(g.holds), bool(g.person)) for g in gathered])
+    return measured if measured.any() else ~measured
 
 
 def weights_of(hidden: NDArray[np.bool_], measured: NDArray[np.bool_]) -> Array:
@@ -120,21 +132,25 @@ def weights_of(hidden: NDArray[np.bool_], measured: NDArray[np.bool_]) -> Array:
     return np.where(hidden, HIDDEN_WEIGHT * np.where(measured, scarcer, 1.0), 1.0)
 
 
-def fit_logistic(evidence: Array, off: NDArray[np.bool_], given: Array) -> Array:
-    """Intercept and weights (K + 1,) of the log odds beside those given (n,), by damped Newton steps."""
-    columns, ridge = with_intercept(evidence)
+def fit_logistic(columns: Array, off: NDArray[np.bool_], given: Array, weight: Array) -> Array:
+    """Weights (K + 2,) of the log odds beside those given (n,), by damped Newton steps.
+
+    columns: (n, K + 2), ones, who is rendered, and clues of unit deviation. weight: (n,) of the joints.
+    """
+    ridge = ridge_of(columns)
     found = np.zeros(columns.shape[1])
     share = np.clip(off.mean(), 1e-3, 0.999)
     found[0] = np.log(share / (1.0 - share)) - given.mean()  # from elsewhere it need not converge
 
     def cost(weights: Array) -> float:
         log_odds = columns @ weights + given
-        return float(np.logaddexp(0.0, log_odds).sum() - off @ log_odds + 0.5 * weights @ ridge @ weights)
+        misfit = weight @ (np.logaddexp(0.0, log_odds) - off * log_odds)
+        return float(misfit + 0.5 * weights @ ridge @ weights)
 
     for _ in range(50):
         chance = 1.0 / (1.0 + np.exp(-np.clip(columns @ found + given, -30.0, 30.0)))
-        slope = columns.T @ (off - chance) - ridge @ found
-        curvature = (columns * (chance * (1.0 - chance))[:, None]).T @ columns + ridge
+        slope = columns.T @ (weight * (off - chance)) - ridge @ found
+        curvature = (columns * (weight * chance * (1.0 - chance))[:, None]).T @ columns + ridge
         step = np.linalg.solve(curvature, slope)
         while cost(found + step) > cost(found) and np.abs(step).max() > STILL:  # whole ones may diverge
             step /= 2.0
@@ -144,13 +160,13 @@ def fit_logistic(evidence: Array, off: NDArray[np.bool_], given: Array) -> Array
     return found
 
 
-def fit_deviation(evidence: Array, off: Array, weight: Array) -> Array:
-    """Intercept and weights (K + 1,) of the log deviation.
+def fit_deviation(columns: Array, off: Array, weight: Array) -> Array:
+    """Weights (K + 2,) of the log deviation, from columns as for `fit_logistic`.
 
     The likeliest for distances that are spread exponentially, which far ones do not carry away; then scaled
-    so that as many lie within one deviation as should.
+    so that as many of measured people's lie within one deviation as should.
     """
-    columns, ridge = with_intercept(evidence)
+    ridge = ridge_of(columns)
     found = np.zeros(columns.shape[1])
     found[0] = np.log(off.mean())
     for _ in range(50):
@@ -158,18 +174,17 @@ def fit_deviation(evidence: Array, off: Array, weight: Array) -> Array:
         slope = columns.T @ (weight * (share - 1.0)) - ridge @ found
         curvature = (columns * (weight * np.maximum(share, 0.1))[:, None]).T @ columns + ridge
         found += np.linalg.solve(curvature, slope)
-    found[0] += np.log(np.percentile(off * np.exp(-columns @ found), ONE_DEVIATION))
+    in_deviations = (off * np.exp(-columns @ found))[columns[:, 1] == 0.0]
+    found[0] += np.log(np.percentile(in_deviations, ONE_DEVIATION))
     return found
 
 
-def with_intercept(evidence: Array) -> tuple[Array, Array]:
-    """Evidence (n, K) behind a column of ones, and the ridge (K + 1, K + 1) that spares that one."""
-    ridge = RIDGE * np.eye(evidence.shape[1] + 1)
-    ridge[0, 0] = 0.0
-    return np.column_stack([np.ones(len(evidence)), evidence]), ridge
+def ridge_of(columns: Array) -> Array:
+    """The ridge (K + 2, K + 2) that spares the intercepts; that of rendered people may stand for nobody."""
+    return np.diag([0.0, 1.0, *np.full(columns.shape[1] - 2, RIDGE)])
 
 
 def unstandardised(found: Array, mean: Array, scale: Array) -> tuple[float, Array]:
-    """Intercept and weights (K,) for evidence as it is."""
-    weights = found[1:] / scale
+    """Intercept and weights (K,) for measured people's evidence as it is."""
+    weights = found[2:] / scale
     return float(found[0] - weights @ mean), weights

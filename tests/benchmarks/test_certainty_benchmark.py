@@ -31,6 +31,11 @@ def drawn(seed: int, person: str = "", shift: float = 0.0) -> Gathered:
     )
 
 
+def nearer(one: Gathered, share: float) -> Gathered:
+    """The same with all joints at so much of their distance."""
+    return replace(one, apart=share * one.apart)
+
+
 def test_the_fit_holds_on_data_that_it_has_not_seen() -> None:
     """68 and 95 % of joints within one and two deviations, seen and hidden; chances rise with the shares."""
     functions = fit([drawn(0)])
@@ -67,11 +72,22 @@ def test_a_fit_from_far_off_comes_to_rest() -> None:
     evidence, given = rng.normal(size=(20_000, 3)), rng.normal(-2.0, 6.0, size=20_000)
     chance = 1.0 / (1.0 + np.exp(-(evidence @ (3.0, -2.0, 0.0) + given - 5.0)))
     off = rng.random(20_000) < chance
-    found = fit_logistic(evidence, off, given)
-    fitted = 1.0 / (1.0 + np.exp(-(found[0] + evidence @ found[1:] + given)))
+    columns = np.column_stack([np.ones(len(off)), np.zeros(len(off)), evidence])
+    found = fit_logistic(columns, off, given, np.ones(len(off)))
+    fitted = 1.0 / (1.0 + np.exp(-(columns @ found + given)))
     assert fitted.mean() == pytest.approx(off.mean(), rel=1e-6)
-    assert found[1] > 1.0
-    assert found[2] < -0.5
+    assert found[2] > 1.0
+    assert found[3] < -0.5
+
+
+def test_rendered_people_do_not_set_the_rate_at_which_joints_of_people_are_off() -> None:
+    """Beside ten times as many rendered ones that are hardly ever off, chances of people stay as they are."""
+    person, sound = drawn(9, "s1"), [nearer(drawn(10 + k), 0.5) for k in range(10)]
+    alone, beside = fit([person]), fit([person, *sound])
+    off = distances([person])[0] > 0.15
+    for functions in (alone, beside):
+        chance = 1.0 / (1.0 + np.exp(-functions.judge(person)[..., 0]))
+        assert chance.mean() == pytest.approx(off.mean(), rel=0.05)
 
 
 def test_a_persons_constant_offset_counts_for_nothing_and_an_exact_truth_has_none() -> None:

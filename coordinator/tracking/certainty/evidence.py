@@ -15,8 +15,17 @@ from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import is_person
 from coordinator.filters.exploration import find_limbs
+from coordinator.tracking.certainty.posture import posture_of
 from coordinator.tracking.certainty.regions import Regions, regions_of
-from coordinator.tracking.certainty.surface import COVERED, NEARER, SHOWN, VIOLATED, Seen, see_surface
+from coordinator.tracking.certainty.surface import (
+    COVERED,
+    NEARER,
+    SHOWN,
+    UNKNOWN,
+    VIOLATED,
+    Seen,
+    see_surface,
+)
 from coordinator.tracking.certainty.unexplained import unexplained_points
 
 Array = NDArray[np.float64]
@@ -26,13 +35,15 @@ CLUES = (
     "shown", "covered", "nearer", "violated",
     "limb_shown", "limb_covered", "limb_nearer", "limb_violated",
     "off", "limb_off", "unexplained", "spread", "weak_spread", "limb_spread", "moved", "bent", "lever",
+    "body_violated", "folded", "ahead",
 )  # fmt: skip
 """Columns of the evidence. Shares of the surface around the joint that faces the camera: shown by the frame,
-covered by the body, with something nearer before it, standing where something farther or nothing was
-measured; their means over the joint's limb. Then, as logarithms: how far the surface is off what is measured,
-at worst in the limb, too; the observed surface near by that nothing explains; the spread of the hypotheses by
-their weight, with weak ones counting more, at most in the limb; the motion since the last frame. At last how
-bent the limb is (rad^2, a person's), and how far along it the joint is (metres)."""
+covered by the body or where the frame does not say, with something nearer before it, standing where
+something farther or nothing was measured; their means over the joint's limb. Then, as logarithms: how far the
+surface is off what is measured, at worst in the limb, too; the observed surface near by that nothing
+explains; the spread of the hypotheses by their weight, with weak ones counting more, at most in the limb; the
+motion since the last frame. At last how bent the limb is (rad^2, a person's), how far along it the joint is
+(metres), the mean of `violated` over all joints, and a person's posture."""
 
 AROUND = 0.3  # metres within which what is unexplained may be the joint's
 WEAKER = 5.0  # log weights are divided by so much for the spread in which weak hypotheses count
@@ -77,6 +88,7 @@ def weigh_evidence(
     else:
         spread = np.log(spread_of(others - joints, weights) + LEAST["spread"])
         weak = np.log(spread_of(others - joints, weights ** (1.0 / WEAKER)) + LEAST["spread"])
+    posture = posture_of(model, joints)
     turned = np.where(limbs.turns, pose**2, 0.0).sum(axis=1)
     columns = [
         *shares.T,
@@ -90,13 +102,16 @@ def weigh_evidence(
         np.log(np.linalg.norm(joints - past, axis=1) + LEAST["moved"]),
         turned if is_person(model.dof_names) else np.full(len(joints), USUALLY_BENT),
         limbs.lever,
+        np.full(len(joints), shares[:, 3].mean()),
+        np.full(len(joints), posture.folded),
+        posture.ahead,
     ]
     return np.stack(columns, axis=1)
 
 
 @numba.njit(cache=True, nogil=True)
 def average_regions(seen: Seen, regions: Regions, out: Array) -> None:
-    """Fill out (J, 5): shares of each region that are shown, covered, behind, violated; how far it is off."""
+    """Fill out (J, 5): shares that are shown, covered or unknown, behind, violated; how far each is off."""
     for j in range(len(out)):
         total = shown = 0.0
         out[j] = 0.0
@@ -107,7 +122,7 @@ def average_regions(seen: Seen, regions: Regions, out: Array) -> None:
             if state == SHOWN:
                 shown += weight
                 out[j, 4] += weight * abs(seen.off[v])
-            elif state == COVERED:
+            elif state in (COVERED, UNKNOWN):
                 out[j, 1] += weight
             elif state == NEARER:
                 out[j, 2] += weight
