@@ -28,6 +28,11 @@ class Refined:
         """Only these particles, in this order."""
         return Refined(*(getattr(self, f.name)[particles] for f in fields(Refined)))
 
+    def divide(self, particles: int) -> tuple[Refined, Refined]:
+        """So many particles, and those after them."""
+        arrays = [getattr(self, f.name) for f in fields(Refined)]
+        return Refined(*(a[:particles] for a in arrays)), Refined(*(a[particles:] for a in arrays))
+
 
 def unanswered(particles: int, like: Refined) -> Refined:
     """So many particles about which nothing is known, of the same shapes otherwise."""

@@ -67,10 +67,11 @@ class Sizes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sized:
-    """A body for each of N particles, of these sizes (N, 2)."""
+    """A body for each of N particles, of these sizes (N, 2); the last few can be done without in a hurry."""
 
     bodies: Sizes
     sizes: Array
+    spare: int = 0
 
 
 class Part(NamedTuple):

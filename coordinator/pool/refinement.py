@@ -15,6 +15,7 @@ class Refinement:
 
     request: RefineRequest  # for all particles
     due: float = math.inf  # when to do with the particles that are answered, by the monotonic clock
+    needed: int | None = None  # so many from the first on, one of which has to be; None for all
     complete: bool = False
     _received: dict[int, Refined] = field(default_factory=dict)  # by ticket
     _parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
@@ -25,8 +26,9 @@ class Refinement:
         return len(self.request.poses)
 
     def is_due(self, now: float) -> bool:
-        """Whether to do with what has been answered; the first answer is waited for."""
-        return bool(self._parts) and now >= self.due
+        """Whether to do with what has been answered; the first answer about what is needed is waited for."""
+        needed = self.particles if self.needed is None else self.needed
+        return now >= self.due and any(start < needed for start in self._parts)
 
     def receive(self, ticket: int, payload: bytes, particles: int) -> None:
         """Keep a batch's answer until it is accepted; ProtocolError if it makes no sense."""

@@ -21,7 +21,7 @@ from common.protocol import keys
 from common.protocol.messages import OfSizes, RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body, as_sizes
+from common.sizes import Body, Sized, as_sizes
 from common.transport.endpoints import LOCAL
 from common.transport.opening import open_coordinator
 from common.transport.publishers import Publisher
@@ -152,9 +152,11 @@ class ZenohRefiner:
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         with self._clock.stage("refine"):
-            model, of_sizes = self._offer(as_sizes(body, len(poses)))
+            body = as_sizes(body, len(poses))
+            model, of_sizes = self._offer(body)
+            spare = body.spare if isinstance(body, Sized) else 0
             asked = RefineRequest(self.run, self._publication.current, model, settings, poses, of_sizes)
-            refinement = Refinement(asked, self._due)
+            refinement = Refinement(asked, self._due, len(poses) - spare)
             self._exchange.begin(refinement)
         return PendingRefinement(self._exchange, refinement, self._clock)
 

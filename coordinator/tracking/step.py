@@ -13,6 +13,7 @@ from coordinator.tracking.estimate import Status
 from coordinator.tracking.observing.isolation import Isolated
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.seeker import Finding
+from coordinator.tracking.starting.asking import Question
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.stopwatch import Stopwatch
 
@@ -32,6 +33,7 @@ class Request:
 
     proposal: Proposal[Any]
     pending: Pending
+    question: Question | None = None  # of the person's size, whose particles come last
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,7 +17,9 @@ from common.body import BodyModel
 from common.bounds import most_iterations
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, natural_angles
+from common.refinement import Refined
 from common.settings import RefineSettings, Settings
+from common.sizes import Body
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
 from coordinator.filters.methods import METHODS, apply_method
@@ -25,7 +27,7 @@ from coordinator.filters.proposal import Proposal
 from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.evidence import Sighted
-from coordinator.tracking.estimate import Estimate, Status
+from coordinator.tracking.estimate import RECORDED, Estimate, Status
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
@@ -38,17 +40,21 @@ from coordinator.tracking.search.facing import looks_alike
 from coordinator.tracking.search.search import ways_of
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.settling import begin_with
+from coordinator.tracking.search.stages import rounds
 from coordinator.tracking.search.verdict import FEWEST, weigh
 from coordinator.tracking.search.watch import CHOOSY, GIVEN, Watch
+from coordinator.tracking.starting.asking import Question
 from coordinator.tracking.starting.person_size import PersonSize
 from coordinator.tracking.starting.start import Start, given_start, no_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
+from coordinator.tracking.status import is_settled
 from coordinator.tracking.step import CutOut, Request, Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
 
 Array = NDArray[np.float64]
 
 SURELY = 1.0  # log likelihood by which what is found elsewhere must explain a frame better
+APART = 3  # iterations for bodies of several sizes, where particles do not descend
 STEP = 1.0  # metres that a body may go between two frames
 
 
@@ -86,7 +92,7 @@ class Tracker:
         self._choosy = choosy
         self._start = no_start(bodies) if start is None else given_start(start, bodies)
         self._seeker = Seeker(bodies, refiner, settings.refine, ways_of(settings.rotate_deg))
-        self._size = PersonSize(bodies, refiner)
+        self._size = PersonSize(bodies)
         self._rng = np.random.default_rng(settings.seed)
         self._belief: Belief | None = None
         self._watch = Watch() if start is None else GIVEN
@@ -105,7 +111,7 @@ class Tracker:
             self._time_s, self._size.measured = state.checkpoint.time_s, state.checkpoint.measured
             self._verdict = state.checkpoint.verdict
             self._rng = load_generator(state.checkpoint.generator)
-            self._start = state.start
+            self._start = self._size.resume(state.start)
             if state.checkpoint.belief:
                 self._belief = replace(self._begin_at(self._start.pose), **state.checkpoint.belief)
 
@@ -199,7 +205,9 @@ class Tracker:
             stretch = rules.noise_lateral / rules.noise_depth
             lone = len(proposal.poses) == 1
             sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch, lone, first)
-            return Submitted(frame, self._request(proposal), sighted, True, rival, first, clock)
+            question = self._ask(proposal.poses[0], frame.time_s) if self._method.descends else None
+            request = self._request(proposal, question)
+            return Submitted(frame, request, sighted, True, rival, first, clock)
 
     def send_ahead(self, frame: DepthFrame | None) -> None:
         """Cut out the frame that comes next, and let the workers have it before its turn."""
@@ -220,7 +228,7 @@ class Tracker:
         if submitted.request is None:
             status = self._lose(submitted)
         else:
-            found, answered = self._update(submitted.request, submitted.clock)
+            found, answered, answer = self._update(submitted.request, submitted.clock)
             self._time_s = submitted.frame.time_s
             if submitted.first:
                 found = found.at_rest()  # the way from a guess is no motion
@@ -229,7 +237,8 @@ class Tracker:
                 subject = submitted.sighted.subject
                 self._watch = self._watch.shown(subject.pixels)
                 with submitted.clock.stage("measure"):
-                    self._size.ask(self._start, self._belief, self._watch, self.rules, subject)
+                    if self._belief is found:
+                        self._hear(submitted.request, answer, found.poses[0], subject)
         return Tracked(
             submitted.frame, self.state, self._belief, status, answered, submitted.sighted, submitted.clock
         )
@@ -290,7 +299,7 @@ class Tracker:
             if finding.verdict.stands if eager else finding.convinces:
                 self._start, self._belief = finding.start, self._begin_with(finding)
                 if self._settings.measure_person:
-                    self._size.guess(self._start)
+                    self._start = self._size.guess(self._start)
                 self._watch = Watch(why=finding.verdict.why)
             else:
                 self._watch = self._watch.failed(finding.verdict.why, subject.pixels)
@@ -334,18 +343,49 @@ class Tracker:
         """The belief in what was found."""
         return begin_with(self._method, finding.start.model, finding.standing, self._settings.filter)
 
-    def _request(self, proposal: Proposal[Any]) -> Request:
-        rules, settings, vertices = self.rules, self._settings, len(self.model.vertices)
-        most = most_iterations(proposal.poses.shape, settings.points, vertices)
-        refine = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
-        return Request(proposal, self._refiner.submit(self.model, proposal.poses, refine))
+    def _ask(self, pose: Array, time_s: float) -> Question | None:
+        """What to ask about the person's size where a pose (D,) is expected, if the belief is settled."""
+        question = self._size.ask(self._start, pose, time_s, self.rules)
+        return question if question is not None and self._is_settled else None
 
-    def _update(self, request: Request, clock: Stopwatch) -> tuple[Belief, int]:
-        """The belief after a frame, and of how many particles at the least; layers ask for more than once."""
+    def _hear(self, request: Request, answer: Refined, pose: Array, subject: SubjectFrame) -> None:
+        """Take in what a frame says of the person's size, if the pose (D,) that it shows is settled."""
+        question = request.question
+        if not self._method.descends:  # the sizes have to
+            question = self._ask(pose, subject.frame.time_s)
+            if question is not None:
+                rules = rounds(self.rules, APART)
+                answer = self._refiner.submit(question.bodies, question.poses, rules).result()
+        if question is not None and self._is_settled:
+            self._size.hear(question, answer, self._start, pose, subject)
+
+    @property
+    def _is_settled(self) -> bool:
+        if self._belief is None:
+            return False
+        poses, weights = self._belief.poses[:RECORDED], self._belief.weights[:RECORDED]
+        return is_settled(self._watch, weights, joint_positions(self.model, poses))
+
+    def _request(self, proposal: Proposal[Any], question: Question | None = None) -> Request:
+        body: Body = self.model
+        poses, settings = proposal.poses, self._settings
+        if question is not None:
+            body, poses = question.beside(self.model, poses)
+        most = most_iterations(poses.shape, settings.points, len(self.model.vertices))
+        refine = pace_iterations(self.rules, proposal.interval, settings.pace_iterations, most)
+        return Request(proposal, self._refiner.submit(body, poses, refine), question)
+
+    def _update(self, request: Request, clock: Stopwatch) -> tuple[Belief, int, Refined]:
+        """The belief after a frame, of how many particles at the least, and what was asked beside them.
+
+        Layers ask for more than once.
+        """
         answered = len(request.proposal.poses)
+        answer: Refined | None = None
         while True:
             with clock.stage("refine"):
-                refined = request.pending.result()
+                refined, beside = request.pending.result().divide(len(request.proposal.poses))
+                answer = answer or beside
             with clock.stage("merge"):
                 answered = min(answered, len(refined.answered))
                 refined = replace(refined, poses=natural_angles(self.model, refined.poses))
@@ -353,7 +393,7 @@ class Tracker:
                     self.model, request.proposal, refined, self._settings.filter, self._rng
                 )
             if not isinstance(found, Proposal):
-                return found, answered
+                return found, answered, answer
             with clock.stage("refine"):
                 request = self._request(found)
 

@@ -14,10 +14,8 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose, scaled
-from coordinator.filters.gradient_enhanced import begin
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
-from coordinator.tracking.search.watch import GIVEN
 from coordinator.tracking.starting.length import SHOWN, measure_length
 from coordinator.tracking.starting.measuring import is_bent
 from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
@@ -100,11 +98,14 @@ def test_who_sits_with_legs_that_do_not_move_is_not_taken_for_short() -> None:
     assert shown < np.log(0.9 * STATURE)
     refiner = DirectRefiner()
     refiner.publish(subject)
-    size = PersonSize(bodies, refiner)
-    size.guess(start)
+    size = PersonSize(bodies)
+    start = size.guess(start)
     for n in range(12):
         later = replace(subject, frame=replace(subject.frame, time_s=0.1 * n))
-        size.ask(start, begin(model, pose, SETTINGS.filter), GIVEN, SETTINGS.refine, later)
+        question = size.ask(start, pose, 0.1 * n, SETTINGS.refine)
+        assert question is not None
+        answer = refiner.submit(question.bodies, question.poses, SETTINGS.refine).result()
+        size.hear(question, answer, start, pose, later)
         start = size.give(start)
     assert size.measured is not None
     assert size.measured.frames == 12

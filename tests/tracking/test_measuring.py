@@ -18,13 +18,11 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose
-from coordinator.filters.gradient_enhanced import begin
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.log import Began, Entry, append_records
 from coordinator.results.recording.recorded import read_log
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
-from coordinator.tracking.search.watch import GIVEN
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
     BENT,
@@ -42,7 +40,7 @@ from coordinator.tracking.starting.measuring import (
 from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.direct import DirectRefiner, DirectRequest
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
 from tests.support.processes.still_workers import StillWorkers
 from tests.support.refined import Ready
@@ -69,6 +67,19 @@ class InPart(StillWorkers):
         ready = super().submit(body, poses, settings)
         ready.result().log_likelihood[-1] = self._missing
         return ready
+
+
+class Counting(DirectRefiner):
+    """Counts the particles of each request."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[int] = []
+
+    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> DirectRequest:
+        """As it is."""
+        self.asked.append(len(poses))
+        return super().submit(body, poses, settings)
 
 
 def test_evidence_adds_up_to_the_weighted_mean() -> None:
@@ -195,12 +206,14 @@ def test_a_rendered_person_is_measured_from_a_wrong_guess(
     with DepthRenderer(CAMERA) as renderer:
         pictures = [renderer.depth(v, body.triangles) for v in pose_vertices(body, full)]
     refiner, start = DirectRefiner(), start_of(0.95 * stature, girth + 0.15)
-    asker, measured = Asker(BODIES, refiner), Measured.guessed(0.95 * stature, girth + 0.15)
+    asker, measured = Asker(BODIES), Measured.guessed(0.95 * stature, girth + 0.15)
     for n in range(6):
         subject = isolate(frame_of(n, pictures[n % 3]), None, 3000)
         assert subject is not None
         refiner.publish(subject)
-        shown = asker.ask(start, measured, poses[n % 3], RULES)
+        question = asker.ask(start, measured, poses[n % 3], RULES)
+        refined = refiner.submit(question.bodies, question.poses, RULES).result()
+        shown = question.read(start.model, refined)
         assert shown is not None
         told = stature_by_length(start, poses[n % 3], subject) if length else None
         measured = measured.after(replace(shown, by_length=told), 0.1 * n)
@@ -213,7 +226,7 @@ def test_a_resized_body_is_the_one_that_is_made() -> None:
     """Of another stature and girth, what does not move held as before: the same body to a micrometre."""
     values = {**STANDING, "l_wrist_flexion": 0.5}
     model, pose = BODIES.tracked(1.7, 1.2, values)
-    start = Asker(BODIES, DirectRefiner()).resize(Start(model, pose, 1.7, 1.2, values), 1.64, 0.93)
+    start = Asker(BODIES).resize(Start(model, pose, 1.7, 1.2, values), 1.64, 0.93)
     made, _ = BODIES.tracked(1.64, 0.93, values)
     for field in ("vertices", "points", "joint_points"):
         np.testing.assert_allclose(getattr(start.model, field), getattr(made, field), atol=1e-6)
@@ -288,6 +301,22 @@ def test_a_size_that_is_known_or_not_wanted_stays() -> None:
     assert np.isfinite(joints).all()
 
 
+def test_a_frame_is_asked_together_with_its_particles() -> None:
+    """The sizes are refined in the request of the particles: no frame takes a second one."""
+    frames = [replace(frame, time_s=0.1 * n) for n, frame in enumerate(shown("standing").frames)]
+    refiner = Counting()
+    tracker = Tracker(refiner, SETTINGS, BODIES)
+    particles = SETTINGS.filter.particles
+    tracker.track(frames[0])
+    assert refiner.asked[-1] == particles + 5  # stature and girth
+    refiner.asked.clear()
+    tracker.track(frames[1])
+    assert refiner.asked == [particles + 3]  # stature
+    measured = tracker.state.checkpoint.measured
+    assert measured is not None
+    assert measured.frames == 2
+
+
 @pytest.mark.parametrize("missing", [np.nan, -np.inf])
 def test_a_size_that_was_not_answered_says_nothing(missing: float) -> None:
     """With a deadline some of the five may be missing, or one diverges: the frame is passed over."""
@@ -296,12 +325,14 @@ def test_a_size_that_was_not_answered_says_nothing(missing: float) -> None:
 
     refiner, start = InPart(missing), start_of(1.82, 1.0)
     refiner.publish(subject)
-    size = PersonSize(BODIES, refiner)
-    size.guess(start)
-    before, belief = size.measured, begin(start.model, start.pose, SETTINGS.filter)
+    size = PersonSize(BODIES)
+    start = size.guess(start)
+    before, question = size.measured, size.ask(start, start.pose, 0.5, RULES)
     later = replace(subject, frame=replace(subject.frame, time_s=0.5))
-    size.ask(start, belief, GIVEN, RULES, later)
     assert before is not None
+    assert question is not None
+    _, answer = refiner.submit(*question.beside(start.model, start.pose[None]), RULES).result().divide(1)
+    size.hear(question, answer, start, start.pose, later)
     assert size.measured is not None
     assert (size.measured.frames, size.measured.size) == (0, before.size)
     assert not size.measured.asks(0.55)

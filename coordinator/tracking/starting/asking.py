@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
 from common.compiling import numba
+from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Sized, Sizes
+from common.sizes import Body, Sized, Sizes, as_sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import BETWEEN, Bodies, size_of
-from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.starting.measuring import Measured, Shown, uprightness, weigh_frame
 from coordinator.tracking.starting.start import Start
 
@@ -23,7 +22,6 @@ Array = NDArray[np.float64]
 Measures = tuple[float, float]  # stature in metres, and girth
 
 STEP = 0.04  # of a measure, as a share
-ROUNDS = 3  # of ICP for each body
 WITHOUT_GIRTH = 3  # variants: the body, one larger and one smaller
 CELL = 5.0 / (18.0 * np.sqrt(3.0))
 """Mean square distance of points of a surface from the nearest of its vertices, of the area of each."""
@@ -55,17 +53,43 @@ def vary(sizes: Sizes, about: Measures) -> Variants:
     return Variants(about, Sized(sizes, np.array(varied)), grains)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """Bodies of several sizes, all in one pose: their particles go to the workers with those of a frame."""
+
+    bodies: Sized  # K of them
+    costs: Array  # (K,) of log likelihood, of each body's grain
+    poses: Array  # (K, D)
+
+    def beside(self, model: BodyModel, poses: Array) -> tuple[Body, Array]:
+        """Bodies and poses (N + K, D) of particles (N, D) of a model, which is a size too, and of these."""
+        of_model = as_sizes(model, len(poses))
+        assert isinstance(of_model, Sized)
+        sizes = np.concatenate([of_model.sizes, self.bodies.sizes])
+        return Sized(self.bodies.bodies, sizes, spare=len(self.poses)), np.concatenate([poses, self.poses])
+
+    def read(self, model: BodyModel, refined: Refined) -> Shown | None:
+        """What the frame says, by all bodies after their descent; `model` is one of any size.
+
+        None where one of them was not answered in time, or did not come to rest.
+        """
+        fits = refined.log_likelihood + self.costs
+        if not np.isfinite(fits).all():
+            return None
+        here, (up, down) = float(fits[0]), fits[1:].reshape(-1, 2).T
+        weight = weigh_frame(uprightness(model, refined.poses[0]), here)
+        return Shown((up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2, weight)
+
+
 class Asker:
-    """Asks the frame that was published last.
+    """Makes questions, and bodies of the sizes that come out.
 
     Args:
         bodies: People of any size.
-        refiner: Has the pose refined for each.
     """
 
-    def __init__(self, bodies: Bodies, refiner: Refiner) -> None:
+    def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies
-        self._refiner = refiner
         self._variants: Variants | None = None
         self._values: Mapping[str, float] | None = None  # of what does not move, in all sizes
         self._sizes: Sizes | None = None
@@ -80,24 +104,13 @@ class Asker:
         in_sizes = self._bodies.people and self._bodies.measures is None
         return in_sizes and set(ROOT_DOFS) <= set(start.model.dof_names)
 
-    def ask(self, start: Start, about: Measured, pose: Array, rules: RefineSettings) -> Shown | None:
-        """What the frame says of a body of about what is known and of this pose (D,).
-
-        None where one of the sizes was not answered in time, or did not come to rest.
-        """
-        variants, settings = (
-            self._vary(start, about.about),
-            msgspec.structs.replace(rules, icp_iterations=ROUNDS),
-        )
+    def ask(self, start: Start, about: Measured, pose: Array, rules: RefineSettings) -> Question:
+        """About a body of about what is known, in this pose (D,) before its descent."""
+        variants = self._vary(start, about.about)
         asked = len(variants.grains) if about.asks_girth else WITHOUT_GIRTH
-        body = replace(variants.body, sizes=variants.body.sizes[:asked])
-        refined = self._refiner.submit(body, np.repeat(pose[None], asked, axis=0), settings).result()
-        fits = refined.log_likelihood + 0.5 * variants.grains[:asked] / rules.likelihood_scale**2
-        if not np.isfinite(fits).all():
-            return None
-        here, (up, down) = float(fits[0]), fits[1:].reshape(-1, 2).T
-        weight = weigh_frame(uprightness(start.model, refined.poses[0]), here)
-        return Shown((up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2, weight)
+        bodies = replace(variants.body, sizes=variants.body.sizes[:asked])
+        costs = 0.5 * variants.grains[:asked] / rules.likelihood_scale**2
+        return Question(bodies, costs, np.repeat(pose[None], asked, axis=0))
 
     def resize(self, start: Start, stature: float, girth: float) -> Start:
         """The same start with a body of another size."""

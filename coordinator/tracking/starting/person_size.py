@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import SubjectFrame
-from common.kinematics import joint_positions
+from common.refinement import Refined
 from common.settings import RefineSettings
 from coordinator.bodies.tracked import Bodies, name_pose
-from coordinator.filters.belief import Belief
-from coordinator.tracking.estimate import RECORDED
-from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.starting.asking import Asker
+from coordinator.tracking.starting.asking import Asker, Question
 from coordinator.tracking.starting.length import SHOWN, measure_length
 from coordinator.tracking.starting.measuring import Measured, is_bent
 from coordinator.tracking.starting.start import USUAL_MEASURES, Start
-from coordinator.tracking.status import is_settled
+
+Array = NDArray[np.float64]
 
 
 class PersonSize:
@@ -27,46 +25,56 @@ class PersonSize:
 
     Args:
         bodies: People of any size.
-        refiner: Has the pose refined for bodies of several sizes.
         measured: What is known already; None where the size is not sought.
     """
 
-    def __init__(self, bodies: Bodies, refiner: Refiner, measured: Measured | None = None) -> None:
-        self._asker = Asker(bodies, refiner)
+    def __init__(self, bodies: Bodies, measured: Measured | None = None) -> None:
+        self._asker = Asker(bodies)
         self._bodies = bodies
+        self._held: Mapping[str, float] | None = None  # values of who was found last
+        self._held_bent = False  # by those that do not move
         self.measured = measured
 
     def prepare(self) -> None:
         """Make what the first question needs, so that no frame has to wait for it."""
         self._asker.prepare()
 
-    def guess(self, start: Start) -> None:
-        """Seek the size from now on, beginning with that of a start, where the body comes in sizes."""
-        if self._asker.can_ask(start):
-            self.measured = Measured.guessed(start.stature, start.girth)
+    def guess(self, start: Start) -> Start:
+        """Seek the size from now on, beginning with that of a start, where the body comes in sizes.
 
-    def ask(
-        self, start: Start, belief: Belief, watch: Watch, rules: RefineSettings, subject: SubjectFrame
+        Gives the start with the same body as one of many sizes.
+        """
+        if not self._asker.can_ask(start):
+            return start
+        self.measured = Measured.guessed(start.stature, start.girth)
+        return self.resume(start)
+
+    def resume(self, start: Start) -> Start:
+        """The start with the same body as one of many sizes, if the size is sought."""
+        return start if self.measured is None else self._asker.resize(start, start.stature, start.girth)
+
+    def ask(self, start: Start, pose: Array, time_s: float, rules: RefineSettings) -> Question | None:
+        """What to ask a frame in which the body is about in this pose (D,); None if its time has not come."""
+        known = self.measured
+        if known is None or rules.is_soft or not any(known.asks(time_s, bent=bent) for bent in (False, True)):
+            return None
+        if not known.asks(time_s, bent=is_bent(start.model, pose)):
+            return None
+        return self._asker.ask(start, known, pose, rules)
+
+    def hear(
+        self, question: Question, answer: Refined, start: Start, pose: Array, subject: SubjectFrame
     ) -> None:
-        """Ask the frame that was published last, if its pose is settled and its noise is small."""
-        time_s = subject.frame.time_s
-        if self.measured is None or rules.is_soft:
+        """Take in what a frame answered, in which the body turned out to be in this pose (D,)."""
+        known, time_s = self.measured, subject.frame.time_s
+        assert known is not None
+        shown = question.read(start.model, answer)
+        if shown is None:
+            self.measured = known.passed(time_s)
             return
-        if not any(self.measured.asks(time_s, bent=bent) for bent in (False, True)):
-            return
-        bent = is_bent(start.model, belief.poses[0])
-        if not self.measured.asks(time_s, bent=bent):
-            return
-        poses, weights = belief.poses[:RECORDED], belief.weights[:RECORDED]
-        if is_settled(watch, weights, joint_positions(start.model, poses)):
-            known = self.measured
-            shown = self._asker.ask(start, known, belief.poses[0], rules)
-            if shown is None:
-                self.measured = known.passed(time_s)
-                return
-            bent = bent or is_held_bent(start, self._bodies)
-            stature = None if bent else stature_by_length(start, belief.poses[0], subject)
-            self.measured = known.after(replace(shown, by_length=stature), time_s)
+        bent = self._is_held_bent(start) or is_bent(start.model, pose)
+        stature = None if bent else stature_by_length(start, pose, subject)
+        self.measured = known.after(replace(shown, by_length=stature), time_s)
 
     def give(self, start: Start) -> Start:
         """The start with a body of the size that is known by now, if it is time; the same start otherwise."""
@@ -75,6 +83,11 @@ class PersonSize:
         if self.measured.size == (start.stature, start.girth):
             return start
         return self._asker.resize(start, *self.measured.size)
+
+    def _is_held_bent(self, start: Start) -> bool:
+        if start.values is not self._held:
+            self._held, self._held_bent = start.values, is_held_bent(start, self._bodies)
+        return self._held_bent
 
 
 def is_held_bent(start: Start, bodies: Bodies) -> bool:
@@ -85,7 +98,7 @@ def is_held_bent(start: Start, bodies: Bodies) -> bool:
     return is_bent(whole, name_pose(whole, start.held))
 
 
-def stature_by_length(start: Start, pose: NDArray[np.float64], subject: SubjectFrame) -> float | None:
+def stature_by_length(start: Start, pose: Array, subject: SubjectFrame) -> float | None:
     """Log stature (m) of who is as long as a frame shows, standing in a pose (D,); None where it does not."""
     length = measure_length(start.model, pose, subject)
     return None if length is None else float(np.log(length / SHOWN))
