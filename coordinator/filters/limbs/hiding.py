@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.compiling import numba
 from common.kinematics import link_transforms
 from common.kinematics.skinning import blend_each
 from coordinator.filters.limbs.layout import LEAST, Flags, Indices, Limb, LimbView, Ways
@@ -72,21 +73,13 @@ def is_unseen(limb: Limb, view: LimbView) -> bool:
 def cover_of(points: Array) -> Cover:
     """What points (P, 3) hide: each the cell that it is in and those around."""
     scale = float(points[:, 2].mean()) / CELL
-    cells = cells_of(points, scale)
+    cells = np.empty((len(points), 2), dtype=np.int64)
+    find_cells(points, scale, cells)
     corner = cells.min(axis=0) - 1
     width, height = cells.max(axis=0) - corner + 2
-    column, row = (cells - corner).T
-    single = np.full((height + 2, width + 2), np.inf)
-    np.minimum.at(single, (row + 1, column + 1), points[:, 2])
-    shifted = [single[i : i + height, j : j + width] for i in range(3) for j in range(3)]
-    nearest: Array = np.minimum.reduce(shifted)
+    nearest = np.full((height, width), np.inf)
+    draw_nearest(points, cells - corner, nearest)
     return Cover(nearest, scale, corner)
-
-
-def cells_of(points: Array, scale: float) -> Indices:
-    """Column and row (..., 2) of points (..., 3) before the camera."""
-    cells: Indices = np.floor(points[..., :2] / points[..., 2:] * scale).astype(np.int64)
-    return cells
 
 
 def share_hidden(model: BodyModel, pose: Array, limb: Limb, held: Array, cover: Cover) -> Array:
@@ -94,13 +87,39 @@ def share_hidden(model: BodyModel, pose: Array, limb: Limb, held: Array, cover: 
     poses = np.repeat(pose[None], len(held), axis=0)
     poses[:, limb.dofs] = held
     vertices, links, shares = limb.skin
-    posed = np.empty((len(held), len(vertices), 3))
+    posed, hidden = np.empty((len(held), len(vertices), 3)), np.empty(len(held))
     blend_each(vertices, links, shares, link_transforms(model, poses), posed)
-    height, width = cover.nearest.shape
-    before = posed[..., 2] > CELL
-    cells = cells_of(np.where(before[..., None], posed, 1.0), cover.scale) - cover.corner
-    column, row = np.moveaxis(cells, -1, 0)
-    inside = before & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    nearest = cover.nearest[np.where(inside, row, 0), np.where(inside, column, 0)]
-    hidden: Array = np.mean(inside & (posed[..., 2] > nearest + BEHIND), axis=1)
-    return hidden
+    count_hidden(posed, cover.nearest, cover.scale, cover.corner, hidden)
+    return hidden / len(vertices)
+
+
+@numba.njit(cache=True, nogil=True)
+def find_cells(points: Array, scale: float, cells: Indices) -> None:
+    """Fill cells (P, 2) with column and row of points (P, 3) before the camera."""
+    for p in range(len(points)):
+        for a in range(2):
+            cells[p, a] = int(np.floor(points[p, a] / points[p, 2] * scale))
+
+
+@numba.njit(cache=True, nogil=True)
+def draw_nearest(points: Array, cells: Indices, nearest: Array) -> None:
+    """Draw points (P, 3) into nearest (H, W), each into its cell (P, 2), column and row, and those around."""
+    for p in range(len(points)):
+        column, row = cells[p]
+        for v in range(max(0, row - 1), min(len(nearest), row + 2)):
+            for u in range(max(0, column - 1), min(nearest.shape[1], column + 2)):
+                nearest[v, u] = min(nearest[v, u], points[p, 2])
+
+
+@numba.njit(cache=True, nogil=True)
+def count_hidden(posed: Array, nearest: Array, scale: float, corner: Indices, hidden: Array) -> None:
+    """Fill hidden (K,): how many vertices of (K, V, 3) are behind what is nearest (H, W) from a corner on."""
+    hidden[:] = 0.0
+    for k in range(len(posed)):
+        for v in range(posed.shape[1]):
+            x, y, z = posed[k, v]
+            if z > CELL:
+                column = int(np.floor(x / z * scale)) - corner[0]
+                row = int(np.floor(y / z * scale)) - corner[1]
+                if 0 <= row < nearest.shape[0] and 0 <= column < nearest.shape[1]:
+                    hidden[k] += z > nearest[row, column] + BEHIND

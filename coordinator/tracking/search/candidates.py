@@ -57,9 +57,18 @@ def most_alike(points: Array, library: Library, factors: Sequence[float], roll: 
         apart[k] /= cells + library.occupied
     size = np.argmin(apart, axis=0)
     best = apart[size, np.arange(len(size))]
-    chosen = np.argsort(best, kind="stable")[:count]
+    chosen = least(best, count)
     places = (middles[size[chosen]] - library.middles[chosen]) * np.take(factors, size[chosen])[:, None]
     return Alike(put_at(library.poses[chosen], places @ turn, turn.T), size[chosen], best[chosen])
+
+
+def least(values: Array, count: int) -> NDArray[np.int64]:
+    """Where the least of values (N,) are, ascending: so many of them, the first of equal ones first."""
+    if count >= len(values):
+        return np.argsort(values, kind="stable")
+    among = np.flatnonzero(values <= np.partition(values, count - 1)[count - 1])
+    order: NDArray[np.int64] = among[np.argsort(values[among], kind="stable")[:count]]
+    return order
 
 
 def look_straight(at: Array, roll: float) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.refinement import Refined
@@ -48,12 +49,32 @@ class Standing:
 
     def differing(self, count: int, apart: float) -> NDArray[np.int64]:
         """Where these are, ascending."""
-        kept: list[int] = []
-        for n in range(len(self.poses)):
-            distances = np.linalg.norm(self.joints[kept] - self.joints[n], axis=-1).mean(axis=-1)
-            if len(kept) < count and np.all(distances > apart):
-                kept.append(n)
-        return np.array(kept, dtype=np.int64)
+        return keep_differing(self.joints, count, apart)
+
+
+@numba.njit(cache=True, nogil=True)
+def keep_differing(joints: Array, count: int, apart: float) -> NDArray[np.int64]:
+    """Which of (N, J, 3), so many at the most, differ from all before by more than `apart` in the mean."""
+    kept = np.empty(min(count, len(joints)), dtype=np.int64)
+    found = 0
+    for n in range(len(joints)):
+        differs = found < len(kept)
+        for k in range(found):
+            differs = differs and mean_distance(joints[kept[k]], joints[n]) > apart
+        if differs:
+            kept[found] = n
+            found += 1
+    return kept[:found]
+
+
+@numba.njit(cache=True, nogil=True)
+def mean_distance(joints: Array, others: Array) -> float:
+    """Of joints (J, 3) from others (J, 3)."""
+    total = 0.0
+    for j in range(len(joints)):
+        x, y, z = joints[j, 0] - others[j, 0], joints[j, 1] - others[j, 1], joints[j, 2] - others[j, 2]
+        total += np.sqrt(x * x + y * y + z * z)
+    return total / len(joints)
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
