@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.compiling import numba
 from common.kinematics import difference, joint_positions, retract
 from coordinator.filters.resampling import normalise
 
@@ -54,6 +55,20 @@ def likeliest_way_on(
     joints would have to move decides between them, and hardly between others.
     """
     joints = joint_positions(model, np.concatenate([last[None], poses]))
-    squares = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).sum(axis=-1) / max(1, joints.shape[1])
-    way_on: Array = poses[np.argmax(log_likelihood - 0.5 * squares / (USUAL_SPEED * interval) ** 2)]
+    way_on: Array = poses[likeliest_after(joints, log_likelihood, USUAL_SPEED * interval)]
     return way_on
+
+
+@numba.njit(cache=True, nogil=True)
+def likeliest_after(joints: Array, log_likelihood: Array, usual: float) -> int:
+    """Which of joints (M + 1, J, 3) but the first, from where they usually move so far, is the likeliest."""
+    best, most = 0, -np.inf
+    for m in range(len(log_likelihood)):
+        squares = 0.0
+        for j in range(joints.shape[1]):
+            for a in range(3):
+                squares += (joints[m + 1, j, a] - joints[0, j, a]) ** 2
+        likely = log_likelihood[m] - 0.5 * squares / max(1, joints.shape[1]) / usual**2
+        if likely > most:
+            best, most = m, likely
+    return best
