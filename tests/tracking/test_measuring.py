@@ -179,6 +179,25 @@ def test_bent_frames_take_no_turn_from_upright_ones() -> None:
     assert (measured.frames, measured.bent) == (25, 24)
 
 
+def test_bent_frames_are_asked_where_there_are_no_others() -> None:
+    """Once a few upright ones were, they are not, however long ago that was."""
+    measured = Measured.guessed(1.7, 1.07)
+    assert measured.asks(0.0, bent=True)
+    for n in range(3):
+        assert measured.asks(0.1 * n, bent=True)
+        measured = measured.after(Shown(np.zeros(2), np.ones(2), 1.0), 0.1 * n)
+    assert measured.asks(9.0)
+    assert not measured.asks(9.0, bent=True)
+
+
+def test_a_body_stays_that_differs_by_a_millimetre() -> None:
+    """It is laid out anew for 5 mm, or 1 % of girth."""
+    measured = Measured.guessed(1.7, 1.07)
+    assert not measured.differs(1.701, 1.071)
+    assert measured.differs(1.705, 1.07)
+    assert measured.differs(1.7, 1.08)
+
+
 def test_bent_and_badly_explained_frames_count_less() -> None:
     """In full: upright and explained; an arm overhead is no matter, a squat is."""
     model = start_of(1.75, 1.0).model

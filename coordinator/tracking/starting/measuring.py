@@ -28,6 +28,7 @@ GUESS = np.array([0.1, 0.35])  # frames that the first guess of stature counts a
 INTERVAL = 0.095  # seconds between frames that are asked, at the least
 RARER = 12  # frames after which they are twice as far apart, again and again
 CHANGES = 3  # frames after which the body changes
+LEAST_CHANGE = np.array([0.0015, 0.005])  # of stature and girth, as a share: a new body has to be laid out
 FAR = 0.02  # share by which the size may be off those that frames are asked about
 KEPT = 0.2  # share of the weight of what frames said that were asked about quite another stature
 EXTREME = 0.01  # share by which a size may be off the limits and still be at them
@@ -122,9 +123,19 @@ class Measured:
         """Whether the next frame is asked about girth, too: every other one."""
         return self.frames % 2 == 0
 
+    def differs(self, stature: float, girth: float) -> bool:
+        """Whether it is noticeably another size than this one, in metres and as a factor."""
+        return bool(np.any(np.abs(self.logarithms - np.log([stature, girth])) > LEAST_CHANGE))
+
     def asks(self, time_s: float, *, bent: bool = False) -> bool:
-        """Whether the frame of this time is to be asked: ever more rarely, of upright and bent ones each."""
-        asked = self.bent if bent else self.frames - self.bent
+        """Whether the frame of this time is to be asked: ever more rarely, of upright and bent ones each.
+
+        Bent ones say next to nothing, and are asked while no upright ones are to be had.
+        """
+        upright = self.frames - self.bent
+        if bent and upright >= CHANGES:
+            return False
+        asked = self.bent if bent else upright
         return not 0.0 <= time_s - self.time_s < INTERVAL * 2.0 ** (asked // RARER)
 
     def passed(self, time_s: float) -> Self:

@@ -80,7 +80,7 @@ class PersonSize:
         """The start with a body of the size that is known by now, if it is time; the same start otherwise."""
         if self.measured is None or not self.measured.ripe:
             return start
-        if self.measured.size == (start.stature, start.girth):
+        if not self.measured.differs(start.stature, start.girth):
             return start
         return self._asker.resize(start, *self.measured.size)
 
