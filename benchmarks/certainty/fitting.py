@@ -77,6 +77,18 @@ def fit(gathered: Sequence[Gathered]) -> Functions:
     return replace(fit_functions(gathered), unseen=fit_unseen(gathered))
 
 
+def halfway(before: Functions, now: Functions) -> Functions:
+    """The mean of what the tracker went by and of a fit to its present poses, within the latter's limits.
+
+    Of people left out, in sum, and of rendered ones it flags more at 5 % than either by itself.
+    """
+    means = [
+        (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]))
+        for one, other in ((before.probability, now.probability), (before.deviation, now.deviation))
+    ]
+    return Functions(now.low, now.high, *means, 0.5 * (before.unseen + now.unseen))
+
+
 def fit_unseen(gathered: Sequence[Gathered]) -> float:
     """What to add to hidden joints' log deviation, by people who are each judged by a fit to all others."""
     people = sorted({one.person for one in gathered} - {""})

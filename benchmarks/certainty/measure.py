@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from benchmarks.certainty.fitting import Functions, fit
+from benchmarks.certainty.fitting import Functions, fit, halfway
 from benchmarks.certainty.gather import Gathered, gather
 from benchmarks.certainty.scores import Score, score, score_table
 from benchmarks.certainty.writing import FILE, write_functions
@@ -67,7 +67,7 @@ def measure(choice: Choice) -> int:
     if choice.fit:
         real = track_all(find_hard(choice.data, FIT_SUBJECTS), choice, bodies, crashes)
         rendered = track_all(find_rendered(choice.data), choice, bodies, crashes)
-        functions = fit([*real, *rendered])
+        functions = halfway(functions, fit([*real, *rendered]))
         write_functions(functions, ROOT / FILE)
         scores.append(score("fitted: subjects 1 2", real, functions))
         scores += [

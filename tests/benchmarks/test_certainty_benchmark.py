@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic
+from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
 from coordinator.tracking.certainty.evidence import CLUES
@@ -88,6 +88,17 @@ def test_rendered_people_do_not_set_the_rate_at_which_joints_of_people_are_off()
     for functions in (alone, beside):
         chance = 1.0 / (1.0 + np.exp(-functions.judge(person)[..., 0]))
         assert chance.mean() == pytest.approx(off.mean(), rel=0.05)
+
+
+def test_half_way_between_two_fits_lies_the_mean_of_what_they_say() -> None:
+    """Log odds and log deviation of evidence within the limits of both, joint for joint."""
+    near, far = drawn(11, "s1"), drawn(12, "s2")
+    far.apart[:] *= 3.0
+    one, other = fit([near]), replace(fit([far]), unseen=0.4)
+    within = replace(near, evidence=0.9 * near.evidence)
+    mean = 0.5 * (one.judge(within) + other.judge(within))
+    np.testing.assert_allclose(halfway(one, other).judge(within), mean)
+    assert not np.allclose(one.judge(within), other.judge(within), atol=0.1)
 
 
 def test_a_persons_constant_offset_counts_for_nothing_and_an_exact_truth_has_none() -> None:
