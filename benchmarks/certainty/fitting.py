@@ -82,11 +82,18 @@ def halfway(before: Functions, now: Functions) -> Functions:
 
     Of people left out, in sum, and of rendered ones it flags more at 5 % than either by itself.
     """
-    means = [
-        (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]))
-        for one, other in ((before.probability, now.probability), (before.deviation, now.deviation))
-    ]
-    return Functions(now.low, now.high, *means, 0.5 * (before.unseen + now.unseen))
+    return Functions(
+        now.low,
+        now.high,
+        middle(before.probability, now.probability),
+        middle(before.deviation, now.deviation),
+        0.5 * (before.unseen + now.unseen),
+    )
+
+
+def middle(one: tuple[float, Array], other: tuple[float, Array]) -> tuple[float, Array]:
+    """The mean of two intercepts and of their weights (K,)."""
+    return 0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1])
 
 
 def fit_unseen(gathered: Sequence[Gathered]) -> float:
