@@ -19,9 +19,9 @@ $(STAMP): pyproject.toml constraints.txt .ci/setup
 demo: setup ## people who move fast, tracked with one particle and with many; table and pictures in demo/
 	$(BIN)/gepf demo --out demo
 
-test: setup ## the tests, on two cores; kernels are compiled before
+test: setup ## the tests, on two cores, three at once as some only wait; kernels are compiled before
 	$(BIN)/python -m tests.support.kernel.warm_kernel
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile --max-worker-restart 0
+	$(BIN)/python -m pytest -q -n 3 --dist loadfile --max-worker-restart 0
 
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow --timeout 3600

@@ -78,17 +78,13 @@ def fit(gathered: Sequence[Gathered]) -> Functions:
 
 
 def halfway(before: Functions, now: Functions) -> Functions:
-    """The mean of what the tracker went by and of a fit to its present poses, within the latter's limits.
+    """The fit to present poses, its odds half-way back to those that the tracker went by.
 
-    Of people left out, in sum, and of rendered ones it flags more at 5 % than either by itself.
+    Half-way is as good of people left out as the better of the two, and better than a fit by itself of
+    rendered ones. The deviation's weights stay: new ones say too little of joints outside the picture.
     """
-    return Functions(
-        now.low,
-        now.high,
-        middle(before.probability, now.probability),
-        middle(before.deviation, now.deviation),
-        0.5 * (before.unseen + now.unseen),
-    )
+    odds = middle(before.probability, now.probability)
+    return Functions(now.low, now.high, odds, before.deviation, before.unseen)
 
 
 def middle(one: tuple[float, Array], other: tuple[float, Array]) -> tuple[float, Array]:

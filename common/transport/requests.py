@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
@@ -122,7 +121,6 @@ class Asker:
             answered = True
             if reply.ok is not None:
                 on_reply(reply.ok.payload.to_bytes())
-                give_way()
             elif reply.err is not None:
                 on_refusal(reply.err.payload.to_bytes())
 
@@ -132,7 +130,6 @@ class Asker:
 
         try:  # not `mapped`, which costs more than the rest: this is done for every batch
             self._querier.get(handlers.Callback(receive, drop=end, indirect=False), payload=payload)
-            give_way()
         except zenoh.ZError as error:
             raise bus_error("asking a worker", error) from error
 
@@ -140,11 +137,3 @@ class Asker:
         """No more requests."""
         with mapped("closing a querier"):
             self._querier.undeclare()  # type: ignore[no-untyped-call]
-
-
-def give_way() -> None:
-    """Let a thread that was just given something to do run at once.
-
-    It often wakes up on this very core, where it would wait until we have nothing more to do.
-    """
-    os.sched_yield()

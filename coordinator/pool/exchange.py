@@ -79,7 +79,9 @@ class Exchange:
             self._handle(JobStarted(0))
         self._catch_up()
         self._refinement = refinement
-        self._handle(JobStarted(refinement.particles, in_parts=refinement.due < math.inf))
+        in_parts = refinement.due < math.inf
+        spare = refinement.particles - (refinement.needed or refinement.particles) if in_parts else 0
+        self._handle(JobStarted(refinement.particles, in_parts, spare))
 
     def finish(self, refinement: Refinement) -> None:
         """Wait until the refinement that was begun last is complete, or due and answered in part."""

@@ -205,7 +205,7 @@ class Tracker:
             stretch = rules.noise_lateral / rules.noise_depth
             lone = len(proposal.poses) == 1
             sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch, lone, first)
-            question = self._ask(proposal.poses[0], frame.time_s) if self._method.descends else None
+            question = self._ask(proposal.poses[0], frame.time_s) if self._descends else None
             request = self._request(proposal, question)
             return Submitted(frame, request, sighted, True, rival, first, clock)
 
@@ -351,13 +351,17 @@ class Tracker:
     def _hear(self, request: Request, answer: Refined, pose: Array, subject: SubjectFrame) -> None:
         """Take in what a frame says of the person's size, if the pose (D,) that it shows is settled."""
         question = request.question
-        if not self._method.descends:  # the sizes have to
+        if not self._descends:  # the sizes have to
             question = self._ask(pose, subject.frame.time_s)
             if question is not None:
                 rules = rounds(self.rules, APART)
                 answer = self._refiner.submit(question.bodies, question.poses, rules).result()
         if question is not None and self._is_settled:
             self._size.hear(question, answer, self._start, pose, subject)
+
+    @property
+    def _descends(self) -> bool:
+        return self._settings.refine.icp_iterations > 0
 
     @property
     def _is_settled(self) -> bool:

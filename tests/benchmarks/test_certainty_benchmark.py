@@ -90,15 +90,20 @@ def test_rendered_people_do_not_set_the_rate_at_which_joints_of_people_are_off()
         assert chance.mean() == pytest.approx(off.mean(), rel=0.05)
 
 
-def test_half_way_between_two_fits_lies_the_mean_of_what_they_say() -> None:
-    """Log odds and log deviation of evidence within the limits of both, joint for joint."""
+def test_half_way_to_a_fit_lies_the_mean_of_the_odds_and_the_deviation_of_before() -> None:
+    """Of evidence within the limits of both, joint for joint."""
     near, far = drawn(11, "s1"), drawn(12, "s2")
     far.apart[:] *= 3.0
-    one, other = fit([near]), replace(fit([far]), unseen=0.4)
+    before, now = fit([near]), replace(fit([far]), unseen=0.4)
     within = replace(near, evidence=0.9 * near.evidence)
-    mean = 0.5 * (one.judge(within) + other.judge(within))
-    np.testing.assert_allclose(halfway(one, other).judge(within), mean)
-    assert not np.allclose(one.judge(within), other.judge(within), atol=0.1)
+    (odds, deviation), (others, other_deviation) = (
+        np.moveaxis(one.judge(within), -1, 0) for one in (before, now)
+    )
+    found = halfway(before, now).judge(within)
+    np.testing.assert_allclose(found[..., 0], 0.5 * (odds + others))
+    np.testing.assert_allclose(found[..., 1], deviation)
+    assert not np.allclose(odds, others, atol=0.1)
+    assert not np.allclose(deviation, other_deviation, atol=0.1)
 
 
 def test_a_persons_constant_offset_counts_for_nothing_and_an_exact_truth_has_none() -> None:

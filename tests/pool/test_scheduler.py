@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coordinator.pool.dispatch.batches import LARGEST, in_rounds, split
+from coordinator.pool.dispatch.batches import LARGEST, in_rounds, split, split_in_rounds
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -390,12 +390,35 @@ def test_no_sooner_end_than_by_whole_rounds(particles: int, crews: list[tuple[in
     assert sum(sooner) < particles
 
 
+@given(
+    st.integers(1, 400),
+    st.lists(st.tuples(st.integers(1, 64), st.floats(0.05, 20.0)), min_size=1, max_size=8),
+)
+def test_shares_end_no_later_than_proportional_ones(particles: int, crews: list[tuple[int, float]]) -> None:
+    """Every particle once; each worker has one at the least, where there are enough; no round too many."""
+    lanes = [count for count, _ in crews]
+    speeds = [count * pace for count, pace in crews]
+    shares = split_in_rounds(particles, speeds, lanes)
+    assert [n for start, stop in shares for n in range(start, stop)] == list(range(particles))
+    assert len(shares) == min(particles, len(crews))
+    assert all(start < stop for start, stop in shares)
+    if particles >= len(crews):
+        assert end_of(shares, crews) <= end_of(split(particles, speeds), crews) * (1.0 + 1e-6)
+
+
+def end_of(shares: list[tuple[int, int]], crews: list[tuple[int, float]]) -> float:
+    """When the last worker is done, whose lanes refine one particle after the other."""
+    return max(
+        -(-(stop - start) // count) / pace for (start, stop), (count, pace) in zip(shares, crews, strict=True)
+    )
+
+
 @given(st.lists(st.floats(0.99, 1.01), min_size=2, max_size=16), st.integers(1, 40))
 def test_no_lane_gets_one_more_for_a_trifle(paces: list[float], rounds: int) -> None:
     """Workers of sixteen lanes that are about as fast end in the same round."""
     lanes = [16] * len(paces)
     particles = sum(lanes) * rounds
-    ranges = split(particles, in_rounds(particles, [16 * pace for pace in paces], lanes))
+    ranges = split_in_rounds(particles, [16 * pace for pace in paces], lanes)
     assert {stop - start for start, stop in ranges} == {16 * rounds}
 
 
@@ -409,6 +432,16 @@ def sends_of(scheduler: Scheduler, particles: int, now: float) -> list[Send]:
         for issued in scheduler.handle(JobStarted(particles, in_parts=True), now)
         if isinstance(issued, Send)
     ]
+
+
+def test_by_a_deadline_what_can_be_done_without_comes_in_a_batch_of_its_own() -> None:
+    """So no particle that is needed waits for one that is not, and none of both is asked twice."""
+    for particles, spare in ((25, 5), (103, 3), (6, 5)):
+        scheduler = play(TWO_IDLE)
+        scheduler.handle(JobStarted(particles, in_parts=True, spare=spare), 0.0)
+        ends = [(batch.start, batch.stop) for batch in scheduler.batches]
+        assert ends[-1] == (particles - spare, particles)
+        assert [n for start, stop in ends for n in range(start, stop)] == list(range(particles))
 
 
 def test_a_slower_worker_gets_less() -> None:

@@ -336,6 +336,20 @@ def test_a_frame_is_asked_together_with_its_particles() -> None:
     assert measured.frames == 2
 
 
+def test_a_frame_that_explains_nobody_is_asked_and_not_heard() -> None:
+    """It is asked before it is known how badly the body explains it; then its answer counts for nothing."""
+    frames = [replace(frame, time_s=0.1 * n) for n, frame in enumerate(shown("standing").frames)]
+    refiner = Counting()
+    tracker = Tracker(refiner, SETTINGS, BODIES)
+    tracker.track(frames[0])
+    refiner.asked.clear()
+    assert tracker.track(carrying(frames[1], 300)).status == "lost"
+    assert refiner.asked == [SETTINGS.filter.particles + 3]
+    measured = tracker.state.checkpoint.measured
+    assert measured is not None
+    assert measured.frames == 1
+
+
 @pytest.mark.parametrize("missing", [np.nan, -np.inf])
 def test_a_size_that_was_not_answered_says_nothing(missing: float) -> None:
     """With a deadline some of the five may be missing, or one diverges: the frame is passed over."""

@@ -47,3 +47,13 @@ def in_rounds(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> 
         left -= lanes[place]
         heapreplace(ends, ((rounds[place] + 1) / paces[place], place))
     return [count * int(time * pace + HAIR) for pace, count in zip(paces, lanes, strict=True)]
+
+
+def split_in_rounds(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[tuple[int, int]]:
+    """As `split`, one range for each worker, and none of more than what `in_rounds` gives it, but one."""
+    most = [max(1, can) for can in in_rounds(particles, speeds, lanes)]
+    if particles < len(most):
+        return [(n, n + 1) for n in range(particles)]
+    rest, spare = particles - len(most), max(1, sum(most) - len(most))
+    reached = accumulate((can - 1 for can in most), initial=0)
+    return list(pairwise(n + int(rest * can / spare + 0.5) for n, can in enumerate(reached)))

@@ -11,6 +11,7 @@ class JobStarted:
 
     particles: int
     in_parts: bool = False  # what is refined by a deadline counts, so a worker's share comes in parts
+    spare: int = 0  # of them, the last: in a batch of their own
 
 
 @dataclass(frozen=True, slots=True)

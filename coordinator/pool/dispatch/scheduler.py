@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
-from coordinator.pool.dispatch.batches import in_rounds, split
+from coordinator.pool.dispatch.batches import split, split_in_rounds
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -85,8 +85,9 @@ class Scheduler:
     def handle(self, event: Event, now: float) -> list[Instruction]:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
-            case JobStarted(particles, in_parts):
-                ranges = self._shares(particles, self._in_turn(now), in_parts=in_parts)
+            case JobStarted(particles, in_parts, spare):
+                ranges = self._shares(particles - spare, self._in_turn(now), in_parts=in_parts)
+                ranges += [(particles - spare, particles)] if spare else []
                 self.batches = [Batch(*ends) for ends in ranges]
                 self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
@@ -189,7 +190,7 @@ class Scheduler:
         """Ranges of particles for these workers."""
         speeds = self._speeds(workers)
         if workers and not in_parts:
-            speeds = in_rounds(particles, speeds, [worker.lanes for worker in workers])
+            return split_in_rounds(particles, speeds, [worker.lanes for worker in workers])
         return split(particles, speeds, in_parts=in_parts)
 
     def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 LANDMARKS = ("neck", "pelvis", "left_knee", "right_knee")
+HINGES = ("pelvis", "left_hip", "right_hip")
 
 
 class Posture(NamedTuple):
@@ -37,8 +38,8 @@ def posture_of(model: BodyModel, joints: Array) -> Posture:
 @lru_cache(maxsize=16)
 def landmarks_of(model: BodyModel) -> Indices:
     """The joints by which a posture is told, (4,); (0,) where one is missing or the legs are held."""
-    if not set(LANDMARKS) <= set(model.joint_names):
+    if not {*LANDMARKS, *HINGES} <= set(model.joint_names):
         return np.empty(0, dtype=np.int64)
     found = np.array([model.joint_names.index(name) for name in LANDMARKS])
-    _, pelvis, *knees = model.link_dofs[model.joint_links[found]]
-    return found[:0] if pelvis in knees else found
+    pelvis, *hips = model.link_dofs[model.joint_links[[model.joint_names.index(name) for name in HINGES]]]
+    return found[:0] if pelvis in hips else found
