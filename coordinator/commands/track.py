@@ -38,8 +38,8 @@ from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
 from coordinator.sources.pictures.colour_folder import ColourFolder
 from coordinator.sources.source import select_frames
-from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.observing.isolation import Isolation
+from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.starting.start_file import read_start
 from coordinator.tracking.tracker import Tracker

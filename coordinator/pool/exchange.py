@@ -80,8 +80,7 @@ class Exchange:
         self._catch_up()
         self._refinement = refinement
         in_parts = refinement.due < math.inf
-        spare = refinement.particles - (refinement.needed or refinement.particles) if in_parts else 0
-        self._handle(JobStarted(refinement.particles, in_parts, spare))
+        self._handle(JobStarted(refinement.particles, in_parts, refinement.spare))
 
     def finish(self, refinement: Refinement) -> None:
         """Wait until the refinement that was begun last is complete, or due and answered in part."""

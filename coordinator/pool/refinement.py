@@ -15,7 +15,7 @@ class Refinement:
 
     request: RefineRequest  # for all particles
     due: float = math.inf  # when to do with the particles that are answered, by the monotonic clock
-    needed: int | None = None  # so many from the first on, one of which has to be; None for all
+    spare: int = 0  # of the particles, the last: can be done without when the rest is due
     complete: bool = False
     _received: dict[int, Refined] = field(default_factory=dict)  # by ticket
     _parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
@@ -27,7 +27,7 @@ class Refinement:
 
     def is_due(self, now: float) -> bool:
         """Whether to do with what has been answered; the first answer about what is needed is waited for."""
-        needed = self.particles if self.needed is None else self.needed
+        needed = self.particles - self.spare
         return now >= self.due and any(start < needed for start in self._parts)
 
     def receive(self, ticket: int, payload: bytes, particles: int) -> None:

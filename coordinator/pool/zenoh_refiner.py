@@ -156,7 +156,7 @@ class ZenohRefiner:
             model, of_sizes = self._offer(body)
             spare = body.spare if isinstance(body, Sized) else 0
             asked = RefineRequest(self.run, self._publication.current, model, settings, poses, of_sizes)
-            refinement = Refinement(asked, self._due, len(poses) - spare)
+            refinement = Refinement(asked, self._due, spare)
             self._exchange.begin(refinement)
         return PendingRefinement(self._exchange, refinement, self._clock)
 

@@ -1,39 +1,17 @@
-"""One frame on its way through the tracker: cut out, submitted to the workers, tracked."""
+"""One frame on its way through the tracker: submitted to the workers, tracked."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from common.frame import DepthFrame
 from coordinator.filters.belief import Belief
-from coordinator.filters.proposal import Proposal
 from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.estimate import Status
-from coordinator.tracking.observing.isolation import Isolated
-from coordinator.tracking.refiner import Pending
+from coordinator.tracking.inference import Request
 from coordinator.tracking.search.seeker import Finding
-from coordinator.tracking.starting.asking import Question
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.stopwatch import Stopwatch
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CutOut:
-    """A frame, and what it shows of the subject and of the scene."""
-
-    frame: DepthFrame
-    isolated: Isolated
-    clock: Stopwatch
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Request:
-    """Particles that are with the workers."""
-
-    proposal: Proposal[Any]
-    pending: Pending
-    question: Question | None = None  # of the person's size, whose particles come last
 
 
 @dataclass(frozen=True, slots=True, eq=False)

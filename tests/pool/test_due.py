@@ -23,7 +23,7 @@ def answered(refinement: Refinement, ticket: int, start: int, stop: int) -> None
 def test_a_frame_waits_for_a_particle_of_its_own() -> None:
     """What is asked beside it may be answered first: that alone is no frame."""
     request = RefineRequest("run", 0, "model", preset("default").refine, np.zeros((PARTICLES, DOFS)), None)
-    refinement = Refinement(request, due=1.0, needed=4)
+    refinement = Refinement(request, due=1.0, spare=2)
     answered(refinement, 1, 4, 6)
     assert not refinement.is_due(2.0)
     answered(refinement, 2, 0, 2)

@@ -24,7 +24,7 @@ from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.synthesis.scenes.roam import roam
 from coordinator.synthesis.scenes.scene import Scene
 from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth
-from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from tests.support.refined import Direct
 

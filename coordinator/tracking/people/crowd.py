@@ -19,11 +19,12 @@ from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observing.isolation import Isolated
+from coordinator.tracking.observing.lookout import CutOut
 from coordinator.tracking.people.division import Divided, Division, Offer
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Reported
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.step import CutOut, Submitted, Tracked
+from coordinator.tracking.step import Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
 from coordinator.tracking.tracker import Tracker
 

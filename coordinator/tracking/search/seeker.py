@@ -5,7 +5,6 @@ And doubts what it finds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
-from common.settings import RefineSettings, preset
+from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.scene.room.planes import Planes
 from coordinator.tracking.distance import farthest_joint
@@ -25,15 +24,16 @@ from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.search import (
     QUICK,
     THOROUGH,
-    WAYS_UP,
     Found,
     Search,
     observed_points,
     ways_from,
+    ways_of,
 )
 from coordinator.tracking.search.sizes import Size
 from coordinator.tracking.search.stages import Standing, refine
 from coordinator.tracking.search.verdict import (
+    FEWEST,
     Verdict,
     add_doubts,
     doubt_flat,
@@ -42,7 +42,7 @@ from coordinator.tracking.search.verdict import (
     doubt_span,
     weigh,
 )
-from coordinator.tracking.search.watch import DOUBTFUL
+from coordinator.tracking.search.watch import CHOOSY, DOUBTFUL, Watch
 from coordinator.tracking.starting.start import Start, found_start, poses_of
 
 Array = NDArray[np.float64]
@@ -77,23 +77,28 @@ class Seeker:
     Args:
         bodies: Whoever may be there.
         refiner: Has candidates refined.
-        settings: What the tracker assumes of the camera's noise.
-        ways_up: Turns of the picture in which a body is looked for, radians.
+        settings: The tracker's: what it assumes of the camera's noise, and which way up it is.
+        choosy: Believe only what explains a frame well, for some searches.
     """
 
     def __init__(
         self,
         bodies: Bodies,
         refiner: Refiner,
-        settings: RefineSettings,
-        ways_up: Sequence[float] = WAYS_UP,
+        settings: Settings,
+        *,
+        choosy: bool = False,
     ) -> None:
         self._bodies = bodies
         self._refiner = refiner
         self._settings = msgspec.structs.replace(
-            preset("default").refine, noise_depth=settings.noise_depth, noise_lateral=settings.noise_lateral
+            preset("default").refine,
+            noise_depth=settings.refine.noise_depth,
+            noise_lateral=settings.refine.noise_lateral,
         )
-        self._ways_up = tuple(ways_up)
+        self._ways_up = tuple(ways_of(settings.rotate_deg))
+        self._fewest = min(FEWEST, settings.points)
+        self._choosy = choosy
 
     @cached_property
     def _search(self) -> Search:
@@ -102,6 +107,20 @@ class Seeker:
     def prepare(self) -> None:
         """Make what the first search needs, so that no frame has to wait for it."""
         self._search.prepare()
+
+    def begin(
+        self, subject: SubjectFrame, noise: SensorNoise, planes: Planes, watch: Watch
+    ) -> tuple[Finding | None, Watch]:
+        """A body of which nothing is known, if it is time to look for it and it can be believed."""
+        if len(subject.picked) < self._fewest:
+            return None, watch.saw_nobody()
+        if watch.pause > 0:
+            return None, watch.waited()
+        finding = self.find(subject, noise, planes)
+        eager = not self._choosy or watch.failures >= CHOOSY
+        if finding.verdict.stands if eager else finding.convinces:
+            return finding, Watch(why=finding.verdict.why)
+        return None, watch.failed(finding.verdict.why, subject.pixels)
 
     def find(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Finding:
         """A body of which nothing is known. The verdict says whether to believe it."""
