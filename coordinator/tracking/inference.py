@@ -19,6 +19,7 @@ from coordinator.filters.belief import Belief
 from coordinator.filters.methods import METHODS
 from coordinator.filters.proposal import Proposal
 from coordinator.filters.sighting import Sighting
+from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.estimate import RECORDED
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Pending, Refiner
@@ -60,6 +61,7 @@ class Request:
     model: BodyModel
     rules: RefineSettings
     proposal: Proposal[Any]
+    sighted: Sighted  # what they are refined on
     pending: Pending
     question: Question | None = None  # of the person's size, whose particles come last
 
@@ -105,11 +107,16 @@ class Inference:
         """Particles for the next frame."""
         return self._method.propose(model, belief, sighting, self._settings.filter, self._rng)
 
-    def submit(self, situation: Situation, proposal: Proposal[Any], time_s: float) -> Request:
+    def submit(
+        self, situation: Situation, proposal: Proposal[Any], subject: SubjectFrame, *, first: bool
+    ) -> Request:
         """Let the workers have the particles of a frame, and those by which it is asked about sizes."""
-        descends = self._settings.refine.icp_iterations > 0
-        question = self._ask(situation, proposal.poses[0], time_s) if descends else None
-        return self._send(situation.start.model, situation.rules, proposal, question)
+        rules, past = situation.rules, situation.belief.reported
+        stretch, lone = rules.noise_lateral / rules.noise_depth, len(proposal.poses) == 1
+        sighted = Sighted(subject, past, proposal.interval, stretch, lone, first)
+        question = self._ask(situation, proposal.poses[0], subject.frame.time_s) if self._descends else None
+        pending = self._send(situation.start.model, rules, proposal, question)
+        return Request(situation.start.model, rules, proposal, sighted, pending, question)
 
     def answer(self, request: Request, clock: Stopwatch) -> Answer:
         """Wait for the workers, and believe what they found; layers ask them more than once."""
@@ -123,21 +130,28 @@ class Inference:
                 answered = min(answered, len(refined.answered))
                 found = self._update(request, refined)
             if not isinstance(found, Proposal):
-                return Answer(found, answered, question, sizes)
+                from_guess = request.sighted.first  # whose way there is no motion
+                return Answer(found.at_rest() if from_guess else found, answered, question, sizes)
             with clock.stage("refine"):
-                request = self._send(request.model, request.rules, found)
+                pending = self._send(request.model, request.rules, found)
+                request = replace(request, proposal=found, pending=pending)
 
     def hear(self, situation: Situation, answer: Answer, subject: SubjectFrame) -> None:
         """Take in what a frame says of the person's size, if the pose that it shows is settled."""
         pose = situation.belief.poses[0]
         question, sizes = answer.question, answer.sizes
-        if self._settings.refine.icp_iterations == 0:  # the particles did not descend; the sizes have to
+        if not self._descends:  # the sizes have to
             question = self._ask(situation, pose, subject.frame.time_s)
             if question is not None:
                 rules = rounds(situation.rules, APART)
                 sizes = self._refiner.submit(question.bodies, question.poses, rules).result()
         if question is not None and situation.is_settled:
             self._size.hear(question, sizes, situation.start, pose, subject)
+
+    @property
+    def _descends(self) -> bool:
+        """Whether particles are moved by their refinement."""
+        return self._settings.refine.icp_iterations > 0
 
     def _ask(self, situation: Situation, pose: Array, time_s: float) -> Question | None:
         """What to ask about the person's size where a pose (D,) is expected, if the belief is settled."""
@@ -150,14 +164,14 @@ class Inference:
         rules: RefineSettings,
         proposal: Proposal[Any],
         question: Question | None = None,
-    ) -> Request:
+    ) -> Pending:
         body: Body = model
         poses, settings = proposal.poses, self._settings
         if question is not None:
             body, poses = question.beside(model, poses)
         most = most_iterations(poses.shape, settings.points, len(model.vertices))
         paced = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
-        return Request(model, rules, proposal, self._refiner.submit(body, poses, paced), question)
+        return self._refiner.submit(body, poses, paced)
 
     def _update(self, request: Request, refined: Refined) -> Belief | Proposal[Any]:
         """The belief after particles were refined, or more particles to refine."""

@@ -44,14 +44,14 @@ def take_checkpoint(
     rng: np.random.Generator,
     scene: SceneChange,
     watch: Watch,
-    measured: Measured | None = None,
+    verdict: NDArray[np.float64] | None,
+    measured: Measured | None,
 ) -> Checkpoint:
     """A belief, a pose (D,), a time, a generator and a scene as values that can be recorded."""
     names = [] if belief is None else [field.name for field in fields(belief)]
     arrays = {name: getattr(belief, name) for name in names}
-    return Checkpoint(
-        arrays, around, time_s, json.dumps(rng.bit_generator.state), scene, watch, measured=measured
-    )
+    generator = json.dumps(rng.bit_generator.state)
+    return Checkpoint(arrays, around, time_s, generator, scene, watch, verdict, measured)
 
 
 def load_generator(state: str) -> np.random.Generator:

@@ -20,10 +20,8 @@ class Submitted:
 
     frame: DepthFrame
     request: Request | None  # None where there is no body yet, or nothing that it could be refined on
-    sighted: Sighted | None  # what its particles are refined on; None where there are none
     shows: bool  # something, be it the body or not
     rival: Finding | None  # the body elsewhere, if it was looked for
-    first: bool
     clock: Stopwatch
 
 

@@ -21,7 +21,6 @@ from coordinator.filters.belief import Belief
 from coordinator.filters.methods import apply_method
 from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.inference import Answer, Inference, Situation
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
@@ -119,11 +118,8 @@ class Tracker:
     @property
     def state(self) -> TrackerState:
         """All that the next frame goes on from."""
-        checkpoint = take_checkpoint(
-            self._belief, self._around, self._time_s, self._rng, self._scene, self._watch, self._size.measured
-        )
-        checkpoint = replace(checkpoint, verdict=self._verdict)
-        return TrackerState(self._start, checkpoint)
+        known = (self._belief, self._around, self._time_s, self._rng, self._scene, self._watch, self._verdict)
+        return TrackerState(self._start, take_checkpoint(*known, self._size.measured))
 
     @property
     def expected(self) -> PosedBody | None:
@@ -168,33 +164,22 @@ class Tracker:
 
     def submit_cut(self, cut: CutOut) -> Submitted:
         """The same for a frame out of which the body was cut by somebody else."""
-        frame = cut.frame
-        first, clock, subject = self._belief is None, cut.clock, cut.isolated.subject
+        first, subject = self._belief is None, cut.isolated.subject
+        shows = subject is not None or (self._around is not None and bool(cut.frame.depth.any()))
         self._start = self._size.give(self._start)
         self._scene = cut.isolated.change
-        if subject is None:
-            elsewhere = self._around is not None and bool(frame.depth.any())
-            self._around = self._whereabouts()
-            return Submitted(frame, None, None, elsewhere, None, first, clock)
-        with clock.stage("publish"):
-            self._refiner.publish(subject)
-            self._distance = distance_of(subject)
-        with clock.stage("search"):
-            rival = self._look(subject, cut.isolated.view.planes)
-        if self._belief is None:
-            return Submitted(frame, None, None, True, None, first, clock)
+        rival = None if subject is None else self._look(cut, subject)
         self._around = self._whereabouts()
+        if self._belief is None or subject is None:
+            return Submitted(cut.frame, None, shows, None, cut.clock)
         self._mind_company(cut, self._belief, first=first)
-        with clock.stage("draw"):
-            sighting = see(subject, self._time_s, self._known_step(frame))
+        situation = Situation(self._start, self._belief, self._watch, self.rules)
+        with cut.clock.stage("draw"):
+            sighting = see(subject, self._time_s, self._known_step(cut.frame))
             proposal = self._inference.draw(self.model, self._belief, sighting)
-        with clock.stage("refine"):
-            situation = Situation(self._start, self._belief, self._watch, self.rules)
-            stretch = situation.rules.noise_lateral / situation.rules.noise_depth
-            lone = len(proposal.poses) == 1
-            sighted = Sighted(subject, self._belief.reported, proposal.interval, stretch, lone, first)
-            request = self._inference.submit(situation, proposal, frame.time_s)
-            return Submitted(frame, request, sighted, True, rival, first, clock)
+        with cut.clock.stage("refine"):
+            request = self._inference.submit(situation, proposal, subject, first=first)
+        return Submitted(cut.frame, request, shows, rival, cut.clock)
 
     def send_ahead(self, frame: DepthFrame | None) -> None:
         """Cut out the frame that comes next, and let the workers have it before its turn."""
@@ -209,16 +194,15 @@ class Tracker:
 
     def collect(self, submitted: Submitted) -> Tracked:
         """Wait for the refined particles of the frame that was submitted last, and update the belief."""
-        answered, status = 0, None
-        if submitted.request is None:
+        frame, request, clock = submitted.frame, submitted.request, submitted.clock
+        if request is None:
             status = self._lose(submitted)
-        else:
-            answer = self._inference.answer(submitted.request, submitted.clock)
-            answered = answer.answered
-            self._believe(answer, submitted)
-        return Tracked(
-            submitted.frame, self.state, self._belief, status, answered, submitted.sighted, submitted.clock
-        )
+            return Tracked(frame, self.state, self._belief, status, 0, None, clock)
+        answer = self._inference.answer(request, clock)
+        self._time_s = frame.time_s
+        with clock.stage("measure"):
+            self._believe(answer, request.sighted.subject, submitted.rival)
+        return Tracked(frame, self.state, self._belief, None, answer.answered, request.sighted, clock)
 
     def report(self, tracked: Tracked) -> Reported:
         """What was found in a frame that was collected; before the next one is collected."""
@@ -236,14 +220,17 @@ class Tracker:
             self._watch = self._watch.saw_nobody()
         return elsewhere
 
-    def _look(self, subject: SubjectFrame, planes: Planes) -> Finding | None:
+    def _look(self, cut: CutOut, subject: SubjectFrame) -> Finding | None:
         """Find the body, if there is none yet, or where else it may be, if that is in doubt."""
-        if self._belief is None:
-            self._find(subject, planes)
-            return None
-        if not (self._watch.checks and self._recovers):
-            return None
-        return self._seeker.find_again(subject, self._start, self.rules, self._belief.reported)
+        with cut.clock.stage("publish"):
+            self._refiner.publish(subject)
+            self._distance = distance_of(subject)
+        with cut.clock.stage("search"):
+            if self._belief is None:
+                self._find(subject, cut.isolated.view.planes)
+            elif self._watch.checks and self._recovers:
+                return self._seeker.find_again(subject, self._start, self.rules, self._belief.reported)
+        return None
 
     def _mind_company(self, cut: CutOut, belief: Belief, *, first: bool) -> None:
         """Note who else stands there, when the body was found or when something is unexplained."""
@@ -277,19 +264,13 @@ class Tracker:
         self._watch = self._watch.saw_nobody()
         return "lost" if submitted.shows else "absent"
 
-    def _believe(self, answer: Answer, submitted: Submitted) -> None:
-        """Take in what a frame says of the pose, and of the person's size."""
-        found = answer.belief.at_rest() if submitted.first else answer.belief  # from a guess: no motion
-        self._time_s = submitted.frame.time_s
-        situation = Situation(self._start, found, self._watch, self.rules)
-        self._belief, self._watch = decide(situation, submitted.rival, self._inference.begin_with)
-        if submitted.sighted is None:
-            return
-        subject = submitted.sighted.subject
-        self._watch = self._watch.shown(subject.pixels)
-        with submitted.clock.stage("measure"):
-            if self._belief is found:  # and no rival took its place
-                self._inference.hear(replace(situation, watch=self._watch), answer, subject)
+    def _believe(self, answer: Answer, subject: SubjectFrame, rival: Finding | None) -> None:
+        """Take in what a frame says of the pose, and of the person's size if that pose is believed."""
+        situation = Situation(self._start, answer.belief, self._watch, self.rules)
+        self._belief, watch = decide(situation, rival, self._inference.begin_with)
+        self._watch = watch.shown(subject.pixels)
+        if self._belief is answer.belief:
+            self._inference.hear(replace(situation, watch=self._watch), answer, subject)
 
     @property
     def _body(self) -> PosedBody | None:

@@ -29,7 +29,9 @@ START = no_start(choose_bodies(None, "default"))
 
 def recorded_of(measured: Measured | None) -> Recorded:
     """A run without frames after which a person is known to be of this size."""
-    checkpoint = take_checkpoint(None, None, None, np.random.default_rng(0), SceneChange(), Watch(), measured)
+    checkpoint = take_checkpoint(
+        None, None, None, np.random.default_rng(0), SceneChange(), Watch(), None, measured
+    )
     return Recorded({}, [], TrackerState(START, checkpoint), PoolStatistics(), 0.0, 0, 0)
 
 

@@ -23,6 +23,7 @@ from coordinator.results.recording.log import Began, Entry, append_records
 from coordinator.results.recording.recorded import read_log
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.search.seeker import Seeker
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
     BENT,
@@ -348,6 +349,27 @@ def test_a_frame_that_explains_nobody_is_asked_and_not_heard() -> None:
     measured = tracker.state.checkpoint.measured
     assert measured is not None
     assert measured.frames == 1
+
+
+@pytest.mark.parametrize("by", [0.0, 100.0])
+def test_what_a_frame_says_of_a_pose_that_a_rival_replaced_is_dropped(by: float) -> None:
+    """The sizes were asked in the pose that was followed: where another one is believed, they say nothing."""
+    frames = [replace(frame, time_s=0.1 * n) for n, frame in enumerate(shown("standing").frames)]
+    refiner = DirectRefiner()
+    tracker = Tracker(refiner, SETTINGS, BODIES)
+    tracker.track(frames[0])
+    submitted = tracker.submit(frames[1])
+    assert submitted.request is not None
+    assert submitted.request.question is not None
+    subject, last = submitted.request.sighted.subject, submitted.request.sighted.past
+    rival = Seeker(BODIES, refiner, SETTINGS).find_again(subject, tracker.start, tracker.rules, last)
+    standing = replace(rival.standing, log_likelihood=rival.standing.log_likelihood + by)
+    tracked = tracker.collect(replace(submitted, rival=replace(rival, standing=standing)))
+    assert tracked.belief is not None
+    assert bool(np.array_equal(tracked.belief.poses[0], standing.poses[0])) == (by > 0.0)
+    measured = tracked.state.checkpoint.measured
+    assert measured is not None
+    assert measured.frames == (1 if by else 2)
 
 
 @pytest.mark.parametrize("missing", [np.nan, -np.inf])
