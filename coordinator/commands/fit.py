@@ -10,13 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
+from common.activation import activate
 from common.body import BodyModel
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.bodies.choice import PERSON_SUFFIX, choose_bodies, person
+from coordinator.bodies.choice import PERSON_SUFFIX, USUAL, choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
+from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.person_file import write_person
+from coordinator.bodies.tracked import name_pose
 from coordinator.commands.console.progress import Show
 from coordinator.commands.options.arguments import FitOptions
 from coordinator.commands.options.choices import choose_pool, choose_settings
@@ -133,10 +136,15 @@ def spread(frames: Sequence[Posed], count: int) -> list[Posed]:
 
 
 def builder(held: Mapping[str, float], preset_name: str) -> Callable[[Measures], BodyModel]:
-    """Makes tracked bodies from measures; what does not move is held."""
+    """Makes tracked bodies from measures; what does not move is held.
+
+    All have the same vertices, moved: of bodies that were meshed anew each, the likelihood would rather say
+    how their vertices happen to lie.
+    """
 
     def build(measures: Measures) -> BodyModel:
-        return person(measures, None, preset_name).tracked(measures.stature, measures.girth, held)[0]
+        full = shape_space().person(measures)
+        return activate(full, USUAL[preset_name], name_pose(full, held))
 
     return build
 

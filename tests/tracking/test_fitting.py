@@ -23,7 +23,7 @@ from coordinator.bodies.person_file import read_person, write_person
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.cli.surroundings import on_stderr
-from coordinator.commands.fit import explained_well, run_fit
+from coordinator.commands.fit import builder, explained_well, run_fit
 from coordinator.commands.options.arguments import FitOptions
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
@@ -74,18 +74,18 @@ def seen(measures: Measures) -> tuple[list[Posed], Array]:
     return frames, joint_positions(model, poses)
 
 
-@pytest.mark.slow
 def test_a_person_of_other_proportions_is_measured() -> None:
     """Short upper arms and long thighs are found, and the joints come nearer to the truth."""
     frames, truth = seen(OTHER)
-    fitter = Fitter(frames, build, DirectRefiner(), preset("default").refine, Sweeps(("upper_arm", "thigh")))
+    fitted, sweeps = builder({}, "default"), Sweeps(("upper_arm", "thigh"))
+    fitter = Fitter(frames, fitted, DirectRefiner(), preset("default").refine, sweeps)
     before, after = fitter.fit(USUAL)
     assert after.measures.upper_arm < 0.96 * USUAL.upper_arm
     assert after.measures.thigh > 1.04 * USUAL.thigh
     assert after.residual.mean() < before.residual.mean()
 
     def joint_error(fit: Fit) -> float:
-        joints = joint_positions(build(fit.measures), np.array(fit.poses))
+        joints = joint_positions(fitted(fit.measures), np.array(fit.poses))
         return float(np.linalg.norm(joints - truth, axis=-1).mean())
 
     assert joint_error(after) < 0.75 * joint_error(before)
