@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coordinator.pool.dispatch.batches import LARGEST, in_rounds, split, split_in_rounds
+from coordinator.pool.dispatch.batches import LARGEST, in_proportion, in_rounds, split, split_in_parts
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -27,7 +27,9 @@ from coordinator.pool.dispatch.events import (
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.dispatch.scheduler import LATE_LEAST, PAUSE, SILENT, Scheduler
+from coordinator.pool.dispatch.hearing import SILENT
+from coordinator.pool.dispatch.lateness import LATE_LEAST
+from coordinator.pool.dispatch.scheduler import PAUSE, Scheduler
 from coordinator.pool.dispatch.workload import REST, WINDOW
 
 Table = list[tuple[float, Event, list[Instruction]]]
@@ -341,7 +343,7 @@ def test_empty_job_is_done() -> None:
 @given(st.integers(1, 500), st.integers(0, 20))
 def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
     """Batches cover all particles in order, none too large, sizes equal but for one, all workers busy."""
-    ranges = split(particles, [1.0] * workers, in_parts=True)
+    ranges = split_in_parts(particles, [1.0] * workers)
     sizes = [stop - start for start, stop in ranges]
     assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
     assert max(sizes) <= LARGEST
@@ -355,13 +357,13 @@ def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
 )
 def test_split_of_usual_jobs(particles: int, workers: int, sizes: list[int]) -> None:
     """As few as may be, and as many for each worker."""
-    assert [stop - start for start, stop in split(particles, [1.0] * workers, in_parts=True)] == sizes
+    assert [stop - start for start, stop in split_in_parts(particles, [1.0] * workers)] == sizes
 
 
 @given(st.integers(1, 500), st.lists(st.floats(0.25, 4.0), min_size=1, max_size=20))
 def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) -> None:
     """All is covered in order, by whole rounds; batches go with the speeds, and none is empty."""
-    ranges = split(particles, speeds, in_parts=True)
+    ranges = split_in_parts(particles, speeds)
     sizes = [stop - start for start, stop in ranges]
     assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
     assert min(sizes) >= 1
@@ -398,12 +400,12 @@ def test_shares_end_no_later_than_proportional_ones(particles: int, crews: list[
     """Every particle once; each worker has one at the least, where there are enough; no round too many."""
     lanes = [count for count, _ in crews]
     speeds = [count * pace for count, pace in crews]
-    shares = split_in_rounds(particles, speeds, lanes)
+    shares = split(particles, speeds, lanes)
     assert [n for start, stop in shares for n in range(start, stop)] == list(range(particles))
     assert len(shares) == min(particles, len(crews))
     assert all(start < stop for start, stop in shares)
     if particles >= len(crews):
-        assert end_of(shares, crews) <= end_of(split(particles, speeds), crews) * (1.0 + 1e-6)
+        assert end_of(shares, crews) <= end_of(in_proportion(particles, speeds), crews) * (1.0 + 1e-6)
 
 
 def end_of(shares: list[tuple[int, int]], crews: list[tuple[int, float]]) -> float:
@@ -418,7 +420,7 @@ def test_no_lane_gets_one_more_for_a_trifle(paces: list[float], rounds: int) -> 
     """Workers of sixteen lanes that are about as fast end in the same round."""
     lanes = [16] * len(paces)
     particles = sum(lanes) * rounds
-    ranges = split_in_rounds(particles, [16 * pace for pace in paces], lanes)
+    ranges = split(particles, [16 * pace for pace in paces], lanes)
     assert {stop - start for start, stop in ranges} == {16 * rounds}
 
 

@@ -11,22 +11,38 @@ HAIR = 1e-9  # rounds; that rounding errors do not cost a whole one
 LARGEST = 10  # particles of a batch for each lane, where a share comes in parts
 
 
-def split(particles: int, speeds: Sequence[float], *, in_parts: bool = False) -> list[tuple[int, int]]:
-    """Consecutive ranges (start, stop) of particles, for workers of these speeds one after the other.
+def split(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[tuple[int, int]]:
+    """Consecutive ranges (start, stop) of particles, one for each worker, so that all is done the soonest.
 
-    A speed is that of a usual lane times the number of lanes. Sizes go with the speeds, so that all end at
-    about the same time. There is one batch for each worker, or a multiple of that where shares come in parts.
+    A speed is that of a usual lane times the number of lanes. Each worker gets one particle at the least,
+    and no worker but one more than `in_rounds` gives it. Without workers all is one range.
     """
-    speeds = speeds or [1.0]
-    rounds = max(1, ceil(particles / (sum(speeds) * LARGEST))) if in_parts else 1
-    if particles < len(speeds) * rounds:
+    if not speeds:
+        return [(0, particles)] if particles else []
+    most = [max(1, can) for can in in_rounds(particles, speeds, lanes)]
+    if particles < len(most):
         return [(n, n + 1) for n in range(particles)]
-    total = rounds * sum(speeds)
-    least = 1 if particles * min(speeds) < total else 0  # that every batch has beside its share of the rest
-    rest = particles - least * len(speeds) * rounds
-    reached = accumulate(rounds * list(speeds), initial=0.0)
-    ends = [least * k + int(rest * share / total + 0.5) for k, share in enumerate(reached)]
-    return list(pairwise(ends))
+    rest, spare = particles - len(most), max(1, sum(most) - len(most))
+    reached = accumulate((can - 1 for can in most), initial=0)
+    return list(pairwise(n + int(rest * can / spare + 0.5) for n, can in enumerate(reached)))
+
+
+def split_in_parts(particles: int, speeds: Sequence[float]) -> list[tuple[int, int]]:
+    """The same in several ranges for each worker, where what is refined by a deadline counts."""
+    speeds = speeds or [1.0]
+    parts = max(1, ceil(particles / (sum(speeds) * LARGEST)))
+    return in_proportion(particles, list(speeds) * parts)
+
+
+def in_proportion(particles: int, speeds: Sequence[float]) -> list[tuple[int, int]]:
+    """A range for each speed, as large as it is fast, and none empty while there are enough particles."""
+    if particles < len(speeds):
+        return [(n, n + 1) for n in range(particles)]
+    total = sum(speeds)
+    least = 1 if particles * min(speeds) < total else 0  # that each has beside its share of the rest
+    rest = particles - least * len(speeds)
+    reached = enumerate(accumulate(speeds, initial=0.0))
+    return list(pairwise(least * n + int(rest * share / total + 0.5) for n, share in reached))
 
 
 def in_rounds(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[int]:
@@ -47,13 +63,3 @@ def in_rounds(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> 
         left -= lanes[place]
         heapreplace(ends, ((rounds[place] + 1) / paces[place], place))
     return [count * int(time * pace + HAIR) for pace, count in zip(paces, lanes, strict=True)]
-
-
-def split_in_rounds(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[tuple[int, int]]:
-    """As `split`, one range for each worker, and none of more than what `in_rounds` gives it, but one."""
-    most = [max(1, can) for can in in_rounds(particles, speeds, lanes)]
-    if particles < len(most):
-        return [(n, n + 1) for n in range(particles)]
-    rest, spare = particles - len(most), max(1, sum(most) - len(most))
-    reached = accumulate((can - 1 for can in most), initial=0)
-    return list(pairwise(n + int(rest * can / spare + 0.5) for n, can in enumerate(reached)))

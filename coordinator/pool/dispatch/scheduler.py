@@ -13,12 +13,10 @@ even when its job is done: a worker that is still busy with it cannot do other w
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from statistics import median
 
-from coordinator.pool.dispatch.batches import split, split_in_rounds
+from coordinator.pool.dispatch.batches import split, split_in_parts
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -31,31 +29,26 @@ from coordinator.pool.dispatch.events import (
     Refused,
     Replied,
     Send,
-    Silence,
     Ticked,
     Unavailable,
     WorkerJoined,
     WorkerLeft,
 )
+from coordinator.pool.dispatch.hearing import Hearing
+from coordinator.pool.dispatch.lateness import Lateness
 from coordinator.pool.dispatch.workload import (
-    PACES,
     WINDOW,
     Batch,
     Flight,
     Worker,
-    clip,
     least_busy,
     rank,
+    speeds_of,
     strike,
 )
 
-LATE_FACTOR = 3.0  # times the usual time from request to result
-LATE_LEAST = 0.05  # seconds
-SMOOTHING = 0.2  # of the usual time
-SHORTEST = 1e-6  # seconds a particle
 PAUSE = 0.1  # seconds after a request that nothing came of: the worker may just have gone, or come
 REFUSALS_LEAST = 3  # of a batch, before it fails the job
-SILENT = 20.0  # seconds; a request that ends later without a result has met the bus's own timeout
 
 
 @dataclass(slots=True)
@@ -76,19 +69,19 @@ class Scheduler:
     batches: list[Batch] = field(default_factory=list)  # of the job; none when there is no job
     counts: Counts = field(default_factory=Counts)
     lanes: dict[str, int] = field(default_factory=dict)  # by worker, there or not
-    usual_seconds: float | None = None  # from request to result, for each particle of a lane
+    lateness: Lateness = field(default_factory=Lateness)
+    hearing: Hearing = field(default_factory=Hearing)
     next_ticket: int = 0
     may_wait: bool = False  # whether there may be batches that wait; to look costs time with many
-    answered_at: float = -math.inf  # when any worker has said anything about any request last
-    silent_at: float | None = None  # when a request ended of silence, with no answer to any since
 
     def handle(self, event: Event, now: float) -> list[Instruction]:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
             case JobStarted(particles, in_parts, spare):
-                ranges = self._shares(particles - spare, self._in_turn(now), in_parts=in_parts)
-                ranges += [(particles - spare, particles)] if spare else []
-                self.batches = [Batch(*ends) for ends in ranges]
+                workers = self._in_turn(now)
+                self.batches = (
+                    several_each(particles, spare, workers) if in_parts else one_each(particles, workers)
+                )
                 self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
             case WorkerJoined(name):
@@ -101,18 +94,18 @@ class Scheduler:
                 self._forget(name)
                 outcome = []
             case Replied(ticket, at):
-                self._hear(now)
+                self.hearing.heard(now)
                 outcome = self._accept(ticket, now if at is None else at)
             case Refused(ticket, reason):
-                self._hear(now)
+                self.hearing.heard(now)
                 outcome = self._refuse(ticket, reason, now)
             case Unavailable(ticket):
-                self._hear(now)
+                self.hearing.heard(now)
                 self._give_up(ticket, now)
                 outcome = []
             case Ended(ticket):
                 ended = self._give_up(ticket, now)
-                return [*self._assign(now), *self._listen(ended, now)]
+                return [*self._assign(now), *self.hearing.ended(ended, now)]
             case Ticked():
                 outcome = []
         return outcome + self._assign(now)
@@ -151,7 +144,7 @@ class Scheduler:
         if flight is None:
             return []
         flight.worker.strikes = flight.worker.rests = 0
-        self._learn(flight, at)
+        self.lateness.learn(flight, at)
         if not current:
             return []
         flight.batch.done = True
@@ -161,37 +154,10 @@ class Scheduler:
         self.batches = []
         return [accepted, Done()]
 
-    def _learn(self, flight: Flight, at: float) -> None:
-        worker = flight.worker
-        seconds = (at - flight.sent_at) / flight.load
-        usual = seconds if self.usual_seconds is None else self.usual_seconds
-        self.usual_seconds = usual + SMOOTHING * (seconds - usual)
-        took = at - max(flight.sent_at, worker.answered_at)
-        worker.paces.append(took / flight.load)
-        worker.answered_at = at
-
     def _in_turn(self, now: float) -> list[Worker]:
         """All workers in the order in which they get batches: those that rest come last."""
         ready = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
         return ready + [worker for worker in self.workers.values() if worker.rests_until > now]
-
-    def _speeds(self, workers: Sequence[Worker]) -> Sequence[float]:
-        """How fast each worker is; a usual lane is 1, and so is a lane of which little is known."""
-        paces = [median(w.paces) if len(w.paces) == PACES else None for w in workers]
-        usual = max(SHORTEST, median([pace for pace in paces if pace is not None] or [SHORTEST]))
-        return [
-            worker.lanes * (1.0 if pace is None else clip(usual / max(SHORTEST, pace)))
-            for worker, pace in zip(workers, paces, strict=True)
-        ]
-
-    def _shares(
-        self, particles: int, workers: Sequence[Worker], *, in_parts: bool = False
-    ) -> list[tuple[int, int]]:
-        """Ranges of particles for these workers."""
-        speeds = self._speeds(workers)
-        if workers and not in_parts:
-            return split_in_rounds(particles, speeds, [worker.lanes for worker in workers])
-        return split(particles, speeds, in_parts=in_parts)
 
     def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:
         current = self.is_current(ticket)
@@ -221,17 +187,6 @@ class Scheduler:
             flight.worker.rests_until = max(flight.worker.rests_until, now + PAUSE)
         return flight
 
-    def _hear(self, now: float) -> None:
-        self.answered_at, self.silent_at = now, None
-
-    def _listen(self, ended: Flight | None, now: float) -> list[Instruction]:
-        """Whether a request ended because nobody at all answers any longer."""
-        if ended is None or now < ended.sent_at + SILENT or self.answered_at > ended.sent_at:
-            return []
-        again = self.silent_at is not None and ended.sent_at >= self.silent_at
-        self.silent_at = self.silent_at or now
-        return [Silence(ended.worker.name, again)]
-
     def _assign(self, now: float) -> list[Instruction]:
         sends = self._hand_out(now) if self.may_wait else []
         return [*sends, *self._assign_again(now)]
@@ -252,10 +207,7 @@ class Scheduler:
         """Split batches that ended without a result among the workers, lest one does it all alone."""
         workers = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
         for batch in [batch for batch in self.waiting() if batch.came_back and not batch.refusals]:
-            parts = [
-                Batch(batch.start + start, batch.start + stop, sent=batch.sent)
-                for start, stop in self._shares(batch.stop - batch.start, workers)
-            ]
+            parts = one_each(batch.stop - batch.start, workers, after=batch)
             place = self.batches.index(batch)
             self.batches[place : place + 1] = parts
 
@@ -269,36 +221,16 @@ class Scheduler:
     def _assign_again(self, now: float) -> list[Instruction]:
         """Send what takes long again to workers that have nothing to do."""
         sends: list[Instruction] = []
-        if not self.flights or now < next(iter(self.flights.values())).sent_at + LATE_LEAST:
-            return sends  # the first of all flights is the oldest
+        if not self.lateness.may_be(self.flights.values(), now):
+            return sends
         for worker in self.workers.values():
-            late = None if worker.flights or worker.rests_until > now else self._latest(worker, now)
+            if worker.flights or worker.rests_until > now:
+                continue
+            current = [flight for ticket, flight in self.flights.items() if self.is_current(ticket)]
+            late = self.lateness.latest(current, worker, now)
             if late is not None:
-                sends.append(self._send(late, worker, now))
+                sends.append(self._send(late.batch, worker, now))
         return sends
-
-    def _latest(self, worker: Worker, now: float) -> Batch | None:
-        """The batch that has been in flight for longest, and longer than usual, and only once."""
-        flying: dict[int, list[Flight]] = {}
-        for flight in self.flights.values():
-            flying.setdefault(id(flight.batch), []).append(flight)
-        late = [
-            flights[0]
-            for flights in flying.values()
-            if len(flights) == 1
-            and self._is_late(flights[0], now)
-            and flights[0].batch in self.batches
-            and not flights[0].batch.done
-            and worker.name not in {name for name, _ in flights[0].batch.refusals}
-        ]
-        return min(late, key=lambda flight: flight.sent_at).batch if late else None
-
-    def _is_late(self, flight: Flight, now: float) -> bool:
-        """Whether a request takes much longer than usual for what it asks for."""
-        if self.usual_seconds is None:
-            return False
-        patience = max(LATE_LEAST, LATE_FACTOR * self.usual_seconds * flight.load)
-        return now >= flight.sent_at + patience
 
     def _send(self, batch: Batch, worker: Worker, now: float) -> Instruction:
         ticket, self.next_ticket = self.next_ticket, self.next_ticket + 1
@@ -307,3 +239,17 @@ class Scheduler:
         self.counts.batches_sent_again += batch.sent > 0
         batch.sent += 1
         return Send(ticket, worker.name, batch.start, batch.stop)
+
+
+def one_each(particles: int, workers: Sequence[Worker], after: Batch | None = None) -> list[Batch]:
+    """A batch for each worker; those of a batch that came back begin where that begins."""
+    first, sent = (0, 0) if after is None else (after.start, after.sent)
+    ranges = split(particles, speeds_of(workers), [worker.lanes for worker in workers])
+    return [Batch(first + start, first + stop, sent=sent) for start, stop in ranges]
+
+
+def several_each(particles: int, spare: int, workers: Sequence[Worker]) -> list[Batch]:
+    """Several batches for each worker, and one of their own for the last of the particles, that are spare."""
+    needed = particles - spare
+    ranges = split_in_parts(needed, speeds_of(workers))
+    return [Batch(*ends) for ends in [*ranges, *([(needed, particles)] if spare else [])]]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 
 WINDOW = 2
 PACES = 5  # batches, by whose median a worker's speed is judged: what holds it up for once is passed over
+SHORTEST = 1e-6  # seconds a particle
 MOST_UNLIKE = 4.0  # times that a worker is taken to be faster or slower than the usual one
 STRIKES = 3  # failures in a row until a worker rests
 REST, REST_MOST = 1.0, 30.0  # seconds; doubles each time
@@ -24,6 +26,10 @@ class Batch:
     sent: int = 0
     came_back: bool = False  # without a result, and was not split since
     refusals: list[tuple[str, str]] = field(default_factory=list)  # worker, reason
+
+    def is_refused_by(self, worker: Worker) -> bool:
+        """Whether a worker has refused it, and may do so again."""
+        return worker.name in {name for name, _ in self.refusals}
 
 
 @dataclass(slots=True, eq=False)
@@ -60,6 +66,16 @@ Rank = tuple[int, int, Worker]  # how busy, and its place among all
 def clip(speed: float) -> float:
     """A speed so near to the usual one that each batch is worth its trip, and a slow worker may recover."""
     return min(max(speed, 1.0 / MOST_UNLIKE), MOST_UNLIKE)
+
+
+def speeds_of(workers: Sequence[Worker]) -> list[float]:
+    """How fast each worker is; a usual lane is 1, and so is a lane of which little is known."""
+    paces = [median(w.paces) if len(w.paces) == PACES else None for w in workers]
+    usual = max(SHORTEST, median([pace for pace in paces if pace is not None] or [SHORTEST]))
+    return [
+        worker.lanes * (1.0 if pace is None else clip(usual / max(SHORTEST, pace)))
+        for worker, pace in zip(workers, paces, strict=True)
+    ]
 
 
 def rank(workers: Iterable[Worker], now: float) -> list[Rank]:
