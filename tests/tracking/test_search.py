@@ -20,7 +20,7 @@ from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf.reading import read_urdf
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
-from coordinator.tracking.search.candidates import look_straight, most_alike
+from coordinator.tracking.search.candidates import least, look_straight, most_alike
 from coordinator.tracking.search.library import Library, any_turns, draw_any, draw_people, look_at
 from coordinator.tracking.search.search import QUICK, THOROUGH, Effort, Found, Search
 from coordinator.tracking.search.signature import BOUND, CELL, COLUMNS, EMPTY, ROWS, compare, sign
@@ -129,6 +129,14 @@ def visible_points(model: BodyModel, library: Library, n: int) -> Array:
         nearest[key] = min(nearest[key], z)
     front = [z < nearest[tuple(key)] + 0.03 for key, z in zip(keys.tolist(), points[:, 2], strict=True)]
     return np.asarray(points[front])
+
+
+@pytest.mark.parametrize("values", [[3.0, 1.0, np.nan, 1.0, 2.0], [np.nan, np.nan, 5.0, np.nan, np.nan]])
+def test_the_least_come_in_their_order_and_what_is_no_number_last(values: list[float]) -> None:
+    """So many as are asked for, as a stable sort of all gives them."""
+    for count in range(1, 7):
+        expected = np.argsort(values, kind="stable")[:count]
+        np.testing.assert_array_equal(least(np.array(values), count), expected)
 
 
 def test_only_candidates_that_differ_go_on() -> None:

@@ -63,10 +63,10 @@ def most_alike(points: Array, library: Library, factors: Sequence[float], roll: 
 
 
 def least(values: Array, count: int) -> NDArray[np.int64]:
-    """Where the least of values (N,) are, ascending: so many of them, the first of equal ones first."""
+    """Where the least of values (N,) are, ascending: so many, the first of equal ones first, NaN last."""
     if count >= len(values):
         return np.argsort(values, kind="stable")
-    among = np.flatnonzero(values <= np.partition(values, count - 1)[count - 1])
+    among = np.flatnonzero(~(values > np.partition(values, count - 1)[count - 1]))
     order: NDArray[np.int64] = among[np.argsort(values[among], kind="stable")[:count]]
     return order
 
