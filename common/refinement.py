@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,11 @@ class Refined:
     poses: NDArray[np.float64]  # (N, D) metres and radians
     log_likelihood: NDArray[np.float64]  # (N,)
     residual: NDArray[np.float64]  # (N,) metres, mean distance of observed points from the model
+    covariance_roots: NDArray[np.float32] | None = None
+    """Of relative motion about each pose, its Cholesky factor's lower triangle (N, D (D + 1) / 2).
+
+    None where nobody asked for it.
+    """
 
     @property
     def answered(self) -> NDArray[np.int64]:
@@ -26,20 +33,23 @@ class Refined:
 
     def take(self, particles: NDArray[np.int64]) -> Refined:
         """Only these particles, in this order."""
-        return Refined(*(getattr(self, f.name)[particles] for f in fields(Refined)))
+        return self._each(lambda array: array[particles])
 
     def divide(self, particles: int) -> tuple[Refined, Refined]:
         """So many particles, and those after them."""
-        arrays = [getattr(self, f.name) for f in fields(Refined)]
-        return Refined(*(a[:particles] for a in arrays)), Refined(*(a[particles:] for a in arrays))
+        return self._each(lambda array: array[:particles]), self._each(lambda array: array[particles:])
 
+    def unanswered(self, particles: int) -> Refined:
+        """So many particles about which nothing is known, of the same shapes otherwise."""
+        return self._each(lambda array: np.full((particles, *array.shape[1:]), np.nan, array.dtype))
 
-def unanswered(particles: int, like: Refined) -> Refined:
-    """So many particles about which nothing is known, of the same shapes otherwise."""
-    arrays = [getattr(like, f.name) for f in fields(Refined)]
-    return Refined(*(np.full((particles, *array.shape[1:]), np.nan) for array in arrays))
+    def _each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Refined:
+        """What becomes of every array that there is."""
+        arrays = (getattr(self, f.name) for f in fields(Refined))
+        return Refined(*(None if array is None else change(array) for array in arrays))  # type: ignore[arg-type]
 
 
 def concatenate(parts: list[Refined]) -> Refined:
-    """Join batches in the order given."""
-    return Refined(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Refined)))
+    """Join batches, of the same arrays, in the order given."""
+    columns = ([getattr(p, f.name) for p in parts] for f in fields(Refined))
+    return Refined(*(None if each[0] is None else np.concatenate(each) for each in columns))  # type: ignore[arg-type]

@@ -23,10 +23,11 @@ class DirectRequest:
     observation: Observation
     poses: NDArray[np.float64]  # (N, D)
     settings: RefineSettings
+    covariance: bool
 
     def result(self) -> Refined:
         """The particles after their descent."""
-        return refine(self.body, self.observation, self.poses, self.settings)
+        return refine(self.body, self.observation, self.poses, self.settings, covariance=self.covariance)
 
 
 class DirectRefiner:
@@ -42,8 +43,15 @@ class DirectRefiner:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """There is nobody to send it to."""
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> DirectRequest:
+    def submit(
+        self,
+        body: Body,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
+    ) -> DirectRequest:
         """Poses (N, D), to be refined on the frame that was published last."""
         if self._observation is None:
             raise RuntimeError("publish a frame first")
-        return DirectRequest(body, self._observation, poses, settings)
+        return DirectRequest(body, self._observation, poses, settings, covariance)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from queue import SimpleQueue
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,24 @@ FETCH_TIMEOUT = 2.0  # seconds
 log = logging.getLogger(__name__)
 
 O = TypeVar("O")  # noqa: E741 - what `observe` makes of a frame
-Refine = Callable[[Body, O, NDArray[np.float64], RefineSettings], Refined]
+O_contra = TypeVar("O_contra", contravariant=True)
+
+
+class Refine(Protocol[O_contra]):
+    """Refines poses (N, D), with their covariances where those are asked for."""
+
+    def __call__(
+        self,
+        body: Body,
+        observation: O_contra,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        /,
+        *,
+        covariance: bool = False,
+    ) -> Refined:
+        """What becomes of them, in the order given."""
+        ...
 
 
 def nothing(observation: object, settings: RefineSettings) -> None:
@@ -172,7 +189,9 @@ class Service(Generic[O]):
         body = self._find_body(memory, request)
         observation = memory.observations.find(request.frame, lambda: self._observe(request))
         memory.settings = request.settings
-        refined = self._kernel.refine(body, observation, request.poses, request.settings)
+        refined = self._kernel.refine(
+            body, observation, request.poses, request.settings, covariance=request.covariance
+        )
         self.activity.refined(request.run, len(request.poses))
         return encode_refined(refined)
 

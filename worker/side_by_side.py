@@ -34,9 +34,11 @@ class SideBySide:
         observation: Observation,
         poses: NDArray[np.float64],
         settings: RefineSettings,
+        *,
+        covariance: bool = False,
     ) -> Refined:
         """Refine poses (N, D); arguments, results and errors as of `worker.kernel.job.refine`."""
-        jobs = make_jobs(body, observation, poses, settings)
+        jobs = make_jobs(body, observation, poses, settings, covariance=covariance)
 
         def work(lane: int) -> None:
             for job in jobs.each:

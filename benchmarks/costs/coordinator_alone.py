@@ -52,9 +52,11 @@ class InstantRefiner:
         """Encode it, too."""
         encode_frame(subject)
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+    def submit(
+        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+    ) -> Ready:
         """Poses (N, D), scattered."""
-        del body, settings
+        del body, settings, covariance
         self._valley = poses[:1] if self._valley is None else self._valley
         apart = self._rng.normal(scale=SCATTER, size=poses.shape)
         likelihood = -np.square(apart).sum(axis=1)

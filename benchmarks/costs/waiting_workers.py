@@ -19,6 +19,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
 from common.transport.opening import open_worker
+from common.triangles import triangle_size
 from worker.service import Kernel, Service
 
 
@@ -29,12 +30,18 @@ def waiting(seconds: float, lanes: int) -> Kernel[None]:
         del subject
 
     def refine(
-        body: Body, observation: None, poses: NDArray[np.float64], settings: RefineSettings
+        body: Body,
+        observation: None,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
     ) -> Refined:
         del body, observation, settings
         if seconds > 0.0:
             time.sleep(seconds * math.ceil(len(poses) / lanes))
-        return Refined(poses, -np.abs(poses).sum(axis=1), np.zeros(len(poses)))
+        roots = np.full((len(poses), triangle_size(poses.shape[1])), 0.01, np.float32) if covariance else None
+        return Refined(poses, -np.abs(poses).sum(axis=1), np.zeros(len(poses)), roots)
 
     return Kernel(observe, refine, lanes)
 

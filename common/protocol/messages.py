@@ -17,9 +17,11 @@ from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
 from common.protocol.arrays import Dims, check_finite, check_indices, pack, unpack
 from common.protocol.checks import (
     check_camera,
+    check_covariance_roots,
     check_model,
     check_poses,
     check_refined,
+    check_reply,
     check_settings,
     check_sizes,
 )
@@ -32,11 +34,13 @@ from common.protocol.wire import (
     RefusalMessage,
     ReplyMessage,
     RequestMessage,
+    SureReplyMessage,
     decode,
     encode,
 )
 from common.refinement import Refined
 from common.settings import RefineSettings
+from common.triangles import triangle_size
 
 # Of the arrays of a model; a field that is not named here is checked less closely.
 MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
@@ -74,6 +78,7 @@ class RefineRequest:
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
     of_sizes: OfSizes | None = None
+    covariance: bool = False  # whether it is asked for with every particle
 
     def batch(self, start: int, stop: int) -> RefineRequest:
         """The request for particles start..stop-1."""
@@ -215,6 +220,7 @@ def encode_request(request: RefineRequest) -> bytes:
         sizes=None if of is None else pack(of.sizes),
         settings=request.settings,
         poses=pack(request.poses),
+        covariance=request.covariance,
     )
     return encode(message)
 
@@ -225,8 +231,16 @@ def decode_request(payload: bytes) -> RefineRequest:
     poses = unpack("poses", message.poses, "<f8", ("N", "D"), {})
     check_poses(poses)
     check_settings(message.settings)
+    if message.covariance:
+        check_reply(poses.shape)
     return RefineRequest(
-        message.run, message.frame, message.model, message.settings, poses, decode_sizes(message, len(poses))
+        message.run,
+        message.frame,
+        message.model,
+        message.settings,
+        poses,
+        decode_sizes(message, len(poses)),
+        message.covariance,
     )
 
 
@@ -243,22 +257,32 @@ def decode_sizes(message: RequestMessage, particles: int) -> OfSizes | None:
 
 def encode_refined(refined: Refined) -> bytes:
     """Refined particles for the coordinator."""
-    arrays = (refined.poses.ravel(), refined.log_likelihood, refined.residual)
-    return encode(ReplyMessage(values=pack(np.concatenate(arrays))))
+    values = pack(np.concatenate((refined.poses.ravel(), refined.log_likelihood, refined.residual)))
+    if refined.covariance_roots is None:
+        return encode(ReplyMessage(values=values))
+    return encode(SureReplyMessage(values=values, covariance_roots=pack(refined.covariance_roots)))
 
 
-def decode_refined(payload: bytes, asked: tuple[int, ...]) -> Refined:
-    """Refined particles for poses of shape `asked` (N, D), or ProtocolError.
+def decode_refined(payload: bytes, asked: tuple[int, ...], *, covariance: bool = False) -> Refined:
+    """Refined particles for poses of shape `asked` (N, D), with covariances if those were asked for.
 
-    Poses are finite; the other arrays may hold infinities where nothing was observed.
+    Poses are finite; log likelihoods and residuals may be infinite where nothing was observed. Raises
+    ProtocolError for anything else.
     """
     count, dofs = asked
-    message = decode(payload, ReplyMessage)
+    message: ReplyMessage | SureReplyMessage = (
+        decode(payload, SureReplyMessage) if covariance else decode(payload, ReplyMessage)
+    )
     values = unpack("the reply", message.values, "<f8", (count * (dofs + 2),), {})
     end = count * dofs
     refined = Refined(values[:end].reshape(asked), values[end : end + count], values[end + count :])
     check_refined(refined)
-    return refined
+    if isinstance(message, ReplyMessage):
+        return refined
+    shape = (count, triangle_size(dofs))
+    roots = unpack("the reply's covariance_roots", message.covariance_roots, "<f4", shape, {})
+    check_covariance_roots(roots, dofs)
+    return replace(refined, covariance_roots=roots)
 
 
 def encode_refusal(reason: str, *, retryable: bool = False) -> bytes:

@@ -15,7 +15,7 @@ from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
 
-PROTOCOL = 6  # between coordinator and workers
+PROTOCOL = 7  # between coordinator and workers
 LIVE = 1  # of what cameras publish, which others write, too: docs/live.md
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_REASON = 1_000  # characters
@@ -94,12 +94,20 @@ class RequestMessage(Message, frozen=True, tag="request"):
     poses: Array
     thick: Hash | None = None  # with sizes: the same body, thicker
     sizes: Array | None = None
+    covariance: bool = False
 
 
 class ReplyMessage(Message, frozen=True, tag="reply"):
     """Refined particles (N, D): all their poses, then log likelihoods, then residuals, in one row."""
 
     values: Array
+
+
+class SureReplyMessage(Message, frozen=True, tag="sure-reply"):
+    """The same, and how sure each of them is: the lower triangles of roots of covariances."""
+
+    values: Array
+    covariance_roots: Array
 
 
 class RefusalMessage(Message, frozen=True, tag="refusal"):

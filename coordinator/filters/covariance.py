@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.compiling import numba
 from common.kinematics import difference
+from common.triangles import lower_triangular
 
 Array = NDArray[np.float64]
+
+TARGET_WORTH = 20.0  # particles
 
 
 def estimate_covariances(
@@ -37,6 +40,24 @@ def estimate_covariances(
     covariances = np.array(inherited, dtype=np.float64, order="C")
     gather_squares(difference(model, merged[group], before), group, 1.0 - reduction, covariances)
     return covariances
+
+
+def shrink(covariances: Array, roots: NDArray[np.float32], group: NDArray[np.int64]) -> Array:
+    """Covariances (M, D, D) of groups, drawn to those that the descent found at their hypotheses.
+
+    A group shows no more directions than it has particles, so what was found counts as much as TARGET_WORTH
+    of them; a lone particle has it alone.
+
+    Args:
+        covariances: As `estimate_covariances` gives them.
+        roots: Cholesky factors of what was found, lower triangles (M, D (D + 1) / 2).
+        group: For each particle (N,) the hypothesis it merged into.
+    """
+    lower = lower_triangular(roots, covariances.shape[1])
+    members = np.bincount(group, minlength=len(covariances))[:, None, None]
+    share = np.where(members > 1, members / (members + TARGET_WORTH), 0.0)
+    shrunk: Array = share * covariances + (1.0 - share) * (lower @ lower.transpose(0, 2, 1))
+    return shrunk
 
 
 @numba.njit(cache=True, nogil=True)

@@ -4,7 +4,7 @@ Twenty particles cannot fill 24 dimensions. But limbs move, and are lost, one by
 particles, whatever the number of hypotheses, are of five kinds: some follow the motion model exactly, some
 stay where their hypothesis was, some move one limb far (or hold a hidden one in another way that hides it),
 some hold a limb so that it reaches for what nothing explains, and the others are spread by the covariance
-of their hypothesis and a little in every direction.
+of their hypothesis.
 """
 
 from __future__ import annotations
@@ -25,9 +25,6 @@ GOLDEN = 0.6180339887498949  # any run of its multiples is spread evenly over th
 
 LIMB_DEVIATION = np.radians(30.0)  # by which a limb is thrown, in each of its joints, one standard deviation
 SLIDE_DEVIATION = 0.02  # metres by which a joint that slides is perturbed, one standard deviation
-SPREAD_DEVIATION = np.radians(4.0)  # of a joint, beside what the covariance gives: Eq. 7 has few directions
-ROOT_SPREAD = 0.6  # of that, of what carries the whole body
-ROOT_SLIDE = 0.006  # metres
 
 
 def choose_kinds(count: int, rng: np.random.Generator) -> Kinds:
@@ -44,9 +41,8 @@ def perturb(model: BodyModel, kinds: Kinds, noise: Array, rng: np.random.Generat
     standard = rng.standard_normal(noise.shape)
     limb = limbs[rng.integers(len(limbs), size=len(noise))]  # (N, D)
     thrown = np.where(limb, limb_deviation(model) * standard, 0.0)
-    spread = noise + spread_deviation(model) * standard
     kind = kinds[:, None]
-    perturbed: Array = np.where(kind == SPREAD, spread, np.where(kind == ONE_LIMB, thrown, 0.0))
+    perturbed: Array = np.where(kind == SPREAD, noise, np.where(kind == ONE_LIMB, thrown, 0.0))
     return perturbed
 
 
@@ -54,14 +50,6 @@ def perturb(model: BodyModel, kinds: Kinds, noise: Array, rng: np.random.Generat
 def limb_deviation(model: BodyModel) -> Array:
     """Standard deviation (D,) of what a limb is perturbed by, radians and metres."""
     return np.where(model.kinds == ROTATION, LIMB_DEVIATION, SLIDE_DEVIATION)
-
-
-@lru_cache(maxsize=16)
-def spread_deviation(model: BodyModel) -> Array:
-    """Standard deviation (D,) in every direction of what is spread, radians and metres."""
-    carries_all = np.isin(np.arange(len(model.kinds)), find_limbs(model)[0])
-    turning = np.where(carries_all, ROOT_SPREAD, 1.0) * SPREAD_DEVIATION
-    return np.where(model.kinds == ROTATION, turning, ROOT_SLIDE)
 
 
 @lru_cache(maxsize=16)

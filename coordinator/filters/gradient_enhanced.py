@@ -18,7 +18,7 @@ from common.kinematics import difference
 from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, likeliest_way_on
-from coordinator.filters.covariance import estimate_covariances
+from coordinator.filters.covariance import estimate_covariances, shrink
 from coordinator.filters.exploration import (
     HIDING,
     ONE_LIMB,
@@ -28,6 +28,7 @@ from coordinator.filters.exploration import (
     choose_kinds,
     perturb,
 )
+from coordinator.filters.indistinct import merge_indistinct
 from coordinator.filters.limbs.hiding import find_hidden
 from coordinator.filters.limbs.layout import view_limbs
 from coordinator.filters.limbs.reaching import find_reaches
@@ -74,10 +75,10 @@ def propose(
 ) -> Proposal[Hypotheses]:
     """Steps 2 and 3: the particles of a frame, whose descent and likelihood are steps 4 and 5."""
     ancestors = draw(past, settings, rng)  # 2
-    move = explore if settings.explore and settings.particles > 1 else scatter
-    return Proposal(
-        past, ancestors, move(model, past, ancestors, sighting, settings, rng), sighting.interval
-    )  # 3
+    explores = settings.explore and settings.particles > 1
+    move = explore if explores else scatter
+    particles = move(model, past, ancestors, sighting, settings, rng)  # 3
+    return Proposal(past, ancestors, particles, sighting.interval, covariance=explores)
 
 
 def update(
@@ -92,12 +93,19 @@ def update(
     answered = after.answered
     if len(answered) < len(before):
         ancestors, before, after = ancestors[answered], before[answered], after.take(answered)
-    chosen, group = merge(model, after.poses, after.log_likelihood, np.deg2rad(settings.merge_angle_deg))  # 6
+    roots = after.covariance_roots
+    if roots is None:
+        angle = np.deg2rad(settings.merge_angle_deg)
+        chosen, group = merge(model, after.poses, after.log_likelihood, angle)  # 6
+    else:
+        chosen, group = merge_indistinct(model, after.poses, after.log_likelihood, roots)
     parents = ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     covariances = estimate_covariances(  # 7
         model, before, poses, group, past.covariances[parents], REDUCTION
     )
+    if roots is not None:
+        covariances = shrink(covariances, roots[chosen], group)
     return Hypotheses(
         poses=poses,
         log_weights=log_likelihood,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -21,3 +21,5 @@ class Proposal(Generic[B]):
     ancestors: NDArray[np.int64]  # (N,) the pose of `past` that each particle was drawn from
     poses: NDArray[np.float64]  # (N, D)
     interval: float  # seconds since the frame that `past` is about
+    covariance: bool = field(default=False, kw_only=True)
+    """Whether the update needs to know how sure each refined pose is."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from common.protocol.messages import RefineRequest, decode_refined
-from common.refinement import Refined, concatenate, unanswered
+from common.refinement import Refined, concatenate
 
 
 @dataclass(slots=True, eq=False)
@@ -32,7 +32,8 @@ class Refinement:
 
     def receive(self, ticket: int, payload: bytes, particles: int) -> None:
         """Keep a batch's answer until it is accepted; ProtocolError if it makes no sense."""
-        self._received[ticket] = decode_refined(payload, (particles, self.request.poses.shape[1]))
+        asked = particles, self.request.poses.shape[1]
+        self._received[ticket] = decode_refined(payload, asked, covariance=self.request.covariance)
 
     def accept(self, ticket: int, start: int) -> None:
         """An answer is the first for the particles from `start` on."""
@@ -46,7 +47,7 @@ class Refinement:
         stop = 0
         for start, part in [*sorted(self._parts.items()), (self.particles, None)]:
             if start > stop:
-                parts.append(unanswered(start - stop, part or parts[-1]))
+                parts.append((part or parts[-1]).unanswered(start - stop))
             if part is not None:
                 parts.append(part)
                 stop = start + len(part.poses)

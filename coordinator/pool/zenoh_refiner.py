@@ -147,7 +147,14 @@ class ZenohRefiner:
         """Send the frame that is to be published next, so that workers have it in time."""
         self._publication.put_ahead(subject)
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> PendingRefinement:
+    def submit(
+        self,
+        body: Body,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
+    ) -> PendingRefinement:
         """Send poses (N, D) to the workers. A request whose result was not taken by then is given up."""
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
@@ -155,7 +162,9 @@ class ZenohRefiner:
             body = as_sizes(body, len(poses))
             model, of_sizes = self._offer(body)
             spare = body.spare if isinstance(body, Sized) else 0
-            asked = RefineRequest(self.run, self._publication.current, model, settings, poses, of_sizes)
+            asked = RefineRequest(
+                self.run, self._publication.current, model, settings, poses, of_sizes, covariance
+            )
             refinement = Refinement(asked, self._due, spare)
             self._exchange.begin(refinement)
         return PendingRefinement(self._exchange, refinement, self._clock)

@@ -171,7 +171,7 @@ class Inference:
             body, poses = question.beside(model, poses)
         most = most_iterations(poses.shape, settings.points, len(model.vertices))
         paced = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
-        return self._refiner.submit(body, poses, paced)
+        return self._refiner.submit(body, poses, paced, covariance=proposal.covariance)
 
     def _update(self, request: Request, refined: Refined) -> Belief | Proposal[Any]:
         """The belief after particles were refined, or more particles to refine."""

@@ -35,6 +35,16 @@ class Refiner(Protocol):
         """Let the workers have a frame that is to be published next; `submit` stays with the one before."""
         ...
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Pending:
-        """Begin to refine poses (N, D). A request whose result was not taken by then is given up."""
+    def submit(
+        self,
+        body: Body,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
+    ) -> Pending:
+        """Begin to refine poses (N, D), and to tell how sure each of them is, if asked for.
+
+        A request whose result was not taken by then is given up.
+        """
         ...

@@ -30,7 +30,7 @@ from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.evaluation import Errors
 from coordinator.synthesis.scenes.arm import MOVING
 from tests.support.processes.programs import INSTANT
-from tests.support.refined import Ready
+from tests.support.refined import Ready, sure
 
 FRAMES = 4
 
@@ -46,13 +46,20 @@ class StillRefiner:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Have no use for it."""
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+    def submit(
+        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+    ) -> Ready:
         """No descent."""
         assert settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
         assert isinstance(body, BodyModel)
         assert body.dof_names[-1] == "r_elbow_flexion"
         return Ready(
-            Refined(poses.copy(), -np.arange(len(poses), dtype=np.float64), np.full(len(poses), 0.1))
+            Refined(
+                poses.copy(),
+                -np.arange(len(poses), dtype=np.float64),
+                np.full(len(poses), 0.1),
+                sure(poses, asked=covariance),
+            )
         )
 
 

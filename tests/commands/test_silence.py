@@ -38,12 +38,14 @@ class FallsSilent(ZenohRefiner):
         super().__init__(pool, show.say)
         self._left = requests
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> PendingRefinement:
+    def submit(
+        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+    ) -> PendingRefinement:
         """Pass it on, as long as there is a way."""
         self._left -= 1
         if self._left < 0:
             raise SilentWorkers("silence")
-        return super().submit(body, poses, settings)
+        return super().submit(body, poses, settings, covariance=covariance)
 
 
 def job(sequence: Path, out: Path) -> Job:

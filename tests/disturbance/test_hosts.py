@@ -44,9 +44,9 @@ def work_slowly(endpoint: str, name: str) -> None:
     from worker.connection import Destination
     from worker.service import Kernel
 
-    def refine(*asked: Any) -> Any:
+    def refine(*asked: Any, covariance: bool = False) -> Any:
         time.sleep(BUSY)
-        refined = KERNEL.refine(*asked)
+        refined = KERNEL.refine(*asked, covariance=covariance)
         sys.stderr.write(f"{DONE}\n")
         return refined
 

@@ -158,10 +158,17 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
     """One asks for eight batches at once, then another asks for one: it is the second to be served."""
     served: list[float] = []
 
-    def slow(body: Body, seen: float, poses: NDArray[np.float64], settings: RefineSettings) -> Refined:
+    def slow(
+        body: Body,
+        seen: float,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
+    ) -> Refined:
         served.append(round(1000 * (seen - 2.0)))
         time.sleep(0.05)
-        return refine(body, seen, poses, settings)
+        return refine(body, seen, poses, settings, covariance=covariance)
 
     options = Pool(workers=0, connect=endpoint, worker_timeout=10.0)
     with (

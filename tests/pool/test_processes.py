@@ -26,6 +26,7 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
 from tests.support.processes.warm_processes import start
+from tests.support.refined import sure
 from worker.cli import Identity, exit_with, serve
 from worker.connection import Destination
 from worker.service import Kernel
@@ -226,11 +227,18 @@ def processor_seconds(pid: int) -> float:
 def serve_without_hearing(endpoint: str, asked: Path) -> None:
     """`gepf-worker` with a kernel that swallows whatever a signal raises."""
 
-    def refine(_body: Body, _seen: object, poses: NDArray[np.float64], _settings: RefineSettings) -> Refined:
+    def refine(
+        _body: Body,
+        _seen: object,
+        poses: NDArray[np.float64],
+        _settings: RefineSettings,
+        *,
+        covariance: bool = False,
+    ) -> Refined:
         with suppress(BaseException):
             asked.touch()
             time.sleep(60.0)
-        return Refined(poses, np.zeros(len(poses)), np.zeros(len(poses)))
+        return Refined(poses, np.zeros(len(poses)), np.zeros(len(poses)), sure(poses, asked=covariance))
 
     identity = Identity("deaf", Destination((endpoint,)))
     exit_with(lambda: serve(identity, lambda: Kernel(lambda _: None, refine)))

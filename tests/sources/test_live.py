@@ -35,6 +35,7 @@ from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, li
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import started, wait_until
 from tests.support.processes.serving import MODEL, pool, serving
+from tests.support.refined import sure
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
 
@@ -144,11 +145,17 @@ class Still:
         self.seconds_per_particle = seconds_per_particle
 
     def refine(
-        self, _body: Body, _seen: float, poses: NDArray[np.float64], _settings: RefineSettings
+        self,
+        _body: Body,
+        _seen: float,
+        poses: NDArray[np.float64],
+        _settings: RefineSettings,
+        *,
+        covariance: bool = False,
     ) -> Refined:
         """The same poses, all equally likely."""
         time.sleep(self.seconds_per_particle * len(poses))
-        return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01))
+        return Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01), sure(poses, asked=covariance))
 
     @property
     def kernel(self) -> Kernel[Any]:
@@ -160,10 +167,17 @@ class Finder(Still):
     """A worker that finds the plate, slowly."""
 
     def refine(
-        self, body: Body, seen: float, poses: NDArray[np.float64], settings: RefineSettings
+        self,
+        body: Body,
+        seen: float,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
     ) -> Refined:
         """Every particle where the plate is."""
-        return super().refine(body, seen, np.tile(AT_TWO_METRES, (len(poses), 1)), settings)
+        there = np.tile(AT_TWO_METRES, (len(poses), 1))
+        return super().refine(body, seen, there, settings, covariance=covariance)
 
 
 @contextmanager

@@ -63,9 +63,11 @@ class InPart(StillWorkers):
         super().__init__()
         self._missing = missing
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+    def submit(
+        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+    ) -> Ready:
         """The same poses, one of them of this log likelihood."""
-        ready = super().submit(body, poses, settings)
+        ready = super().submit(body, poses, settings, covariance=covariance)
         ready.result().log_likelihood[-1] = self._missing
         return ready
 
@@ -77,10 +79,12 @@ class Counting(DirectRefiner):
         super().__init__()
         self.asked: list[int] = []
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> DirectRequest:
+    def submit(
+        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+    ) -> DirectRequest:
         """As it is."""
         self.asked.append(len(poses))
-        return super().submit(body, poses, settings)
+        return super().submit(body, poses, settings, covariance=covariance)
 
 
 def test_evidence_adds_up_to_the_weighted_mean() -> None:

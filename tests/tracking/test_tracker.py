@@ -194,13 +194,15 @@ class Watched(DirectRefiner):
         """The next frame is with the workers."""
         self.events.append(f"ahead {subject.frame.number}")
 
-    def submit(self, body: Body, poses: Array, settings: RefineSettings) -> WatchedRequest:
+    def submit(
+        self, body: Body, poses: Array, settings: RefineSettings, *, covariance: bool = False
+    ) -> WatchedRequest:
         """The workers get busy."""
         if self._frame == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
-        request = super().submit(body, poses, settings)
-        return WatchedRequest(body, request.observation, poses, settings, self.events)
+        request = super().submit(body, poses, settings, covariance=covariance)
+        return WatchedRequest(body, request.observation, poses, settings, covariance, self.events)
 
 
 def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:

@@ -19,6 +19,7 @@ from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.shared_counter import take_next
 from worker.kernel.soft.fisher_scoring import fisher_scoring_step
+from worker.kernel.solver.covariance import fill_covariance_root
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
 from worker.kernel.solver.priors import LIMIT_SHARE, clamp_to_limits
 from worker.kernel.surface import Skeleton, Surface
@@ -41,10 +42,12 @@ def refine_next(  # noqa: PLR0913 compiled code takes arrays
     workspace: Workspace,
     log_likelihood: Array,
     residual: Array,
+    covariance_roots: NDArray[np.float32],
 ) -> bool:
     """Refine those of poses (N, D) in place that the shared counter gives out, `most` of them at the most.
 
-    Fills log_likelihood (N,) and residual (N,) in metres. Returns whether the counter may give out more.
+    Fills log_likelihood (N,), residual (N,) in metres, and covariance_roots (N, D (D + 1) / 2), if they are
+    not (N, 0). Returns whether the counter may give out more.
     """
     for _ in range(most):
         n: int = take_next(counter)  # type: ignore[call-arg]
@@ -53,6 +56,10 @@ def refine_next(  # noqa: PLR0913 compiled code takes arrays
         log_likelihood[n], residual[n] = refine_particle(
             poses[n], skeleton, surface, observed, parameters, workspace
         )
+        if covariance_roots.shape[1] > 0:
+            fill_covariance_root(
+                skeleton, observed.count, parameters, workspace.equations, covariance_roots[n]
+            )
     return True
 
 
@@ -79,6 +86,7 @@ def refine_particle(
     """Refine pose (D,) in place; returns its log likelihood and mean residual in metres."""
     solver = solver_parameters(parameters, observed.count)
     clamp_to_limits(skeleton, pose)
+    workspace.equations.information[:] = 0.0
     transforms, view = workspace.transforms, workspace.visibility
     last_count, visible, before = 0, view.visible, pose.copy()
     for k in range(parameters.icp_iterations):

@@ -16,6 +16,7 @@ from common.bounds import check_work
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body, parts_of
+from common.triangles import triangle_size
 from worker.kernel.icp import refine_next, reject_diverged
 from worker.kernel.observation import Observation
 from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters
@@ -38,6 +39,7 @@ class Job(NamedTuple):
     poses: Array  # (N, D) refined in place
     log_likelihood: Array  # (N,)
     residual: Array  # (N,) metres
+    covariance_roots: NDArray[np.float32]  # (N, D (D + 1) / 2); (N, 0) where nobody asks for them
     counter: NDArray[np.int64]  # (1,) the next particle that nobody has taken
 
 
@@ -49,7 +51,12 @@ class Jobs(NamedTuple):
 
 
 def refine(
-    body: Body, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
+    body: Body,
+    observation: Observation,
+    poses: NDArray[np.float64],
+    settings: RefineSettings,
+    *,
+    covariance: bool = False,
 ) -> Refined:
     """Refine particles, one after another.
 
@@ -58,6 +65,7 @@ def refine(
         observation: The frame's observed points, camera frame, metres.
         poses: Particles (N, D) before their descent, metres and radians.
         settings: How to refine.
+        covariance: Whether it is asked for, too.
 
     Returns:
         Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order given.
@@ -65,19 +73,27 @@ def refine(
     Raises:
         ProtocolError: The work would not end within any sensible time.
     """
-    jobs = make_jobs(body, observation, poses, settings)
+    jobs = make_jobs(body, observation, poses, settings, covariance=covariance)
     for job in jobs.each:
         work_on(job, make_workspace(job.skeleton, job.surface, job.observed))
     return finish(jobs)
 
 
 def make_jobs(
-    body: Body, observation: Observation, poses: NDArray[np.float64], settings: RefineSettings
+    body: Body,
+    observation: Observation,
+    poses: NDArray[np.float64],
+    settings: RefineSettings,
+    *,
+    covariance: bool = False,
 ) -> Jobs:
     """Pack the particles of a request; arguments and errors as of `refine`."""
     observed, parameters = pack_observation(observation, settings), pack_parameters(settings)
     before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
-    refined = Refined(before.copy(), np.empty(len(poses)), np.empty(len(poses)))
+    roots = np.empty((len(poses), triangle_size(poses.shape[1]) if covariance else 0), np.float32)
+    refined = Refined(
+        before.copy(), np.empty(len(poses)), np.empty(len(poses)), roots if covariance else None
+    )
     jobs = []
     for model, start, stop in parts_of(body, len(poses)):
         check_work(settings, poses.shape, observation.count, len(model.vertices))
@@ -91,6 +107,7 @@ def make_jobs(
                 refined.poses[particles],
                 refined.log_likelihood[particles],
                 refined.residual[particles],
+                roots[particles],
                 np.zeros(1, dtype=np.int64),
             )
         )
@@ -110,6 +127,7 @@ def work_on(job: Job, workspace: Workspace) -> None:
         workspace,
         job.log_likelihood,
         job.residual,
+        job.covariance_roots,
     ):
         pass
 

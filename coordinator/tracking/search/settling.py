@@ -33,7 +33,7 @@ def settle(
     belief, rng = believe(model, standing, filtering), np.random.default_rng(SEED)
     for _ in range(rounds):
         proposal = gradient_enhanced.propose(model, belief, see(subject, None), filtering, rng)
-        refined = refine(refiner, model, proposal.poses, settings)
+        refined = refine(refiner, model, proposal.poses, settings, covariance=proposal.covariance)
         belief = gradient_enhanced.update(model, proposal, refined, filtering, rng).at_rest()
     return belief
 

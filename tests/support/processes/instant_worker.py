@@ -38,14 +38,26 @@ def observe(subject: SubjectFrame) -> float:
 
 
 def refine(
-    body: Body, observation: float, poses: NDArray[np.float64], settings: RefineSettings, lanes: int = 1
+    body: Body,
+    observation: float,
+    poses: NDArray[np.float64],
+    settings: RefineSettings,
+    lanes: int = 1,
+    *,
+    covariance: bool = False,
 ) -> Refined:
     """Something that depends on all that a result may depend on, particle by particle."""
     time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * math.ceil(len(poses) / lanes))
     moved = np.sin(poses * settings.damping + observation)
     for model, start, stop in parts_of(body, len(poses)):
         moved[start:stop] += model.vertices.sum()
-    return Refined(moved, -np.abs(moved).sum(axis=1), np.abs(moved - poses).mean(axis=1))
+    roots = np.abs(np.sin(moved[:, :1])) * np.tri(moved.shape[1])[np.tri(moved.shape[1]) > 0.0]
+    return Refined(
+        moved,
+        -np.abs(moved).sum(axis=1),
+        np.abs(moved - poses).mean(axis=1),
+        (0.1 * roots).astype(np.float32) if covariance else None,
+    )
 
 
 KERNEL = Kernel(observe, refine)

@@ -24,7 +24,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
-from tests.support.refined import Ready
+from tests.support.refined import Ready, sure
 
 CAMERA = {
     "width": 64,
@@ -55,11 +55,15 @@ class StillWorkers:
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Have no use for it."""
 
-    def submit(self, body: Body, poses: NDArray[np.float64], settings: RefineSettings) -> Ready:
+    def submit(
+        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+    ) -> Ready:
         """The same poses, all equally likely."""
         assert all(poses.shape[1] == len(part.model.dof_names) for part in parts_of(body, len(poses)))
         assert settings.noise_depth >= settings.noise_lateral
-        return Ready(Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01)))
+        return Ready(
+            Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01), sure(poses, asked=covariance))
+        )
 
     @contextmanager
     def connect(self, pool: Pool, show: Show) -> Iterator[StillWorkers]:

@@ -56,6 +56,7 @@ def fisher_scoring_step(
     """Move pose (D,) in place by one step."""
     equations = workspace.equations
     fill_soft_equations(pose, skeleton, surface, observed, parameters, workspace)
+    equations.information[:] = equations.gram
     for j in range(len(pose)):
         equations.gram[j, j] += COMPLETE_SHARE * workspace.soft.complete[j]
         equations.gram[j, j] += (parameters.noise_lateral / EXPECTED_STEP) ** 2

@@ -49,6 +49,7 @@ def minimise(skeleton: Skeleton, pose: Array, solver: SolverParameters, equation
     )
     for _ in range(solver.iterations):
         fill_equations(skeleton, pose, solver, equations)
+        equations.information[:] = equations.gram
         for j in range(len(pose)):
             equations.gram[j, j] += solver.damping
         hold_active_limits(skeleton, pose, equations.gram, equations.gradient)
@@ -90,12 +91,30 @@ def over_relax(skeleton: Skeleton, before: Array, share: float, pose: Array) -> 
 
 @numba.njit(cache=True, nogil=True)
 def solve_ltl(parents: Indices, gram: Array, step: Array) -> None:
-    """Solve gram (D, D) x = step (D,) in place by a branch-sparse factorisation; gram is lost.
+    """Solve gram (D, D) x = step (D,) in place; gram is lost. What nothing determines stays where it is."""
+    factorise_ltl(parents, gram)
+    for k in range(len(parents) - 1, -1, -1):
+        step[k] /= gram[k, k]
+        i = parents[k]
+        while i >= 0:
+            step[i] -= gram[k, i] * step[k]
+            i = parents[i]
+    for k in range(len(parents)):
+        i = parents[k]
+        while i >= 0:
+            step[k] -= gram[k, i] * step[i]
+            i = parents[i]
+        step[k] /= gram[k, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def factorise_ltl(parents: Indices, gram: Array) -> None:
+    """Turn gram (D, D) into L in place, below the diagonal and on it: a branch-sparse factorisation.
 
     Degrees of freedom that lie on different branches share no moved link, so their entries are zero and stay
     zero in gram = L^T L with L lower triangular, which is found from the tips to the root along the
-    ancestors of each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5). Where gram is singular
-    what nothing determines stays where it is.
+    ancestors of each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5). Where gram is singular the
+    diagonal is infinite, and the row beside it zero.
     """
     least = SINGULAR * np.max(np.diag(gram))
     for k in range(len(parents) - 1, -1, -1):
@@ -111,14 +130,3 @@ def solve_ltl(parents: Indices, gram: Array, step: Array) -> None:
                 gram[i, j] -= gram[k, i] * gram[k, j]
                 j = parents[j]
             i = parents[i]
-        step[k] /= gram[k, k]
-        i = parents[k]
-        while i >= 0:
-            step[i] -= gram[k, i] * step[k]
-            i = parents[i]
-    for k in range(len(parents)):
-        i = parents[k]
-        while i >= 0:
-            step[k] -= gram[k, i] * step[i]
-            i = parents[i]
-        step[k] /= gram[k, k]

@@ -43,6 +43,7 @@ class NormalEquations(NamedTuple):
     subtree_c: Array  # (D, 4, 3)
     columns: Array  # (D, 3, 4)
     gram: Array  # (D, D)
+    information: Array  # (D, D) the last step's gram, before it is damped and limits hold
     gradient: Array  # (D,)
     step: Array  # (D,)
 
@@ -60,6 +61,7 @@ def make_equations(dofs: int, links: int) -> NormalEquations:
         np.empty((dofs, 4, 4)),
         np.empty((dofs, 4, 3)),
         np.empty((dofs, 3, 4)),
+        np.empty((dofs, dofs)),
         np.empty((dofs, dofs)),
         np.empty(dofs),
         np.empty(dofs),
