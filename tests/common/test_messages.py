@@ -42,7 +42,9 @@ from tests.support.messages.kinds import (
     tiny_refined,
     tiny_request,
     tiny_sized_request,
+    tiny_sure,
 )
+from tests.support.refined import sure
 from worker.warm_up import tiny_frame, tiny_model
 
 
@@ -83,6 +85,14 @@ def packed(array: NDArray[Any]) -> list[object]:
 def reply(pose: float = 0.0, log_likelihood: float = -1.0, residual: float = 0.1) -> list[object]:
     """The row of a reply about three particles of six values each."""
     return packed(np.repeat([pose, log_likelihood, residual], [COUNT * DOFS, COUNT, COUNT]))
+
+
+def roots(diagonal: float, beside: float = 0.0) -> list[object]:
+    """Those of a sure reply, the last with this on its diagonal and left of that."""
+    changed_roots = sure(POSES)
+    assert changed_roots is not None
+    changed_roots[-1, -2:] = beside, diagonal
+    return packed(changed_roots)
 
 
 def same(one: object, other: object) -> bool:
@@ -173,8 +183,28 @@ def test_reply_survives() -> None:
     """All fields of refined particles arrive as they were, each in a piece of memory as kernels want it."""
     arrived = decode_refined(KINDS["reply"].payload, (COUNT, DOFS))
     assert same(tiny_refined(), arrived)
-    assert all(getattr(arrived, field.name).flags.c_contiguous for field in fields(Refined))
-    assert len(fields(Refined)) == 3  # whoever adds one says where in the row it travels
+    arrays = [getattr(arrived, field.name) for field in fields(Refined)]
+    assert all(array.flags.c_contiguous for array in arrays if array is not None)
+    assert len(fields(Refined)) == 4  # whoever adds one says where it travels
+
+
+def test_covariances_survive_and_only_where_they_are_asked_for() -> None:
+    """A reply that says more than was asked for is refused, and one that says less."""
+    assert same(tiny_sure(), KINDS["sure-reply"].decode(KINDS["sure-reply"].payload))
+    refuse("sure-reply", KINDS["reply"].payload, "not a sure-reply message")
+    refuse("reply", KINDS["sure-reply"].payload, "not a reply message")
+    asked = replace(tiny_request(), covariance=True)
+    assert decode_request(encode_request(asked)).covariance
+    assert not decode_request(encode_request(tiny_request())).covariance
+
+
+def test_covariances_that_would_not_fit_into_a_reply_are_not_begun() -> None:
+    """Of a thousand people they do; of a body with 500 degrees of freedom those of a hundred do not."""
+    fitting, too_many = np.zeros((1000, 27)), np.zeros((100, 500))
+    assert decode_request(encode_request(replace(tiny_request(), poses=fitting, covariance=True))).covariance
+    with pytest.raises(ProtocolError, match="covariances of 100 poses are 50100000 bytes, expected 33554432"):
+        decode_request(encode_request(replace(tiny_request(), poses=too_many, covariance=True)))
+    assert len(decode_request(encode_request(replace(tiny_request(), poses=too_many))).poses) == 100
 
 
 def test_reply_may_be_infinite_but_for_its_poses() -> None:
@@ -422,6 +452,31 @@ BAD = {
         "reply",
         set_to("values", value=reply(residual=-1.0)),
         "residual holds values below zero",
+    ),
+    "roots nan": (
+        "sure-reply",
+        set_to("covariance_roots", value=roots(np.nan)),
+        "covariance_roots holds values that are not finite",
+    ),
+    "roots diagonal": ("sure-reply", set_to("covariance_roots", value=roots(0.0)), "is not above zero"),
+    "roots sign": ("sure-reply", set_to("covariance_roots", value=roots(-0.1)), "is not above zero"),
+    "wide": (
+        "sure-reply",
+        set_to("covariance_roots", value=roots(0.1, 3.0)),
+        "of 3.00167, expected 1",
+    ),
+    "endless": ("sure-reply", set_to("covariance_roots", value=roots(0.1, np.inf)), "that are not finite"),
+    "none": ("sure-reply", set_to("covariance_roots", value=roots(0.1, np.nan)), "that are not finite"),
+    "overflow": ("sure-reply", set_to("covariance_roots", value=roots(0.1, 3e38)), "expected 1"),
+    "roots count": (
+        "sure-reply",
+        set_to("covariance_roots", value=packed(np.ones((3, 20), np.float32))),
+        r"expected \(3, 21\)",
+    ),
+    "roots type": (
+        "sure-reply",
+        set_to("covariance_roots", value=packed(np.ones((3, 21)))),
+        "dtype <f8, expected <f4",
     ),
     "reply nan": ("reply", set_to("values", value=reply(residual=np.nan)), "are not numbers"),
 }

@@ -137,8 +137,10 @@ def fuzz_kernel(count: int, seed: int) -> Report:
     for k in range(count):
         case = extremes.accepted(1)[0]
         with report.timed():
-            refined = refine(case.model, observe(case.frame), case.request.poses, case.request.settings)
-        decode_refined(encode_refined(refined), case.request.poses.shape)
+            refined = refine(
+                case.model, observe(case.frame), case.request.poses, case.request.settings, covariance=True
+            )
+        decode_refined(encode_refined(refined), case.request.poses.shape, covariance=True)
         explained = np.isfinite(refined.log_likelihood).all()
         report.outcomes["served" if explained else "served without a likelihood"] += 1
         if k % max(1, count // LOOKS) == 0:
@@ -223,7 +225,8 @@ class Villain:
             )
             outcome, answer = self._answers.get(timeout=2 * LONGEST)
             if outcome == "served":
-                decode_refined(answer, decode_request(payload).poses.shape)
+                request = decode_request(payload)
+                decode_refined(answer, request.poses.shape, covariance=request.covariance)
             if outcome != "ended":
                 return outcome, answer
             time.sleep(1.0)  # a machine that is too busy loses links, and finds them again

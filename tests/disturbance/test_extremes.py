@@ -16,6 +16,7 @@ from common.errors import ProtocolError
 from common.protocol.messages import decode_refined, encode_refined
 from common.refinement import Refined
 from common.settings import RefineSettings, preset
+from common.triangles import triangle_size
 from coordinator.filters.gradient_enhanced import begin
 from tests.disturbance.fuzz import fuzz_kernel
 from tests.support.filtering import advance
@@ -140,8 +141,16 @@ def test_a_filter_survives_any_answer(name: str) -> None:
         log_likelihood = liar.choice(
             [-np.inf, 0.0, -LARGEST_LOG_LIKELIHOOD, LARGEST_LOG_LIKELIHOOD], len(poses)
         )
-        answer = Refined(made_up, log_likelihood, liar.choice([0.0, 1e300, np.inf], len(poses)))
-        return decode_refined(encode_refined(answer), poses.shape)
+        roots = liar.choice([1e-38, 1e-3, 0.2, -0.2], (len(poses), triangle_size(poses.shape[1])))
+        diagonal = [triangle_size(n) - 1 for n in range(1, 1 + poses.shape[1])]
+        roots[:, diagonal] = liar.choice([1e-38, 0.3], poses.shape)
+        answer = Refined(
+            made_up,
+            log_likelihood,
+            liar.choice([0.0, 1e300, np.inf], len(poses)),
+            roots.astype(np.float32) if name == "default" else None,
+        )
+        return decode_refined(encode_refined(answer), poses.shape, covariance=name == "default")
 
     belief = begin(model, POSES[0], settings)
     for _ in range(30):

@@ -220,15 +220,16 @@ def test_each_kind_of_proposal_has_its_share(seed: int, count: int) -> None:
 
 
 def test_noise_is_as_the_kind_of_the_particle_says() -> None:
-    """Spread particles go in all directions, one limb moves alone, and the others have no noise."""
+    """Spread particles go where their covariances say, one limb moves alone, the others have no noise."""
     model, rng = puppet(), np.random.default_rng(0)
     kinds = np.repeat(np.arange(len(SHARES)), 6)
-    noise = perturb(model, kinds, np.zeros((len(kinds), 19)), rng)
+    drawn = rng.normal(size=(len(kinds), 19))
+    noise = perturb(model, kinds, drawn, rng)
     limbs = [limb.tolist() for limb in find_limbs(model)]
-    for kind, moved in zip(kinds, noise, strict=True):
+    for kind, moved, of_covariance in zip(kinds, noise, drawn, strict=True):
         directions = np.flatnonzero(moved).tolist()
         if kind == SPREAD:
-            assert len(directions) == 19
+            np.testing.assert_array_equal(moved, of_covariance)
         elif kind == ONE_LIMB:
             assert directions in limbs
         else:

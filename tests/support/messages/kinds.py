@@ -26,6 +26,7 @@ from common.protocol.messages import (
 )
 from common.refinement import Refined
 from common.settings import RefineSettings
+from tests.support.refined import sure
 from worker.warm_up import tiny_frame, tiny_model
 
 COUNT, DOFS = 3, 6
@@ -49,6 +50,11 @@ def tiny_refined() -> Refined:
     return Refined(rng.random((COUNT, DOFS)), rng.random(COUNT), rng.random(COUNT))
 
 
+def tiny_sure() -> Refined:
+    """The same, with roots of covariances."""
+    return replace(tiny_refined(), covariance_roots=sure(POSES))
+
+
 @dataclass(frozen=True)
 class Kind:
     """One kind of message with an example."""
@@ -65,5 +71,9 @@ KINDS = {
     "request": Kind(encode_request(tiny_request()), decode_request),
     "sized-request": Kind(encode_request(tiny_sized_request()), decode_request),
     "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
+    "sure-reply": Kind(
+        encode_refined(tiny_sure()),
+        lambda payload: decode_refined(payload, (COUNT, DOFS), covariance=True),
+    ),
     "refusal": Kind(encode_refusal("no"), decode_refusal),
 }

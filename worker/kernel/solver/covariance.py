@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 TURN, SLIDE = np.radians(30.0), 0.05  # standard deviations of the weak prior, radians and metres
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def fill_covariance_root(
     skeleton: Skeleton,
     points: int,
@@ -41,14 +41,14 @@ def fill_covariance_root(
     invert_lower(parents, gram)
     place = 0
     for i in range(len(parents)):
-        for j in range(i + 1):
-            triangle[place] = gram[i, j]
-            if not np.isfinite(triangle[place]) or (i == j and not triangle[place] > 0.0):
-                triangle[place] = widest(skeleton.kinds[i]) if i == j else 0.0
-            place += 1
+        known = is_known(gram[i, : i + 1], widest(skeleton.kinds[i]))
+        for j in range(i):
+            triangle[place + j] = gram[i, j] if known else 0.0
+        triangle[place + i] = gram[i, i] if known else widest(skeleton.kinds[i])
+        place += i + 1
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def scale_of(parameters: KernelParameters, points: int) -> float:
     """What takes equations of so many points to the log posterior."""
     if parameters.soft:
@@ -63,6 +63,12 @@ def widest(kind: int) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
+def is_known(row: Array, most: float) -> bool:
+    """Whether a row of a root says something: rounding leaves nothing else where numbers are extreme."""
+    return bool(np.float32(row[-1]) > 0.0 and np.sum(row * row) <= (1.01 * most) ** 2)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def invert_lower(parents: NDArray[np.int64], lower: Array) -> None:
     """Invert a lower triangular matrix (D, D) in place, zero in each row but for the row's ancestors."""
     for k in range(len(parents)):

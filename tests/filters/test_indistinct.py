@@ -1,0 +1,156 @@
+"""Merging and spreading by how sure the descent is of each pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from common.body import ROTATION
+from common.kinematics import difference, retract
+from common.refinement import Refined
+from common.settings import preset
+from common.triangles import lower_triangular, triangle_size
+from coordinator.filters.covariance import TARGET_WORTH, estimate_covariances, shrink
+from coordinator.filters.gradient_enhanced import begin, propose, update
+from coordinator.filters.indistinct import VALLEY, merge_indistinct
+from tests.support.bodies import hinges, puppet
+from tests.support.filtering import NOTHING_SEEN
+
+Array = NDArray[np.float64]
+Triangles = NDArray[np.float32]
+
+seeds = st.integers(0, 2**32 - 1)
+DEFAULT = preset("default").filter
+
+
+def roots_of(*deviations: tuple[float, float]) -> Triangles:
+    """Of two hinges that are known by these standard deviations."""
+    return np.array([(one, 0.0, other) for one, other in deviations], np.float32)
+
+
+def random_roots(rng: np.random.Generator, count: int, dofs: int) -> Triangles:
+    """Factors of covariances, of all sizes and correlated."""
+    lower = 0.02 * rng.normal(size=(count, dofs, dofs))
+    lower[:, range(dofs), range(dofs)] = 10.0 ** rng.uniform(-2.0, -0.5, (count, dofs))
+    packed: Triangles = lower[:, np.tri(dofs, dtype=bool)].astype(np.float32)
+    return packed
+
+
+def test_a_triangle_is_a_matrix_row_by_row() -> None:
+    """What is above the diagonal is zero."""
+    found = lower_triangular(np.array([[1, 2, 3, 4, 5, 6]], np.float32), 3)
+    np.testing.assert_array_equal(found, [[[1, 0, 0], [2, 3, 0], [4, 5, 6]]])
+    assert triangle_size(3) == 6
+
+
+def test_what_is_not_observable_merges_and_what_is_does_not() -> None:
+    """A twist of 60 degrees that no frame shows is one hypothesis, a turn of 4 that it does another."""
+    twisted, turned = np.array([np.radians(60.0), 0.0]), np.array([0.0, np.radians(4.0)])
+    poses = np.stack([np.zeros(2), twisted, turned])
+    roots = roots_of(*[(np.radians(25.0), np.radians(0.8))] * 3)
+    chosen, group = merge_indistinct(hinges(), poses, np.array([0.0, -1.0, -2.0]), roots)
+    assert chosen.tolist() == [0, 2]
+    assert group.tolist() == [0, 0, 1]
+
+
+def test_the_likeliest_says_how_far_its_valley_reaches() -> None:
+    """Two hinges 3 degrees apart: one hypothesis if the likelier is unsure, two if it is sure."""
+    poses, sure, unsure = np.radians([[0.0, 0.0], [3.0, 0.0]]), (0.005, 0.005), (0.1, 0.1)
+    for likelihood, hypotheses in (([0.0, -1.0], 2), ([-1.0, 0.0], 1)):
+        chosen, _ = merge_indistinct(hinges(), poses, np.array(likelihood), roots_of(sure, unsure))
+        assert len(chosen) == hypotheses
+
+
+@given(seeds, st.integers(1, 20))
+def test_groups_are_those_of_the_mahalanobis_distance(seed: int, count: int) -> None:
+    """Each particle joins the likeliest representative that is near, by the representative's matrix."""
+    rng, model = np.random.default_rng(seed), puppet()
+    poses = retract(model, np.tile(rng.normal(size=19), (count, 1)), 0.1 * rng.normal(size=(count, 19)))
+    likelihood, roots = rng.normal(size=count), random_roots(rng, count, 19)
+    chosen, group = merge_indistinct(model, poses, likelihood, roots)
+    lower = lower_triangular(roots, 19)
+    expected: list[int] = []
+    for n in np.argsort(-likelihood):
+        steps = difference(model, poses[expected], np.tile(poses[n], (len(expected), 1)))
+        away = [np.linalg.norm(np.linalg.solve(lower[m], s)) for m, s in zip(expected, steps, strict=True)]
+        near = np.flatnonzero(np.array(away) < VALLEY)
+        assert group[n] == (near[0] if len(near) else len(expected))
+        if not len(near):
+            expected.append(int(n))
+    assert chosen.tolist() == expected
+
+
+def test_a_lone_particle_has_what_the_descent_found() -> None:
+    """And of a group of five that counts four times as much as Eq. 7."""
+    model, rng = hinges(), np.random.default_rng(0)
+    before, merged = 0.1 * rng.normal(size=(6, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])
+    group = np.array([0, 0, 0, 0, 0, 1])
+    roots = random_roots(rng, 2, 2)
+    targets = [root @ root.T for root in lower_triangular(roots, 2)]
+    by_particles = estimate_covariances(model, before, merged, group, np.tile(np.eye(2), (2, 1, 1)), 0.1)
+    found = shrink(by_particles, roots, group)
+    np.testing.assert_allclose(found[1], targets[1])
+    np.testing.assert_allclose(found[0], (5 * by_particles[0] + 20 * targets[0]) / 25)
+
+
+@given(seeds, st.integers(1, 400))
+def test_many_particles_outweigh_the_descent(seed: int, members: int) -> None:
+    """Never flat, always symmetric, and the nearer to Eq. 7 the more particles there are."""
+    rng = np.random.default_rng(seed)
+    before, group = rng.normal(size=(members, 2)), np.zeros(members, dtype=np.int64)
+    roots = random_roots(rng, 1, 2)
+    by_particles = estimate_covariances(hinges(), before, np.zeros((1, 2)), group, np.eye(2)[None], 0.1)
+    found = shrink(by_particles, roots, group)[0]
+    np.testing.assert_array_equal(found, found.T)
+    assert np.linalg.eigvalsh(found).min() > 0.0
+    target = lower_triangular(roots, 2)[0] @ lower_triangular(roots, 2)[0].T
+    left = TARGET_WORTH / (TARGET_WORTH + members) if members > 1 else 1.0
+    np.testing.assert_allclose(found - by_particles[0], left * (target - by_particles[0]), atol=1e-9)
+
+
+def refined(poses: Array, roots: Triangles | None) -> Refined:
+    """Particles that stay where they are, the first the likeliest."""
+    count = len(poses)
+    return Refined(poses, -np.arange(count, dtype=np.float64), np.full(count, 0.01), roots)
+
+
+def test_preset_default_asks_for_it_and_a_lone_particle_or_the_paper_does_not() -> None:
+    """Nor do they need it: what merges and spreads is then the paper's."""
+    model, rng = hinges(), np.random.default_rng(0)
+    for name, particles, asks in (("default", 20, True), ("default", 1, False), ("paper", 20, False)):
+        settings = msgspec.structs.replace(preset(name).filter, particles=particles)
+        proposal = propose(model, begin(model, np.zeros(2), settings), NOTHING_SEEN, settings, rng)
+        assert proposal.covariance is asks
+
+
+@pytest.mark.parametrize("answered", [20, 7])
+def test_an_update_merges_and_spreads_by_it(answered: int) -> None:
+    """Of those particles that were answered, in one valley: what the descent found, and Eq. 7 with it."""
+    model, rng = puppet(), np.random.default_rng(0)
+    past = begin(model, np.zeros(19), DEFAULT)
+    past = replace(past, covariances=1e-4 * np.eye(19)[None])
+    proposal = propose(model, past, NOTHING_SEEN, DEFAULT, rng)
+    wide = np.where(model.kinds == ROTATION, 0.5, 0.05).astype(np.float32)
+    roots = np.tile(np.diag(wide)[np.tri(19, dtype=bool)], (20, 1))
+    after = refined(1e-3 * proposal.poses, roots)
+    after.log_likelihood[answered:] = np.nan
+    found = update(model, proposal, after, DEFAULT, rng)
+    assert len(found.poses) == 1
+    by_particles = estimate_covariances(
+        model,
+        proposal.poses[:answered],
+        found.poses,
+        np.zeros(answered, dtype=np.int64),
+        past.covariances,
+        0.1,
+    )
+    expected = (answered * by_particles + TARGET_WORTH * np.diag(wide.astype(float) ** 2)) / (
+        answered + TARGET_WORTH
+    )
+    np.testing.assert_allclose(found.covariances, expected, atol=1e-9)

@@ -1,0 +1,174 @@
+"""How sure a refined pose is: by the Gauss-Newton matrix of the log posterior, written down in numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.body import ROTATION, BodyModel
+from common.refinement import Refined
+from common.settings import RefineSettings
+from common.triangles import lower_triangular, triangle_size
+from tests.support.bodies import puppet
+from tests.support.kernel import plain_path
+from tests.support.kernel.finite_differences import tangents
+from tests.support.kernel.held_posterior import Held, Samples, hold, log_density
+from tests.support.kernel.kernel_cases import DEFAULT, PAPER, TRUTH, starts, subject
+from tests.support.kernel.posterior_cases import BODIES, SETTINGS, PosteriorCase, posterior_case, random_poses
+from worker.kernel.icp import solver_parameters
+from worker.kernel.job import refine
+from worker.kernel.observation import observe
+from worker.kernel.packing import pack_observation, pack_parameters
+from worker.kernel.search.warm_start import find_correspondences
+from worker.kernel.soft.fisher_scoring import fisher_scoring_step
+from worker.kernel.soft.responsibilities import sample_distance
+from worker.kernel.soft.samples import SampleGrid, sample
+from worker.kernel.solver.covariance import fill_covariance_root
+from worker.kernel.solver.gauss_newton import minimise
+from worker.kernel.solver.priors import LIMIT_SHARE
+from worker.kernel.surface import pack_model
+from worker.kernel.visibility import update_visibility
+from worker.kernel.weighting import accumulate_correspondences
+from worker.kernel.workspace import make_workspace
+from worker.lanes import Lanes
+from worker.side_by_side import SideBySide
+
+Array = NDArray[np.float64]
+
+POSES = 5
+
+
+def widest(model: BodyModel) -> Array:
+    """Deviations (D,) of what nothing is known about."""
+    return np.where(model.kinds == ROTATION, np.radians(30.0), 0.05)
+
+
+def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
+    """The kernel's covariance (D, D) at a pose (D,), and what it should be."""
+    skeleton, surface = pack_model(of.model)
+    packed, parameters = pack_observation(observe(of.subject), of.settings), pack_parameters(of.settings)
+    workspace, moved = make_workspace(skeleton, surface, packed), pose.copy()
+    visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
+    if parameters.soft:
+        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+        exact = soft_information(of, pose, grid)
+        fisher_scoring_step(moved, skeleton, surface, packed, parameters, workspace)
+    else:
+        exact = hard_information(of, pose)
+        find_correspondences(visible, 0, surface, packed, parameters, workspace)
+        accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
+        once = solver_parameters(parameters, packed.count)._replace(iterations=1)
+        minimise(skeleton, moved, once, workspace.equations)
+    triangle = np.empty(triangle_size(len(pose)), np.float32)
+    fill_covariance_root(skeleton, packed.count, parameters, workspace.equations, triangle)
+    root = lower_triangular(triangle[None], len(pose))[0]
+    return root @ root.T, np.asarray(np.linalg.inv(exact + np.diag(widest(of.model) ** -2.0)))
+
+
+def hard_information(of: PosteriorCase, pose: Array) -> Array:
+    """J^T W J (D, D) in units of the log posterior, with its prior."""
+    model, settings, count = of.model, of.settings, len(of.subject.picked)
+    posed, visible = plain_path.visible_vertices(model, pose)
+    factors = plain_path.weigh_correspondences(model, pose, posed, visible, of.subject, settings)
+    gram, gradient = plain_path.equations(model, factors, pose, settings)
+    gram, gradient = plain_path.add_rest_prior(
+        model, pose, plain_path.rest_weight(settings) * count, gram, gradient
+    )
+    gram, _ = plain_path.add_limit_prior(model, pose, LIMIT_SHARE * count, gram, gradient)
+    return gram / count / settings.likelihood_scale**2
+
+
+def soft_information(of: PosteriorCase, pose: Array, grid: SampleGrid) -> Array:
+    """The mean outer product of the points' slopes, by finite differences, for the independent ones.
+
+    What a point says of one link is taken apart from what it says of another, as in scoring.
+    """
+    held, model, settings = hold(of.model, pose, of.subject, of.settings, grid), of.model, of.settings
+    assert held.samples is not None
+    samples, count = held.samples, len(held.points)
+    total, gram = np.exp(log_density(held, samples, pose[None])[0]), np.zeros((len(pose), len(pose)))
+    for link in np.unique(samples.links):
+        of_link = replace(samples, angles=np.where(samples.links == link, samples.angles, 0.0))
+        slopes = tangents(model, pose, density_of(held, of_link)) / total[:, None]  # (P, D)
+        gram += slopes.T @ slopes
+    stiffness = LIMIT_SHARE * count / settings.noise_lateral**2
+    gram, _ = plain_path.add_limit_prior(model, pose, stiffness, gram, np.zeros(len(pose)))
+    return gram * settings.independent_points / count
+
+
+def density_of(held: Held, samples: Samples) -> Callable[[Array], Array]:
+    """Densities (P,) of the points by some samples, carried along to a pose (D,)."""
+    return lambda at: np.exp(log_density(held, samples, at[None])[0])
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize("body", BODIES)
+def test_it_is_the_inverse_of_the_log_posteriors_curvature(body: str, name: str) -> None:
+    """For random poses, some at limits: neither damping nor what a limit holds is in it."""
+    of = posterior_case(body, name)
+    for pose in random_poses(of, POSES):
+        found, expected = kernel_covariance(of, pose)
+        scale = np.sqrt(np.diag(expected))
+        both = np.outer(scale, scale)
+        np.testing.assert_allclose(found / both, expected / both, atol=2e-3)
+        assert np.min(scale / widest(of.model)) < 0.3
+
+
+@pytest.mark.parametrize("settings", [DEFAULT, PAPER])
+def test_a_descent_that_came_to_rest_gives_that_of_its_pose(settings: RefineSettings) -> None:
+    """The whole way through a request, for poses that stay where they are."""
+    model, observation = puppet(), observe(subject())
+    long, short = (msgspec.structs.replace(settings, icp_iterations=n) for n in (60, 1))
+    settled = refine(model, observation, starts(3), long).poses
+    again = refine(model, observation, settled, short, covariance=True)
+    assert again.covariance_roots is not None
+    roots = lower_triangular(again.covariance_roots, len(TRUTH))
+    for pose, root in zip(settled, roots, strict=True):
+        of = PosteriorCase(model, pose, subject(), short)
+        expected = np.linalg.inv(hard_information(of, pose) + np.diag(widest(model) ** -2.0))
+        scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+        np.testing.assert_allclose(root @ root.T / scale, expected / scale, atol=0.02)
+
+
+def test_what_nothing_is_known_about_has_the_weak_priors_width() -> None:
+    """Without a descent, and for a body out of sight."""
+    model, behind = puppet(), TRUTH.copy()
+    behind[2] = -3.0
+    far = model.vertices - (model.skin_links[:, :1] == 0) * np.array([0.0, 0.0, 9.0])
+    still = msgspec.structs.replace(DEFAULT, icp_iterations=0)
+    for body, pose, settings in ((model, TRUTH, still), (replace(model, vertices=far), behind, PAPER)):
+        found = refine(body, observe(subject()), pose[None], settings, covariance=True).covariance_roots
+        assert found is not None
+        np.testing.assert_allclose(lower_triangular(found, 19)[0], np.diag(widest(model)), rtol=1e-6)
+
+
+def as_bytes(refined: Refined) -> list[bytes]:
+    """All that is said of each particle."""
+    assert refined.covariance_roots is not None
+    columns = refined.poses, refined.log_likelihood, refined.residual, refined.covariance_roots
+    return [b"".join(column[n].tobytes() for column in columns) for n in range(len(refined.poses))]
+
+
+@pytest.mark.parametrize("name", ["default", "soft"])
+def test_it_depends_on_the_particle_alone(name: str) -> None:
+    """The same bytes alone, in any batch, order and number of lanes; asking for it changes nothing else."""
+    model, observation, settings, poses = puppet(), observe(subject()), SETTINGS[name], starts(7)
+    together = refine(model, observation, poses, settings, covariance=True)
+    unasked = refine(model, observation, poses, settings)
+    assert unasked.covariance_roots is None
+    assert unasked.poses.tobytes() == together.poses.tobytes()
+    assert unasked.log_likelihood.tobytes() == together.log_likelihood.tobytes()
+    backward = refine(model, observation, poses[::-1], settings, covariance=True)
+    assert as_bytes(backward)[::-1] == as_bytes(together)
+    for n in range(3):
+        alone = refine(model, observation, poses[n : n + 1], settings, covariance=True)
+        assert as_bytes(alone) == as_bytes(together)[n : n + 1]
+    for lanes in (1, 2, 5):
+        with Lanes(lanes) as threads:
+            of_lanes = SideBySide(threads).refine(model, observation, poses, settings, covariance=True)
+            assert as_bytes(of_lanes) == as_bytes(together)
