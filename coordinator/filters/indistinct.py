@@ -15,13 +15,13 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Triangles = NDArray[np.float32]  # (N, D (D + 1) / 2)
 
-VALLEY = 4.0  # standard deviations, by which a valley ends
+VALLEY = 2.0 / 3.0  # of a variance in each degree of freedom, in the mean, by which a valley ends
 
 
 def merge_indistinct(
     model: BodyModel, poses: Array, log_likelihood: Array, roots: Triangles
 ) -> tuple[Indices, Indices]:
-    """Group refined particles (N, D) whose Mahalanobis distance is below that of a valley's rim.
+    """Group refined particles (N, D) whose squared Mahalanobis distance is below VALLEY times D.
 
     As `merging.merge`, but that how near is near depends on the representative: what a frame says nothing
     about, as the twist of a forearm, keeps no particles apart, and what it shows well does by millimetres.
@@ -49,12 +49,12 @@ def join_indistinct(
     group: Indices,
 ) -> int:
     """Fill chosen and group (N,) as `merge_indistinct` gives them; the number of representatives."""
-    count, step = 0, np.empty(poses.shape[1])
+    count, step, rim = 0, np.empty(poses.shape[1]), VALLEY * poses.shape[1]
     for n in order:
         group[n] = count
         for m in range(count):
             fill_step(poses[chosen[m]], poses[n], axes, balls, step)
-            if squared_distance(roots[chosen[m]], step) < VALLEY**2:
+            if squared_distance(roots[chosen[m]], step) < rim:
                 group[n] = m
                 break
         if group[n] == count:

@@ -260,7 +260,7 @@ def test_runs_that_share_a_worker_say_that_it_is_not_ready(endpoint: str, lanes:
 def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
     """What no worker can do is an error that says why, and the workers live on."""
 
-    def fail(*_: object) -> Refined:
+    def fail(*_: object, **__: object) -> Refined:
         raise ZeroDivisionError("no mass")
 
     with pool(endpoint) as refiner:
