@@ -171,7 +171,8 @@ class Inference:
             body, poses = question.beside(model, poses)
         most = most_iterations(poses.shape, settings.points, len(model.vertices))
         paced = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
-        return self._refiner.submit(body, poses, paced, covariance=proposal.covariance)
+        tells = proposal.covariance and not paced.is_soft
+        return self._refiner.submit(body, poses, paced, covariance=tells)
 
     def _update(self, request: Request, refined: Refined) -> Belief | Proposal[Any]:
         """The belief after particles were refined, or more particles to refine."""

@@ -23,6 +23,7 @@ from common.sizes import Body
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.filters.methods import settings_for
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.observing.subject import CLEARANCE, isolate
@@ -230,6 +231,44 @@ def note(told: list[int], found: Iterator[tuple[Estimate, TrackerState]]) -> Non
     """Keep the numbers of frames as they come."""
     for estimate, _ in found:
         told.append(estimate.frame)
+
+
+class Listening(DirectRefiner):
+    """Notes whether it was asked how sure poses are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: set[bool] = set()
+
+    def submit(
+        self, body: Body, poses: Array, settings: RefineSettings, *, covariance: bool = False
+    ) -> DirectRequest:
+        """As ever."""
+        self.asked.add(covariance)
+        return super().submit(body, poses, settings, covariance=covariance)
+
+
+@pytest.mark.parametrize(
+    ("method", "preset_name", "noise", "asked"),
+    [
+        ("gepf", "default", 0.01, True),
+        ("gepf", "default", 0.15, False),  # soft
+        ("gepf", "paper", 0.01, False),
+        ("gradient", "default", 0.01, False),
+        ("condensation", "default", 0.01, False),
+    ],
+)
+def test_who_merges_by_covariance_asks_for_it(
+    method: str, preset_name: str, noise: float, asked: bool
+) -> None:
+    """Preset `default` with several particles, where depth is not by far the noisiest; nobody else."""
+    few = None if method == "gradient" else 4
+    settings = settings_for(method, preset_name, particles=few, points=300)
+    refine = msgspec.structs.replace(settings.refine, noise_depth=noise)
+    settings = msgspec.structs.replace(settings, refine=refine, measure_person=False, recover=False)
+    refiner = Listening()
+    Tracker(refiner, settings, known(), STANDING).track(shown("standing").frames[0])
+    assert refiner.asked == {asked}
 
 
 def test_what_was_tracked_is_told_before_a_failure() -> None:

@@ -33,7 +33,8 @@ def settle(
     belief, rng = believe(model, standing, filtering), np.random.default_rng(SEED)
     for _ in range(rounds):
         proposal = gradient_enhanced.propose(model, belief, see(subject, None), filtering, rng)
-        refined = refine(refiner, model, proposal.poses, settings, covariance=proposal.covariance)
+        tells = proposal.covariance and not settings.is_soft
+        refined = refine(refiner, model, proposal.poses, settings, covariance=tells)
         belief = gradient_enhanced.update(model, proposal, refined, filtering, rng).at_rest()
     return belief
 

@@ -34,14 +34,16 @@ def fill_covariance_root(
     With the information L^T L that is K = L^-1, as K K^T is its inverse.
     """
     parents, gram = skeleton.parents, equations.gram
-    gram[:] = scale_of(parameters, points) * equations.information
-    for j in range(len(parents)):
-        gram[j, j] += 1.0 / widest(skeleton.kinds[j]) ** 2
+    scale = scale_of(parameters, points)
+    for k in range(len(parents)):
+        for j in range(k + 1):
+            gram[k, j] = scale * equations.information[k, j]
+        gram[k, k] += 1.0 / widest(skeleton.kinds[k]) ** 2
     factorise_ltl(parents, gram)
     invert_lower(parents, gram)
     place = 0
     for i in range(len(parents)):
-        known = is_known(gram[i, : i + 1], widest(skeleton.kinds[i]))
+        known = is_known(gram, i, widest(skeleton.kinds[i]))
         for j in range(i):
             triangle[place + j] = gram[i, j] if known else 0.0
         triangle[place + i] = gram[i, i] if known else widest(skeleton.kinds[i])
@@ -63,9 +65,12 @@ def widest(kind: int) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def is_known(row: Array, most: float) -> bool:
-    """Whether a row of a root says something: rounding leaves nothing else where numbers are extreme."""
-    return bool(np.float32(row[-1]) > 0.0 and np.sum(row * row) <= (1.01 * most) ** 2)
+def is_known(root: Array, i: int, most: float) -> bool:
+    """Whether row i of a root (D, D) says something: of extreme numbers rounding may leave nonsense."""
+    squares = 0.0
+    for j in range(i + 1):
+        squares += root[i, j] * root[i, j]
+    return bool(np.float32(root[i, i]) > 0.0 and squares <= (1.01 * most) ** 2)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
