@@ -8,7 +8,7 @@ mean of the last layer. A frame costs `particles` evaluations of the likelihood 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,8 @@ class Annealed:
         """The next layer from the likelihoods of this one; after the last layer the belief."""
         ancestors, measured, log_weights = measure(layer.ancestors, assessed, self.survival_rate)
         if layer.left == 0:
-            return weigh(model, layer, ancestors, measured, log_weights)
+            found = weigh(model, layer, ancestors, measured, log_weights)
+            return replace(found, log_weights=as_likely(found.log_weights, measured.log_likelihood))
         survivors = systematic(normalise(log_weights), settings.particles, rng)
         spread = layer.spread * np.sqrt(self.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
         noise = spread * rng.standard_normal((settings.particles, len(spread)))
@@ -95,6 +96,12 @@ def measure(
 def anneal(log_likelihood: Array, survival_rate: float) -> Array:
     """Log weights (N,) by which that share of the particles survives."""
     return find_power(log_likelihood, survival_rate) * log_likelihood
+
+
+def as_likely(log_weights: Array, log_likelihood: Array) -> Array:
+    """The same log weights (N,) but for a constant: the greatest is the greatest log likelihood (N,)."""
+    shift = log_likelihood.max() - log_weights.max()
+    return log_weights + shift if np.isfinite(shift) else log_weights
 
 
 def find_power(log_likelihood: Array, survival_rate: float) -> float:

@@ -152,6 +152,15 @@ def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None
 
 
 @pytest.mark.parametrize("method", BASELINES)
+def test_the_greatest_log_weight_is_the_likeliest_s_log_likelihood(method: str) -> None:
+    """By it a frame is judged, whatever power of the likelihoods the particles are drawn by."""
+    refine = peak(np.array([0.05, 0.0]), 0.02)
+    first = METHODS[method].begin(hinges(), np.zeros(2), SETTINGS)
+    found = advance(method, hinges(), first, refine, SETTINGS, np.random.default_rng(0))
+    assert found.log_weights[0] == pytest.approx(refine(found.poses[:1]).log_likelihood[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("method", BASELINES)
 def test_nothing_likely_does_not_end_it(method: str) -> None:
     """Where every likelihood is zero, all particles count alike and go on."""
 

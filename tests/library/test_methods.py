@@ -38,7 +38,6 @@ def as_bytes(estimates: list[gepf.Estimate]) -> list[bytes]:
     return [part.tobytes() for e in estimates for part in (e.pose, e.hypothesis_pose, e.hypothesis_weight)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_method_is_the_same_whoever_asks_for_it(method: str, recording: Path, tmp_path: Path) -> None:
     """`gepf track --method` with a worker, and the library without: the same bytes, by the same settings."""

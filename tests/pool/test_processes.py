@@ -105,7 +105,6 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> 
     assert f"worker {name} was ended by SIGKILL; starting it again" in said
 
 
-@pytest.mark.slow
 def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody would end the wait otherwise: once the bus misses it, it is given some time and then killed."""
     monkeypatch.setattr("coordinator.pool.local_workers.ABSENCE", 1.0)
