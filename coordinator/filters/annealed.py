@@ -100,8 +100,10 @@ def anneal(log_likelihood: Array, survival_rate: float) -> Array:
 
 def as_likely(log_weights: Array, log_likelihood: Array) -> Array:
     """The same log weights (N,) but for a constant: the greatest is the greatest log likelihood (N,)."""
-    shift = log_likelihood.max() - log_weights.max()
-    return log_weights + shift if np.isfinite(shift) else log_weights
+    if not np.isfinite(log_weights.max()):
+        return log_weights
+    shifted: Array = log_weights + (log_likelihood.max() - log_weights.max())
+    return shifted
 
 
 def find_power(log_likelihood: Array, survival_rate: float) -> float:
