@@ -39,7 +39,6 @@ from worker.kernel.workspace import Workspace
 Array = NDArray[np.float64]
 
 LEAST_RESPONSIBILITY = 3e-5  # what is below it is left out
-COMPLETE_SHARE = 0.02  # damping: share of the information there would be if each point's sample were known
 EXPECTED_STEP = 0.2  # radians and metres, a step's expected size
 LARGEST_STEP = 0.35  # radians and metres, a step's largest size
 
@@ -58,7 +57,6 @@ def fisher_scoring_step(
     fill_soft_equations(pose, skeleton, surface, observed, parameters, workspace)
     equations.information[:] = equations.gram
     for j in range(len(pose)):
-        equations.gram[j, j] += COMPLETE_SHARE * workspace.soft.complete[j]
         equations.gram[j, j] += (parameters.noise_lateral / EXPECTED_STEP) ** 2
     hold_active_limits(skeleton, pose, equations.gram, equations.gradient)
     step = equations.step
@@ -114,7 +112,6 @@ def accumulate_scores(
     """
     equations.gram[:] = 0.0
     equations.gradient[:] = 0.0
-    buffers.complete[:] = 0.0
     radius = sample_radius(parameters)
     stretch_squared, scale = parameters.stretch * parameters.stretch, 1.0 / parameters.noise_lateral**2
     for first in range(0, observed.count, BLOCK):
@@ -124,7 +121,7 @@ def accumulate_scores(
                 for n in range(
                     accumulate_wrenches(i, grid, skeleton, stretch_squared, scale, radius, buffers)
                 ):
-                    add_score(buffers.links[n], skeleton, stretch_squared, scale, buffers, equations)
+                    add_score(buffers.links[n], skeleton, scale, buffers, equations)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -173,10 +170,6 @@ def accumulate_wrenches(
             wrench[3] += y * fz - z * fy
             wrench[4] += z * fx - x * fz
             wrench[5] += x * fy - y * fx
-            wrench[6] += responsibility * x
-            wrench[7] += responsibility * y
-            wrench[8] += responsibility * z
-            wrench[9] += responsibility
     for k in range(count):
         buffers.touched[buffers.links[k]] = False
     return count
@@ -184,36 +177,20 @@ def accumulate_wrenches(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_score(
-    link: int,
-    skeleton: Skeleton,
-    stretch_squared: float,
-    scale: float,
-    buffers: SoftBuffers,
-    equations: NormalEquations,
+    link: int, skeleton: Skeleton, scale: float, buffers: SoftBuffers, equations: NormalEquations
 ) -> None:
-    """Add a point's gradient by the degrees of freedom that move a link, and its square times `scale`.
-
-    buffers.complete grows by the point's information if its sample were known.
-    """
+    """Add a point's gradient by the degrees of freedom that move a link, and its square times `scale`."""
     w, q, wrench, score = equations.w, equations.q, buffers.wrenches[link], buffers.score
-    mass = wrench[9]
-    x, y, z = wrench[6] / mass, wrench[7] / mass, wrench[8] / mass
-    tx, ty, tz = (
-        wrench[3] - y * wrench[2] + z * wrench[1],
-        wrench[4] - z * wrench[0] + x * wrench[2],
-        wrench[5] - x * wrench[1] + y * wrench[0],
-    )
+    fx, fy, fz, tx, ty, tz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     last = skeleton.link_dofs[link]
     j = last
     while j >= 0:
-        dx, dy, dz = w[j, 0], w[j, 1], w[j, 2]
-        score[j] = 0.0
-        if skeleton.kinds[j] != 0:
-            score[j] = dx * tx + dy * ty + dz * tz
-            ax, ay, az = x - q[j, 0], y - q[j, 1], z - q[j, 2]
-            dx, dy, dz = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
-        score[j] += dx * wrench[0] + dy * wrench[1] + dz * wrench[2]
-        buffers.complete[j] += mass * (dx * dx + dy * dy + stretch_squared * dz * dz)
+        dx, dy, dz, x, y, z = w[j, 0], w[j, 1], w[j, 2], q[j, 0], q[j, 1], q[j, 2]
+        if skeleton.kinds[j] == 0:
+            score[j] = dx * fx + dy * fy + dz * fz
+        else:  # the torque about its axis
+            ax, ay, az = tx - y * fz + z * fy, ty - z * fx + x * fz, tz - x * fy + y * fx
+            score[j] = dx * ax + dy * ay + dz * az
         equations.gradient[j] -= score[j]
         k = last
         while k >= j:

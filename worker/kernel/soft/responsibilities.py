@@ -55,10 +55,9 @@ class SoftBuffers(NamedTuple):
     across: Points  # (2, SIDE, BLOCK) squared samples by which a ray passes by columns and rows
     densities: Points  # (SIDE ** 2, BLOCK) p_k(p_i), samples row by row
     totals: Points  # (BLOCK,) their sums
-    wrenches: Array  # (L, 10) force, torque about the camera, sum of g_ik x_k, and of g_ik
+    wrenches: Array  # (L, 6) force, and torque about the camera
     links: Indices  # (L,) that the point acts on
     touched: NDArray[np.bool_]  # (L,)
-    complete: Array  # (D,) information if all samples were known
     score: Array  # (D,)
 
 
@@ -76,10 +75,9 @@ def make_soft_buffers(dofs: int, links: int) -> SoftBuffers:
         np.empty((2, SIDE, BLOCK), dtype=np.float32),
         np.empty((SIDE * SIDE, BLOCK), dtype=np.float32),
         np.empty(BLOCK, dtype=np.float32),
-        np.empty((links, 10)),
+        np.empty((links, 6)),
         np.empty(links, dtype=np.int64),
         np.zeros(links, dtype=np.bool_),
-        np.empty(dofs),
         np.empty(dofs),
     )
 
