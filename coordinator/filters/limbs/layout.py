@@ -13,7 +13,7 @@ from common.kinematics import link_transforms
 from common.kinematics.arrays import contiguous
 from common.kinematics.skinning import blend_each
 from coordinator.filters.exploration import find_limbs
-from coordinator.filters.limbs.explaining import mark_by_limb
+from coordinator.filters.limbs.explaining import count_explained, mark_by_limb
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -107,6 +107,8 @@ def layout_of(model: BodyModel) -> Layout:
         for number, dofs in enumerate(groups)
         if is_limb(model, dofs) and np.isin(carrier, dofs).any()
     ]
+    for limb in limbs[:1]:
+        load_counting(limb)
     skin = model.vertices[some], model.skin_links[some], model.skin_weights[some]
     return Layout(skin, group_of[carrier[some]], len(groups), tuple(limbs))
 
@@ -138,6 +140,23 @@ def lay_out_limb(model: BodyModel, number: int, dofs: Indices, vertices: Indices
         model.vertices[some],
         carriers,
         (model.vertices[some], model.skin_links[some], model.skin_weights[some]),
+    )
+
+
+def load_counting(limb: Limb) -> None:
+    """Read the compiled code that counts points, for which the first frame with a lost limb would wait."""
+    pose, held, no_points = np.zeros(len(limb.chain)), np.zeros((1, len(limb.dofs))), np.empty((0, 3))
+    count_explained(
+        limb.kinds,
+        limb.parents,
+        limb.axes,
+        limb.joints,
+        pose,
+        held,
+        limb.vertices,
+        limb.carriers,
+        no_points,
+        np.empty(1),
     )
 
 
