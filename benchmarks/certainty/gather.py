@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.certainty.cutting import cut_below, row_between
 from benchmarks.frame_rates.reference import read_reference
 from benchmarks.frame_rates.trials import read_frames
 from benchmarks.sequences import Recording
@@ -37,12 +38,21 @@ class Gathered:
     apart: Array  # (F, J, 3) metres from the reference
     holds: NDArray[np.bool_]  # (F, J) where the depth does not contradict the reference
     status: NDArray[np.str_]  # (F,)
+    cut: bool = False  # the picture ends above the feet
 
 
-def gather(recording: Recording, every: int, settings: Settings, bodies: Bodies) -> Gathered:
-    """Track every n-th frame and gather what is said of the frames in which the body is known."""
+def gather(
+    recording: Recording, every: int, settings: Settings, bodies: Bodies, cut: float | None = None
+) -> Gathered:
+    """Track every n-th frame and gather what is said of the frames in which the body is known.
+
+    cut: share of the way from knees to hips at which the picture ends; None for all of it.
+    """
     frames = read_frames(recording)
     names, truth, holds = read_joints(recording, frames)
+    if cut is not None:
+        row = row_between(truth, names, cut, frames[0].intrinsics)
+        frames = [cut_below(frame, row) for frame in frames]
     tracker = Tracker(DirectRefiner(), settings, bodies, None)
     rows: list[tuple[float, Array, Array, NDArray[np.bool_], str]] = []
     for frame in frames[::every]:
@@ -58,7 +68,7 @@ def gather(recording: Recording, every: int, settings: Settings, bodies: Bodies)
         rows.append((sighted.interval, evidence[mine], off, holds[frame.number], estimate.status))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     person = "" if recording.action is None else recording.name.rpartition("_")[2]
-    return Gathered(person, performance_of(recording), every, *columns)
+    return Gathered(person, performance_of(recording), every, *columns, cut=cut is not None)
 
 
 def read_joints(

@@ -80,5 +80,6 @@ def assess(
         return unknown_certainty(len(model.joint_names)), None
     evidence = weigh_evidence(model, pose, hypotheses, weights, tracked.sighted)
     before = tracked.state.checkpoint.verdict
-    verdict = recall(judge_evidence(evidence), before, tracked.sighted.interval)
+    now = judge_evidence(evidence, lone=tracked.sighted.lone)
+    verdict = recall(now, before, tracked.sighted.interval)
     return conclude(evidence, verdict), verdict

@@ -19,10 +19,10 @@ HEAD = 0.14  # metres from the body's axis, within which points belong to the he
 ABOVE = 0.3  # metres along it from the head's joint
 FOOT = 0.2  # metres from an ankle
 ARM = 0.3  # metres from the head, within which a hand may be taken for it
-END = 0.02  # share of the points that lie beyond an end
+BEFORE_END = 2  # points that lie beyond an end: stray ones
 FEWEST = 20  # points of an end
 BEYOND = 0.05  # metres from an end to where it would go on if something hid it
-SHOWN = 0.968  # of a stature, in skinned people whose stature is known: outlines and soles are cut off
+SHOWN = 0.985  # of a stature, by which it says what points say (subjects 1, 2): outlines are cut off
 
 
 def measure_length(model: BodyModel, pose: Array, subject: SubjectFrame) -> float | None:
@@ -47,19 +47,19 @@ def measure_length(model: BodyModel, pose: Array, subject: SubjectFrame) -> floa
 
 def find_end(subject: SubjectFrame, points: Array, joint: Array, outwards: Array) -> float:
     """How far points (P, 3) reach beyond a joint (3,); not a number where too few or more may be hidden."""
-    end = reach(points, joint, outwards, END)
+    end = reach(points, joint, outwards)
     if np.isfinite(end) and is_hidden(subject, joint + (end + BEYOND) * outwards):
         return float("nan")
     return end
 
 
-def reach(points: Array, joint: Array, outwards: Array, share: float) -> float:
-    """How far points (P, 3) about a joint reach in a direction (3,), but a share; not a number for few."""
+def reach(points: Array, joint: Array, outwards: Array) -> float:
+    """How far points (P, 3) about a joint reach in a direction (3,), but stray ones; not a number for few."""
     offset = points - joint
     along = offset @ outwards
     aside = np.einsum("pi,pi->p", offset, offset) - along * along
-    mine = np.sort(along[(np.abs(along) < ABOVE) & (aside < HEAD * HEAD)])
-    return float(mine[round((1.0 - share) * (len(mine) - 1))]) if len(mine) >= FEWEST else float("nan")
+    mine = along[(np.abs(along) < ABOVE) & (aside < HEAD * HEAD)]
+    return float(np.sort(mine)[-1 - BEFORE_END]) if len(mine) >= FEWEST else float("nan")
 
 
 def points_near(subject: SubjectFrame, joint: Array, radius: float) -> Array:
