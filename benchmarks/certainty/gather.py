@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,8 @@ def gather(
         rows.append((sighted.interval, evidence[mine], off, holds[frame.number], estimate.status))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     person = "" if recording.action is None else recording.name.rpartition("_")[2]
-    return Gathered(person, performance_of(recording), every, *columns, cut=cut is not None)
+    gathered = Gathered(person, performance_of(recording), every, *columns)
+    return replace(gathered, cut=cut is not None)
 
 
 def read_joints(
