@@ -34,6 +34,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--fit", action="store_true", help="fit anew on subjects 1 and 2 and rendered people")
     add("--subjects", nargs="+", type=int, default=[3, 4], help="default: 3 4, of whom nothing was fitted")
     add("--every", nargs="+", type=int, default=[1, 2, 3], metavar="N", help="of 30 frames a second")
+    add("--cut", type=float, metavar="SHARE", help="pictures end so far up from the knees to the hips")
     add_changes(parser)
     add("--seeds", type=int, default=3, metavar="N", help="default: 3")
     add_processes(parser)

@@ -12,8 +12,6 @@ from common.frame import DepthFrame
 
 Array = NDArray[np.float64]
 
-CUTS = (0.0, 0.5)  # of the way from the knees to the hips, at which the picture ends
-
 
 def row_between(joints: Array, names: tuple[str, ...], share: float, camera: Intrinsics) -> int:
     """The row at a share of the way from knees to hips, by joints (T, J, 3), NaN where there are none."""

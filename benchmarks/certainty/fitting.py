@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,6 @@ EXTREMES = (0.5, 99.5)  # per cent of each clue beyond which it counts as its li
 HIDDEN_WEIGHT = 10.0  # of joints of which less than half is shown, in the fit of the deviation
 UNSEEN_STEPS = np.linspace(0.0, 2.0, 201)  # of what is added to hidden joints' log deviation
 ONE_DEVIATION = 68.3  # per cent of joints that are to lie within it
-PEOPLE, CUT, RENDERED = range(3)  # measured, and the same where the picture ends above the feet
 STILL = 1e-6  # a step that ends the fit
 MOST_OFF = 5.0  # deviations that a joint is off at the most, in a step of the fit
 
@@ -55,9 +54,7 @@ def distances(gathered: Sequence[Gathered]) -> list[Array]:
     """How far off each joint (F, J) is, metres, without a person's constant offsets from a vendor's."""
     offsets = {}
     for person in {one.person for one in gathered} - {""}:
-        his = [one for one in gathered if one.person == person]
-        whole = [one for one in his if not one.cut] or his
-        mine = [np.where(g.holds[..., None], g.apart, np.nan) for g in whole]
+        mine = [np.where(g.holds[..., None], g.apart, np.nan) for g in gathered if g.person == person]
         offsets[person] = np.nanmedian(np.concatenate(mine), axis=0)
     return [np.linalg.norm(g.apart - offsets.get(g.person, 0.0), axis=-1) for g in gathered]
 
@@ -105,12 +102,9 @@ def fit_unseen(gathered: Sequence[Gathered]) -> float:
         functions = fit_functions([one for one in gathered if one.person != person])
         mine = [one for one in gathered if one.person == person]
         for one, off in zip(mine, distances(mine), strict=True):
-            if one.cut:
-                continue
-            hidden = is_hidden(one.evidence)
-            at, share = one.holds & hidden, over_time(hidden.astype(np.float64), one.interval)
+            at, hidden = one.holds & is_hidden(one.evidence), is_hidden(one.evidence).astype(np.float64)
             log_ratio = np.log(off + 1e-9) - functions.judge(one)[..., 1]
-            parts.append(np.stack([log_ratio[at], share[at]], axis=1))
+            parts.append(np.stack([log_ratio[at], over_time(hidden, one.interval)[at]], axis=1))
     log_ratio, share = np.concatenate(parts).T
     enough = [100.0 * np.mean(log_ratio < step * share) >= ONE_DEVIATION for step in UNSEEN_STEPS]
     return float(UNSEEN_STEPS[int(np.argmax(enough))] if any(enough) else UNSEEN_STEPS[-1])
@@ -124,35 +118,33 @@ def fit_functions(gathered: Sequence[Gathered]) -> Functions:
     """
     holds = [one.holds for one in gathered]
     raw = np.concatenate([one.evidence[held] for one, held in zip(gathered, holds, strict=True)])
-    cut = of_joints(gathered, lambda one: one.cut)
-    low, high = np.percentile(raw[~cut], EXTREMES, axis=0)
+    low, high = np.percentile(raw, EXTREMES, axis=0)
     evidence = np.concatenate([averaged(g, low, high)[held] for g, held in zip(gathered, holds, strict=True)])
     off = np.concatenate([d[held] for d, held in zip(distances(gathered), holds, strict=True)])
     given = [
         over_time(add_left_over(g.evidence), g.interval)[h] for g, h in zip(gathered, holds, strict=True)
     ]
     chance, spread = np.concatenate(given).T
-    measured = of_joints(gathered, lambda one: bool(one.person))
-    measured = measured if measured.any() else ~measured
+    measured = are_measured(gathered)
     mean, scale = evidence.mean(axis=0), evidence.std(axis=0) + 1e-9
     columns = np.column_stack([np.ones(len(off)), ~measured, (evidence - mean) / scale])
     weight = np.where(measured, 1.0, RENDERED_WEIGHT)
-    logistic = fit_logistic(columns, off > OFF, chance, np.where(cut, 0.0, weight))
-    weight *= weights_of(is_hidden(raw), np.where(cut, CUT, np.where(measured, PEOPLE, RENDERED)))
-    linear = fit_deviation(columns, off * np.exp(-spread), weight, columns[:, 1] + cut == 0.0)
+    logistic = fit_logistic(columns, off > OFF, chance, weight)
+    linear = fit_deviation(columns, off * np.exp(-spread), weight * weights_of(is_hidden(raw), measured))
     return Functions(low, high, unstandardised(logistic, mean, scale), unstandardised(linear, mean, scale))
 
 
-def of_joints(gathered: Sequence[Gathered], what: Callable[[Gathered], bool]) -> NDArray[np.bool_]:
-    """Of each joint that holds (n,), what is so of its recording."""
-    return np.concatenate([np.full(np.count_nonzero(one.holds), what(one)) for one in gathered])
+def are_measured(gathered: Sequence[Gathered]) -> NDArray[np.bool_]:
+    """Which joints that hold (n,) are of measured people; all, where none is."""
+    measured = np.concatenate([np.full(np.count_nonzero(g.holds), bool(g.person)) for g in gathered])
+    return measured if measured.any() else ~measured
 
 
-def weights_of(hidden: NDArray[np.bool_], kind: NDArray[np.int64]) -> Array:
-    """Weights (n,) of joints in the fit of the deviation; hidden ones of each kind count as much in all."""
-    counts = np.bincount(kind[hidden], minlength=RENDERED + 1)
-    scarcer = counts.max() / np.maximum(counts, 1)
-    return np.where(hidden, HIDDEN_WEIGHT * scarcer[kind], 1.0)
+def weights_of(hidden: NDArray[np.bool_], measured: NDArray[np.bool_]) -> Array:
+    """Weights (n,) of joints in the fit of the deviation; hidden ones of people and rendered count alike."""
+    people, rendered = np.count_nonzero(hidden & measured), np.count_nonzero(hidden & ~measured)
+    scarcer = rendered / people if people and rendered else 1.0
+    return np.where(hidden, HIDDEN_WEIGHT * np.where(measured, scarcer, 1.0), 1.0)
 
 
 def fit_logistic(columns: Array, off: NDArray[np.bool_], given: Array, weight: Array) -> Array:
@@ -183,11 +175,11 @@ def fit_logistic(columns: Array, off: NDArray[np.bool_], given: Array, weight: A
     return found
 
 
-def fit_deviation(columns: Array, off: Array, weight: Array, asked: NDArray[np.bool_]) -> Array:
+def fit_deviation(columns: Array, off: Array, weight: Array) -> Array:
     """Weights (K + 2,) of the log deviation, from columns as for `fit_logistic`.
 
     The likeliest for distances that are spread exponentially, which far ones do not carry away; then scaled
-    so that as many of those that are asked about (n,) lie within one deviation as should.
+    so that as many of measured people's lie within one deviation as should.
     """
     ridge = ridge_of(columns)
     found = np.zeros(columns.shape[1])
@@ -197,7 +189,7 @@ def fit_deviation(columns: Array, off: Array, weight: Array, asked: NDArray[np.b
         slope = columns.T @ (weight * (share - 1.0)) - ridge @ found
         curvature = (columns * (weight * np.maximum(share, 0.1))[:, None]).T @ columns + ridge
         found += np.linalg.solve(curvature, slope)
-    in_deviations = (off * np.exp(-columns @ found))[asked]
+    in_deviations = (off * np.exp(-columns @ found))[columns[:, 1] == 0.0]
     found[0] += np.log(np.percentile(in_deviations, ONE_DEVIATION))
     return found
 

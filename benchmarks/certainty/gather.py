@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,6 @@ class Gathered:
     apart: Array  # (F, J, 3) metres from the reference
     holds: NDArray[np.bool_]  # (F, J) where the depth does not contradict the reference
     status: NDArray[np.str_]  # (F,)
-    cut: bool = field(default=False, kw_only=True)  # the picture ends above the feet
 
 
 def gather(
@@ -68,7 +67,7 @@ def gather(
         rows.append((sighted.interval, evidence[mine], off, holds[frame.number], estimate.status))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     person = "" if recording.action is None else recording.name.rpartition("_")[2]
-    return Gathered(person, performance_of(recording), every, *columns, cut=cut is not None)
+    return Gathered(person, performance_of(recording), every, *columns)
 
 
 def read_joints(

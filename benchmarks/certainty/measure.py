@@ -41,6 +41,7 @@ class Choice:
     fit: bool
     subjects: Sequence[int]
     every: Sequence[int]
+    cut: float | None
     changes: Sequence[str]
     seeds: int
     processes: int
@@ -51,6 +52,7 @@ class Report(msgspec.Struct, frozen=True):
     """One run of the benchmark."""
 
     every: list[int]
+    cut: float | None
     changes: list[str]
     seeds: int
     versions: dict[str, str]
@@ -60,6 +62,8 @@ class Report(msgspec.Struct, frozen=True):
 
 def measure(choice: Choice) -> int:
     """Exit code: 1 if a recording crashed. InputError for what makes no sense."""
+    if choice.fit and choice.cut is not None:
+        raise InputError("give --fit or --cut: what the tracker goes by is fitted to whole pictures")
     scored = find_hard(choice.data, choice.subjects)
     console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     console.print("loading kernels and bodies")
@@ -81,7 +85,7 @@ def measure(choice: Choice) -> int:
     Console(width=None if sys.stdout.isatty() else WIDTH).print(score_table(scores))
     if choice.out is not None:
         changes, every = list(choice.changes), list(choice.every)
-        keep(Report(every, changes, choice.seeds, versions(), machine(), scores), choice.out)
+        keep(Report(every, choice.cut, changes, choice.seeds, versions(), machine(), scores), choice.out)
     return 1 if crashes else 0
 
 
@@ -133,7 +137,7 @@ def track_all(
 
     def run(job: tuple[Recording, int, int]) -> Gathered:
         recording, every, seed = job
-        return gather(recording, every, msgspec.structs.replace(settings, seed=seed), bodies)
+        return gather(recording, every, msgspec.structs.replace(settings, seed=seed), bodies, choice.cut)
 
     found: dict[int, Gathered] = {}
     for job, result in run_forked(run, jobs, choice.processes):

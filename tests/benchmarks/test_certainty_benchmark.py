@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.certainty.cutting import cut_below, row_between
 from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
+from common.camera import Intrinsics
+from common.frame import DepthFrame
 from coordinator.tracking.certainty.evidence import CLUES
 
 FRAMES, JOINTS = 4_000, 6
@@ -130,3 +133,17 @@ def test_evidence_is_averaged_as_the_tracker_does() -> None:
     means = averaged(one, low, high)
     within = np.clip(one.evidence, low, high)
     np.testing.assert_allclose(means[1], np.exp(-1.0) * within[0] + (1.0 - np.exp(-1.0)) * within[1])
+
+
+def test_a_picture_ends_between_knees_and_hips() -> None:
+    """At the row of the joints' mean place, frames without any aside; what is above stays as it was."""
+    names = ("left_hip", "right_hip", "left_knee", "right_knee")
+    camera = Intrinsics(320, 240, 300.0, 300.0, 160.0, 120.0)
+    standing = np.array([[-0.1, 0.0, 3.0], [0.1, 0.0, 3.0], [-0.1, 0.4, 3.0], [0.1, 0.4, 3.0]])
+    joints = np.stack([standing, np.full_like(standing, np.nan)])
+    assert row_between(joints, names, 0.0, camera) == 160
+    assert row_between(joints, names, 0.5, camera) == 140
+    depth = np.random.default_rng(0).integers(0, 4000, (240, 320), dtype=np.uint16)
+    cut = cut_below(DepthFrame(3, 0.1, depth, 1000.0, camera), 140)
+    assert np.array_equal(cut.depth, depth[:140])
+    assert (cut.intrinsics.height, cut.intrinsics.cy, cut.number) == (140, 120.0, 3)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 OFF = 0.15  # metres from the true joint, from which on a joint is off
-FLAGGED = 0.07  # chance of it from which on a joint is flagged: of people's in place 4 % are
+FLAGGED = 0.07  # chance of it from which on a joint is flagged: of those in place, 4 to 5 % are
 SUSPECTED = 0.3  # from which on the whole frame is in doubt
 PROBABLE = 0.5  # and from which on it rather is than not
 
