@@ -77,7 +77,8 @@ class Tracker:
         self._start = no_start(bodies) if start is None else given_start(start, bodies)
         self._seeker = Seeker(bodies, refiner, settings, choosy=choosy)
         self._size = PersonSize(bodies)
-        self._rng = np.random.default_rng(settings.seed)
+        drawn = None if state is None else state.checkpoint.generator
+        self._rng = np.random.default_rng(settings.seed) if drawn is None else load_generator(drawn)
         self._belief: Belief | None = None
         self._watch = Watch() if start is None else GIVEN
         self._around = None if start is None else self._start.pose  # (D,) near which the next frame shows it
@@ -87,8 +88,6 @@ class Tracker:
         self._lookout = Lookout(isolation or Isolation(settings.points))
         self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
-        if state is not None:
-            self._rng = load_generator(state.checkpoint.generator)
         self._inference = Inference(refiner, settings, self._size, self._rng)
         if state is not None:
             self._resume(state)

@@ -7,8 +7,24 @@ from heapq import heapify, heapreplace
 from itertools import accumulate, pairwise
 from math import ceil
 
+from coordinator.pool.dispatch.workload import Batch, Worker, speeds_of
+
 HAIR = 1e-9  # rounds; that rounding errors do not cost a whole one
 LARGEST = 10  # particles of a batch for each lane, where a share comes in parts
+
+
+def one_each(particles: int, workers: Sequence[Worker], after: Batch | None = None) -> list[Batch]:
+    """A batch for each worker; those of a batch that came back begin where that begins."""
+    first, sent = (0, 0) if after is None else (after.start, after.sent)
+    ranges = split(particles, speeds_of(workers), [worker.lanes for worker in workers])
+    return [Batch(first + start, first + stop, sent=sent) for start, stop in ranges]
+
+
+def several_each(particles: int, spare: int, workers: Sequence[Worker]) -> list[Batch]:
+    """Several batches for each worker, and one of their own for the last of the particles, that are spare."""
+    needed = particles - spare
+    ranges = split_in_parts(needed, speeds_of(workers))
+    return [Batch(*ends) for ends in [*ranges, *([(needed, particles)] if spare else [])]]
 
 
 def split(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[tuple[int, int]]:

@@ -13,10 +13,9 @@ even when its job is done: a worker that is still busy with it cannot do other w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from coordinator.pool.dispatch.batches import split, split_in_parts
+from coordinator.pool.dispatch.batches import one_each, several_each
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -43,7 +42,6 @@ from coordinator.pool.dispatch.workload import (
     Worker,
     least_busy,
     rank,
-    speeds_of,
     strike,
 )
 
@@ -239,17 +237,3 @@ class Scheduler:
         self.counts.batches_sent_again += batch.sent > 0
         batch.sent += 1
         return Send(ticket, worker.name, batch.start, batch.stop)
-
-
-def one_each(particles: int, workers: Sequence[Worker], after: Batch | None = None) -> list[Batch]:
-    """A batch for each worker; those of a batch that came back begin where that begins."""
-    first, sent = (0, 0) if after is None else (after.start, after.sent)
-    ranges = split(particles, speeds_of(workers), [worker.lanes for worker in workers])
-    return [Batch(first + start, first + stop, sent=sent) for start, stop in ranges]
-
-
-def several_each(particles: int, spare: int, workers: Sequence[Worker]) -> list[Batch]:
-    """Several batches for each worker, and one of their own for the last of the particles, that are spare."""
-    needed = particles - spare
-    ranges = split_in_parts(needed, speeds_of(workers))
-    return [Batch(*ends) for ends in [*ranges, *([(needed, particles)] if spare else [])]]
