@@ -158,6 +158,19 @@ def test_truth_is_where_the_descent_stays() -> None:
     assert off["soft"] < off["hard"] / 2.0
 
 
+def test_a_few_steps_come_near_to_where_many_lead() -> None:
+    """From four degrees off three iterations leave 0.65 degrees; damped by the complete information, 1.46."""
+    model, truth = body()
+    starts = truth + np.radians(5.0) * np.random.default_rng(0).standard_normal((20, len(truth)))
+    many = msgspec.structs.replace(NOISY, icp_iterations=40)
+    away = []
+    for seed in range(3):
+        there = refine(model, seen(seed), starts, many)
+        best = there.poses[np.argmax(there.log_likelihood)]
+        away.append(np.abs(refine(model, seen(seed), starts, NOISY).poses - best).mean())
+    assert np.mean(away) < np.radians(1.0)
+
+
 def test_likelihood_prefers_the_truth() -> None:
     """Of poses a few degrees apart, those near the truth are the likelier."""
     model, truth = body()
