@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from common.errors import ProtocolError
 from common.settings import RefineSettings
+from common.triangles import triangle_size
 
 MAX_PARTICLES = 100_000  # of one batch
 MAX_ITERATIONS = 100
@@ -23,6 +24,11 @@ MOST_PIXELS = 2**26  # that may be drawn into a depth buffer
 MOST_WORK = 1e13  # of a request: points compared, pixels drawn and products summed; some 20 minutes
 POSITIVE_SETTINGS = {"noise_depth", "noise_lateral", "likelihood_scale"}
 SMALLEST_POSITIVE = 1e-6
+
+
+def most_covariances(dofs: int) -> int:
+    """Of how many poses with so many degrees of freedom one reply may hold covariances."""
+    return LARGEST_COVARIANCES // (4 * triangle_size(dofs))
 
 
 def check_work(settings: RefineSettings, poses: tuple[int, ...], points: int, vertices: int) -> None:

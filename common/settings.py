@@ -53,7 +53,7 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Steps 1-3, 6 and 7 of the filter."""
 
     particles: int = 20  # of `annealed`: in each layer
-    merge_angle_deg: float = 4.0  # d
+    merge_angle_deg: float = 4.0  # d; with `explore` covariances decide, unless correspondences are soft
     velocity_share: float = 1.0  # of a hypothesis' velocity that its particles start with
     explore: bool = False  # limb by limb, see coordinator/filters/exploration.py
 

@@ -21,6 +21,13 @@ def lower_triangular(triangles: NDArray[np.float32], side: int) -> NDArray[np.fl
 
 
 @lru_cache(maxsize=16)
+def row_starts(side: int) -> NDArray[np.int64]:
+    """Where each row of a lower triangle begins."""
+    starts: NDArray[np.int64] = np.cumsum(np.arange(side))
+    return starts
+
+
+@lru_cache(maxsize=16)
 def places(side: int) -> NDArray[np.int64]:
     """Where the entries of a lower triangle stand in a square matrix that is written as one row."""
     return np.flatnonzero(np.tri(side, dtype=np.bool_))

@@ -56,11 +56,18 @@ class InstantRefiner:
         self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
     ) -> Ready:
         """Poses (N, D), scattered."""
-        del body, settings, covariance
+        del body, settings
         self._valley = poses[:1] if self._valley is None else self._valley
         apart = self._rng.normal(scale=SCATTER, size=poses.shape)
         likelihood = -np.square(apart).sum(axis=1)
-        return Ready(Refined(self._valley + apart, likelihood, np.full(len(poses), 0.01)))
+        roots = factors(apart) if covariance else None
+        return Ready(Refined(self._valley + apart, likelihood, np.full(len(poses), 0.01), roots))
+
+
+def factors(apart: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Covariances' roots (N, D (D + 1) / 2) for particles (N, D) that are so far apart."""
+    count, dofs = apart.shape
+    return np.tile((SCATTER * np.eye(dofs)[np.tril_indices(dofs)]).astype(np.float32), (count, 1))
 
 
 def coordinator_stages(rounds: int) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from common.body import ROTATION, TRANSLATION
 from common.bounds import (
-    LARGEST_COVARIANCES,
     LARGEST_LENGTH,
     LARGEST_LOG_LIKELIHOOD,
     LARGEST_PIXEL,
@@ -26,13 +25,14 @@ from common.bounds import (
     POSITIVE_SETTINGS,
     SMALLEST_POSITIVE,
     WIDEST,
+    most_covariances,
 )
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.protocol.arrays import check_finite, check_indices, check_numbers
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.triangles import lower_triangular, triangle_size
+from common.triangles import row_starts
 
 
 def check_camera(camera: Intrinsics, depth_scale: float) -> None:
@@ -96,11 +96,11 @@ def check_refined(refined: Refined) -> None:
 
 def check_covariance_roots(roots: NDArray[np.float32], dofs: int) -> None:
     """ProtocolError unless these (N, D (D + 1) / 2) are factors of covariances, none of them too wide."""
-    lower = lower_triangular(roots, dofs)
-    if not lower.diagonal(axis1=1, axis2=2).min(initial=1.0) > 0.0:  # nor for a NaN
+    rows = row_starts(dofs)
+    if not roots[:, rows + np.arange(dofs)].min(initial=1.0) > 0.0:  # nor for a NaN
         check_finite("the reply's covariance_roots", roots)
         raise ProtocolError("the reply's covariance_roots have a diagonal that is not above zero")
-    widest = np.sqrt(np.square(lower).sum(axis=2).max(initial=0.0))
+    widest = np.sqrt(np.add.reduceat(np.square(roots, dtype=np.float64), rows, axis=1).max(initial=0.0))
     if not widest <= WIDEST:
         check_finite("the reply's covariance_roots", roots)
         raise ProtocolError(f"the reply's covariance has a deviation of {widest:g}, expected {WIDEST:g}")
@@ -109,9 +109,11 @@ def check_covariance_roots(roots: NDArray[np.float32], dofs: int) -> None:
 def check_reply(poses: tuple[int, ...]) -> None:
     """ProtocolError if covariances of poses of shape (N, D) would not fit into a reply."""
     count, dofs = poses
-    size = count * triangle_size(dofs) * np.dtype(np.float32).itemsize
-    if size > LARGEST_COVARIANCES:
-        raise ProtocolError(f"covariances of {count} poses are {size} bytes, expected {LARGEST_COVARIANCES}")
+    most = most_covariances(dofs)
+    if count > most:
+        raise ProtocolError(
+            f"covariances of {count} poses of {dofs} values are too many, expected up to {most}"
+        )
 
 
 @lru_cache(maxsize=64)  # a run's are always the same

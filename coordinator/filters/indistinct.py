@@ -49,12 +49,13 @@ def join_indistinct(
     group: Indices,
 ) -> int:
     """Fill chosen and group (N,) as `merge_indistinct` gives them; the number of representatives."""
-    count, step, rim = 0, np.empty(poses.shape[1]), VALLEY * poses.shape[1]
+    count, step, handed = 0, np.empty(poses.shape[1]), np.empty(len(balls))
+    for b in range(len(balls)):
+        handed[b] = handedness(axes[balls[b] : balls[b] + 3])
     for n in order:
         group[n] = count
         for m in range(count):
-            fill_step(poses[chosen[m]], poses[n], axes, balls, step)
-            if squared_distance(roots[chosen[m]], step) < rim:
+            if is_indistinct(poses[chosen[m]], poses[n], roots[chosen[m]], balls, handed, step):
                 group[n] = m
                 break
         if group[n] == count:
@@ -63,23 +64,27 @@ def join_indistinct(
     return count
 
 
-@numba.njit(cache=True, nogil=True)
-def fill_step(origin: Array, pose: Array, axes: Array, balls: Indices, step: Array) -> None:
-    """Fill step (D,), which leads from a pose (D,) to another: `difference` of the two."""
-    step[:] = pose - origin
-    for start in balls:
-        handed = handedness(axes[start : start + 3])
-        ball_vector(handed, origin[start : start + 3], pose[start : start + 3], step[start:])
-
-
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def squared_distance(root: NDArray[np.float32], step: Array) -> float:
-    """Squared Mahalanobis length of a step (D,), by a lower triangle (D (D + 1) / 2,); the step is lost."""
-    total, place = 0.0, 0
+def is_indistinct(
+    origin: Array, pose: Array, root: NDArray[np.float32], balls: Indices, handed: Array, step: Array
+) -> bool:
+    """Whether a pose (D,) lies in the valley of another one, whose covariance has this root (D (D + 1) / 2,).
+
+    The first degrees of freedom separate most already; balls need matrices. `step` (D,) is for computing.
+    """
+    total, place, ball = 0.0, 0, 0
+    rim = VALLEY * len(step)
     for i in range(len(step)):
+        step[i] = pose[i] - origin[i]
+    for i in range(len(step)):
+        if ball < len(balls) and i == balls[ball]:
+            ball_vector(handed[ball], origin[i : i + 3], pose[i : i + 3], step[i:])
+            ball += 1
         for j in range(i):
             step[i] -= root[place + j] * step[j]
         step[i] /= root[place + i]
         total += step[i] * step[i]
+        if not total < rim:
+            return False
         place += i + 1
-    return total
+    return True

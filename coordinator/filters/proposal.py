@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from common.settings import RefineSettings
 from coordinator.filters.belief import Belief
 
 B = TypeVar("B", bound=Belief)
@@ -22,4 +23,8 @@ class Proposal(Generic[B]):
     poses: NDArray[np.float64]  # (N, D)
     interval: float  # seconds since the frame that `past` is about
     covariance: bool = field(default=False, kw_only=True)
-    """Whether the update needs to know how sure each refined pose is."""
+    """Whether the update would know how sure each refined pose is."""
+
+    def asks_covariance(self, rules: RefineSettings) -> bool:
+        """Whether the workers are asked for it: not where depth is by far the noisiest, where it misleads."""
+        return self.covariance and not rules.is_soft

@@ -80,7 +80,7 @@ class Exchange:
         self._catch_up()
         self._refinement = refinement
         in_parts = refinement.due < math.inf
-        self._handle(JobStarted(refinement.particles, in_parts, refinement.spare))
+        self._handle(JobStarted(refinement.particles, in_parts, refinement.spare, refinement.most))
 
     def finish(self, refinement: Refinement) -> None:
         """Wait until the refinement that was begun last is complete, or due and answered in part."""

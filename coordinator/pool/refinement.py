@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from common.bounds import most_covariances
 from common.protocol.messages import RefineRequest, decode_refined
 from common.refinement import Refined, concatenate
+from coordinator.pool.dispatch.events import MOST_TOGETHER
 
 
 @dataclass(slots=True, eq=False)
@@ -24,6 +26,12 @@ class Refinement:
     def particles(self) -> int:
         """How many are to be refined."""
         return len(self.request.poses)
+
+    @property
+    def most(self) -> int:
+        """How many of them one reply may be about."""
+        dofs = self.request.poses.shape[1]
+        return min(MOST_TOGETHER, most_covariances(dofs)) if self.request.covariance else MOST_TOGETHER
 
     def is_due(self, now: float) -> bool:
         """Whether to do with what has been answered; the first answer about what is needed is waited for."""

@@ -171,8 +171,7 @@ class Inference:
             body, poses = question.beside(model, poses)
         most = most_iterations(poses.shape, settings.points, len(model.vertices))
         paced = pace_iterations(rules, proposal.interval, settings.pace_iterations, most)
-        tells = proposal.covariance and not paced.is_soft
-        return self._refiner.submit(body, poses, paced, covariance=tells)
+        return self._refiner.submit(body, poses, paced, covariance=proposal.asks_covariance(paced))
 
     def _update(self, request: Request, refined: Refined) -> Belief | Proposal[Any]:
         """The belief after particles were refined, or more particles to refine."""

@@ -551,6 +551,16 @@ def test_one_batch_a_worker() -> None:
     play([*TWO_IDLE, (0.0, JobStarted(1000), [Send(0, "a", 0, 500), Send(1, "b", 500, 1000)])])
 
 
+def test_no_batch_is_larger_than_its_reply_may_be() -> None:
+    """What a worker may not answer in one reply it is asked for in several, and all of it is asked for."""
+    scheduler = play(TWO_IDLE)
+    scheduler.handle(JobStarted(1000, most=300), 0.0)
+    assert [(b.start, b.stop) for b in scheduler.batches] == [(0, 300), (300, 500), (500, 800), (800, 1000)]
+    assert [(f.worker.name, f.batch.start) for f in scheduler.flights.values()] == [
+        ("a", 0), ("b", 300), ("a", 500), ("b", 800),
+    ]  # fmt: skip
+
+
 def test_more_lanes_get_more() -> None:
     """Shares go with the lanes, whether they are known before the worker or become known later."""
     play(

@@ -27,6 +27,15 @@ def several_each(particles: int, spare: int, workers: Sequence[Worker]) -> list[
     return [Batch(*ends) for ends in [*ranges, *([(needed, particles)] if spare else [])]]
 
 
+def cut(batches: Sequence[Batch], most: int) -> list[Batch]:
+    """The same, none yet sent, in batches of so many particles at the most."""
+    return [
+        Batch(start, min(start + most, batch.stop))
+        for batch in batches
+        for start in range(batch.start, batch.stop, most)
+    ]
+
+
 def split(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[tuple[int, int]]:
     """Consecutive ranges (start, stop) of particles, one for each worker, so that all is done the soonest.
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+MOST_TOGETHER = 4096  # particles: a single lane is done with them long before a request ends
+
 
 @dataclass(frozen=True, slots=True)
 class JobStarted:
@@ -12,6 +14,7 @@ class JobStarted:
     particles: int
     in_parts: bool = False  # what is refined by a deadline counts, so a worker's share comes in parts
     spare: int = 0  # of them, the last: in a batch of their own
+    most: int = MOST_TOGETHER  # particles of a batch
 
 
 @dataclass(frozen=True, slots=True)

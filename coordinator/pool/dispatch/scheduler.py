@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from coordinator.pool.dispatch.batches import one_each, several_each
+from coordinator.pool.dispatch.batches import cut, one_each, several_each
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -75,11 +75,10 @@ class Scheduler:
     def handle(self, event: Event, now: float) -> list[Instruction]:
         """What is to be done about an event at time `now`, seconds from any origin."""
         match event:
-            case JobStarted(particles, in_parts, spare):
+            case JobStarted(particles, in_parts, spare, most):
                 workers = self._in_turn(now)
-                self.batches = (
-                    several_each(particles, spare, workers) if in_parts else one_each(particles, workers)
-                )
+                shares = several_each(particles, spare, workers) if in_parts else one_each(particles, workers)
+                self.batches = cut(shares, most)
                 self.may_wait = True
                 outcome: list[Instruction] = [] if self.batches else [Done()]
             case WorkerJoined(name):

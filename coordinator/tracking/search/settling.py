@@ -33,8 +33,8 @@ def settle(
     belief, rng = believe(model, standing, filtering), np.random.default_rng(SEED)
     for _ in range(rounds):
         proposal = gradient_enhanced.propose(model, belief, see(subject, None), filtering, rng)
-        tells = proposal.covariance and not settings.is_soft
-        refined = refine(refiner, model, proposal.poses, settings, covariance=tells)
+        asks = proposal.asks_covariance(settings)
+        refined = refine(refiner, model, proposal.poses, settings, covariance=asks)
         belief = gradient_enhanced.update(model, proposal, refined, filtering, rng).at_rest()
     return belief
 
