@@ -28,6 +28,7 @@ from coordinator.tracking.search.settling import begin_with
 from coordinator.tracking.search.stages import rounds
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.starting.asking import Question
+from coordinator.tracking.starting.measuring import ends_of
 from coordinator.tracking.starting.person_size import PersonSize
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.status import is_settled
@@ -49,9 +50,10 @@ class Situation:
 
     @property
     def is_settled(self) -> bool:
-        """Whether the hypotheses explain what is seen, and agree."""
+        """Whether the hypotheses explain what is seen, and agree of where head and feet are."""
         poses, weights = self.belief.poses[:RECORDED], self.belief.weights[:RECORDED]
-        return is_settled(self.watch, weights, joint_positions(self.start.model, poses))
+        joints = joint_positions(self.start.model, poses)[:, ends_of(self.start.model)]
+        return is_settled(self.watch, weights, joints)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,7 +17,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.certainty.assessment import conclude, judge_evidence, recall
+from coordinator.tracking.certainty.assessment import LONE, conclude, judge_evidence, recall
 from coordinator.tracking.certainty.certainty import FLAGGED, PROBABLE, SUSPECTED, Certainty
 from coordinator.tracking.certainty.evidence import CLUES, Sighted, weigh_evidence
 from coordinator.tracking.certainty.regions import regions_of
@@ -156,14 +156,20 @@ def test_a_lone_particle_is_not_sure_because_it_is_alone() -> None:
     pose = pose_of(STANDING)
     sighted = Sighted(seen_as("standing"), pose, 1.0 / 30.0, 1.0)
     agreed, alone = (
-        conclude(evidence, judge_evidence(evidence))
-        for evidence in (
-            weigh_evidence(body(), pose, pose[None], np.ones(1), each)
-            for each in (sighted, replace(sighted, lone=True))
-        )
+        conclude(evidence, judge_evidence(evidence, lone=each.lone))
+        for each in (sighted, replace(sighted, lone=True))
+        for evidence in [weigh_evidence(body(), pose, pose[None], np.ones(1), each)]
     )
     assert np.all(alone.off_probability > 2.0 * agreed.off_probability)
     assert np.all(alone.deviation > agreed.deviation)
+
+
+def test_what_a_lone_particle_says_counts_less_at_the_same_evidence() -> None:
+    """By LONE of log odds; how far off a joint is, if it is, stays as it is."""
+    evidence = np.zeros((3, len(CLUES)))
+    more = judge_evidence(evidence, lone=True) - judge_evidence(evidence)
+    np.testing.assert_allclose(more, [[LONE, 0.0]] * 3)
+    assert LONE > 0.0
 
 
 def test_what_was_known_fades() -> None:

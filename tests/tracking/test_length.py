@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from common.body import ROOT_DOFS, BodyModel
+from common.camera import Intrinsics
 from common.frame import HIDDEN, SUBJECT, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.bodies.choice import choose_bodies
@@ -30,12 +31,13 @@ BODIES = choose_bodies(None, "default")
 MODEL = BODIES.tracked(STATURE, 1.0, {})[0]
 
 
-def subject_in(posture: dict[str, float]) -> SubjectFrame:
+def subject_in(posture: dict[str, float], camera: Intrinsics = CAMERA) -> SubjectFrame:
     """A rendered person of STATURE in a posture."""
     body = human_of(Measures.of(STATURE, 1.0))
     surface = pose_vertices(body, name_pose(body, posture)[None])[0]
-    with DepthRenderer(CAMERA) as renderer:
-        subject = isolate(frame_of(0, renderer.depth(surface, body.triangles)), None, 3000)
+    with DepthRenderer(camera) as renderer:
+        frame = replace(frame_of(0, renderer.depth(surface, body.triangles)), intrinsics=camera)
+    subject = isolate(frame, None, 3000)
     assert subject is not None
     return subject
 
@@ -51,6 +53,15 @@ def test_length_is_the_persons_not_the_models(factor: float) -> None:
     length = length_in(POSTURE, scaled(MODEL, factor))
     assert length == pytest.approx(length_in(POSTURE), abs=0.01)
     assert length == pytest.approx(TEMPLATE_SHOWN * STATURE, abs=0.01)
+
+
+@pytest.mark.parametrize("finer", [2, 3])
+def test_length_is_the_persons_not_the_cameras(finer: int) -> None:
+    """A camera of more pixels measures the same, but for 1.5 cm."""
+    width, height, focal = finer * CAMERA.width, finer * CAMERA.height, finer * CAMERA.fx
+    sharp = Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+    length = measure_length(MODEL, name_pose(MODEL, POSTURE), subject_in(POSTURE, sharp))
+    assert length == pytest.approx(length_in(POSTURE), abs=0.015)
 
 
 def test_legs_apart_are_as_long() -> None:

@@ -49,7 +49,7 @@ def certainty_of(pose: Array) -> Certainty:
     model, _, subject = scene()
     sighted = Sighted(subject, pose, 1.0 / 25.0, NOISE.lateral / NOISE.depth, lone=True)
     evidence = weigh_evidence(model, pose, pose[None], np.ones(1), sighted)
-    return conclude(evidence, judge_evidence(evidence))
+    return conclude(evidence, judge_evidence(evidence, lone=True))
 
 
 def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:

@@ -18,12 +18,16 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose
+from coordinator.filters.belief import Belief
+from coordinator.filters.methods import METHODS
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.log import Began, Entry, append_records
 from coordinator.results.recording.recorded import read_log
 from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.inference import Situation
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.search.seeker import Seeker
+from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
     BENT,
@@ -397,3 +401,18 @@ def test_a_size_that_was_not_answered_says_nothing(missing: float) -> None:
     assert not size.measured.asks(0.55)
     assert size.measured.asks(0.65)
     assert size.give(start) is start
+
+
+@pytest.mark.parametrize(("joint", "settled"), [("r_elbow_flexion", True), ("r_knee_flexion", False)])
+def test_hypotheses_have_to_agree_about_head_and_feet_alone(joint: str, settled: bool) -> None:
+    """Where a hand is says nothing of stature; where a foot is does."""
+    start = start_of(1.7, 1.0)
+    other = start.pose.copy()
+    other[start.model.dof(joint)] += 1.0
+    belief = replace(start_belief(start), poses=np.stack([start.pose, other]), log_weights=np.zeros(2))
+    assert Situation(start, belief, Watch(), RULES).is_settled is settled
+
+
+def start_belief(start: Start) -> Belief:
+    """In the pose of a start alone."""
+    return METHODS["gepf"].begin(start.model, start.pose, preset("default").filter)

@@ -28,12 +28,16 @@ def several_each(particles: int, spare: int, workers: Sequence[Worker]) -> list[
 
 
 def cut(batches: Sequence[Batch], most: int) -> list[Batch]:
-    """The same, none yet sent, in batches of so many particles at the most."""
-    return [
-        Batch(start, min(start + most, batch.stop))
-        for batch in batches
-        for start in range(batch.start, batch.stop, most)
-    ]
+    """The same, none yet sent, in batches of so many particles at the most: the same rounds for each."""
+    rounds = max((ceil((batch.stop - batch.start) / most) for batch in batches), default=0)
+    parts = [Batch(*part_of(batch, n, rounds)) for n in range(rounds) for batch in batches]
+    return [part for part in parts if part.start < part.stop]
+
+
+def part_of(batch: Batch, n: int, parts: int) -> tuple[int, int]:
+    """Ends of the n-th of so many parts of a batch."""
+    count = batch.stop - batch.start
+    return batch.start + count * n // parts, batch.start + count * (n + 1) // parts
 
 
 def split(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[tuple[int, int]]:

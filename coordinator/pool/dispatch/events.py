@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-MOST_TOGETHER = 4096  # particles: a single lane is done with them long before a request ends
+MOST_TOGETHER = 1024  # particles: what one lane may do within the time of a request, twice over
 
 
 @dataclass(frozen=True, slots=True)

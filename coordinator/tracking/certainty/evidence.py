@@ -134,8 +134,8 @@ def average_regions(seen: Seen, regions: Regions, out: Array) -> None:
 
 
 LONE_SPREAD = 0.022
-"""Metres, in place of the spread of hypotheses that there are none of. With it 5 % of the joints in place are
-flagged where subject 1's hard actions are tracked by `--method gradient` at 10 frames a second."""
+"""Metres, in place of the spread of hypotheses that there are none of: chosen on subject 1's hard actions, as
+`--method gradient` tracks them at 10 frames a second. What a lone particle's base rate adds is in `assessment`."""
 
 UNSEEN_OFF = 0.08  # metres, of a region that is not shown
 

@@ -19,7 +19,7 @@ HEAD = 0.14  # metres from the body's axis, within which points belong to the he
 ABOVE = 0.3  # metres along it from the head's joint
 FOOT = 0.2  # metres from an ankle
 ARM = 0.3  # metres from the head, within which a hand may be taken for it
-BEFORE_END = 2  # points that lie beyond an end: stray ones
+STRAY = 2.5e-4  # square metres of what lies beyond an end: stray points
 FEWEST = 20  # points of an end
 BEYOND = 0.05  # metres from an end to where it would go on if something hid it
 SHOWN = 0.985  # of a stature, by which it says what points say (subjects 1, 2): outlines are cut off
@@ -47,19 +47,21 @@ def measure_length(model: BodyModel, pose: Array, subject: SubjectFrame) -> floa
 
 def find_end(subject: SubjectFrame, points: Array, joint: Array, outwards: Array) -> float:
     """How far points (P, 3) reach beyond a joint (3,); not a number where too few or more may be hidden."""
-    end = reach(points, joint, outwards)
+    camera = subject.frame.intrinsics
+    stray = int(STRAY * camera.fx * camera.fy / joint[2] ** 2)
+    end = reach(points, joint, outwards, stray)
     if np.isfinite(end) and is_hidden(subject, joint + (end + BEYOND) * outwards):
         return float("nan")
     return end
 
 
-def reach(points: Array, joint: Array, outwards: Array) -> float:
-    """How far points (P, 3) about a joint reach in a direction (3,), but stray ones; not a number for few."""
+def reach(points: Array, joint: Array, outwards: Array, stray: int) -> float:
+    """How far points (P, 3) about a joint reach in a direction (3,), but so many; not a number for few."""
     offset = points - joint
     along = offset @ outwards
     aside = np.einsum("pi,pi->p", offset, offset) - along * along
     mine = along[(np.abs(along) < ABOVE) & (aside < HEAD * HEAD)]
-    return float(np.sort(mine)[-1 - BEFORE_END]) if len(mine) >= FEWEST else float("nan")
+    return float(np.sort(mine)[-1 - stray]) if len(mine) >= FEWEST + stray else float("nan")
 
 
 def points_near(subject: SubjectFrame, joint: Array, radius: float) -> Array:

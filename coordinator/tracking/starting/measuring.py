@@ -160,11 +160,15 @@ class Measured:
 
 def uprightness(model: BodyModel, pose: Array) -> float:
     """How far the head is from the farther ankle in a pose (D,), as a share of what it is at rest."""
-    head = model.joint_names.index("head")
-    ankles = [model.joint_names.index(f"{side}_ankle") for side in ("left", "right")]
+    head, *ankles = ends_of(model)
     posed = joint_positions(model, np.stack([np.zeros_like(pose), pose]))
     rest, now = np.linalg.norm(posed[:, ankles] - posed[:, head, None], axis=-1).max(axis=-1)
     return float(now / rest)
+
+
+def ends_of(model: BodyModel) -> list[int]:
+    """Joints between which a person's stature lies: the head and both ankles."""
+    return [model.joint_names.index(name) for name in ("head", "left_ankle", "right_ankle")]
 
 
 def is_bent(model: BodyModel, pose: Array) -> bool:
