@@ -135,7 +135,7 @@ def average_regions(seen: Seen, regions: Regions, out: Array) -> None:
 
 LONE_SPREAD = 0.022
 """Metres, in place of the spread of hypotheses that there are none of: chosen on subject 1's hard actions, as
-`--method gradient` tracks them at 10 frames a second. What a lone particle's base rate adds is in `assessment`."""
+`--method gradient` tracks them at 10 frames a second. What else a lone particle adds is in `assessment`."""
 
 UNSEEN_OFF = 0.08  # metres, of a region that is not shown
 
