@@ -37,6 +37,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--seeds", type=int, default=3, metavar="N", help="default: 3")
     add_processes(parser)
     add("--out", type=Path, metavar="FILE", help="keep the numbers here")
+    add("--picture", type=Path, metavar="FILE", help="draw accuracy over the number of particles here")
     return parser.parse_args(arguments)
 
 

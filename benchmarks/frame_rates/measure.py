@@ -12,6 +12,7 @@ from rich.console import Console
 
 from benchmarks.costs.timing import machine
 from benchmarks.forks import Crash, run_forked
+from benchmarks.frame_rates.picture import draw
 from benchmarks.frame_rates.rows import HARD_ACTIONS, Row, choose_rows
 from benchmarks.frame_rates.scores import RowScore, score_row, score_table
 from benchmarks.frame_rates.trials import Compared, stand_still, track_thinned
@@ -37,6 +38,7 @@ class Choice:
     seeds: int
     processes: int
     out: Path | None
+    picture: Path | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,8 @@ def measure(choice: Choice) -> int:
     Console(width=None if sys.stdout.isatty() else WIDTH).print(score_table(scores, title))
     if choice.out is not None:
         keep(report, choice.out)
+    if choice.picture is not None:
+        draw(scores, choice.picture)
     return 1 if any(score.crashes for score in scores) else 0
 
 

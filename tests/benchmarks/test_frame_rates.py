@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.frame_rates.picture import points_at
 from benchmarks.frame_rates.reference import (
     MOST_BEFORE,
     MOST_BEHIND,
@@ -13,7 +14,7 @@ from benchmarks.frame_rates.reference import (
     fits_depth,
 )
 from benchmarks.frame_rates.rows import choose_rows
-from benchmarks.frame_rates.scores import mark
+from benchmarks.frame_rates.scores import Marks, RowScore, mark
 from benchmarks.frame_rates.trials import hold_against
 from benchmarks.utd import JOINTS, SKELETON_LEAD
 from common.camera import Intrinsics
@@ -82,3 +83,18 @@ def test_an_unknown_row_is_named() -> None:
     """Who asks for a row that is not there learns which there are."""
     with pytest.raises(InputError, match="never moves"):
         choose_rows(["sometimes moves"])
+
+
+def test_the_picture_has_a_line_for_each_frame_rate() -> None:
+    """By the number of particles; what is no number of particles is left out."""
+
+    def score(row: str, rate: float, percent: float) -> RowScore:
+        marks = Marks(percent, 5.0, percent, 3.0)
+        return RowScore(row, rate, 10, marks, marks, 1.0, [percent], 10.0, [])
+
+    scores = [
+        score("100 particles", 10.0, 96.0), score("1 particle", 10.0, 93.0), score("gradient", 10.0, 92.0),
+        score("1 particle", 30.0, 95.0),
+    ]  # fmt: skip
+    assert points_at(10.0, scores) == [(1, 93.0), (100, 96.0)]
+    assert points_at(30.0, scores) == [(1, 95.0)]
