@@ -80,7 +80,7 @@ PRESETS = {
         points=4_000,
         pace_iterations=2.0,
         refine=RefineSettings(
-            descent="accelerated", sensor="camera", likelihood_scale=0.004, pose_deviation=1.6
+            descent="accelerated", sensor="camera", likelihood_scale=0.004, pose_deviation=2.4
         ),
         filter=FilterSettings(velocity_share=0.75, explore=True),
     ),
