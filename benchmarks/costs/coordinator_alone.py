@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,29 +14,19 @@ from benchmarks.costs.standing import CAMERA, POSE, standing
 from common.frame import DepthFrame, SubjectFrame
 from common.protocol.messages import encode_frame
 from common.refinement import Refined
-from common.settings import RefineSettings, preset
-from common.sizes import Body
+from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.recorder import Recorder
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.tracker import Tracker
+from tests.support.refined import sure
+from tests.support.stand_ins import Asked, Ready, StandIn
 
 SCATTER = 0.03  # radians and metres by which the pretended descent ends apart, so that there is work to merge
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Ready:
-    """A result that is there at once."""
-
-    refined: Refined
-
-    def result(self) -> Refined:
-        """The particles."""
-        return self.refined
-
-
-class InstantRefiner:
+class InstantRefiner(StandIn):
     """Takes no time: poses about the first one, the likelier the nearer."""
 
     def __init__(self) -> None:
@@ -52,22 +41,14 @@ class InstantRefiner:
         """Encode it, too."""
         encode_frame(subject)
 
-    def submit(
-        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
-    ) -> Ready:
+    def answer(self, asked: Asked) -> Ready:
         """Poses (N, D), scattered."""
-        del body, settings
+        poses = asked.poses
         self._valley = poses[:1] if self._valley is None else self._valley
         apart = self._rng.normal(scale=SCATTER, size=poses.shape)
         likelihood = -np.square(apart).sum(axis=1)
-        roots = factors(apart) if covariance else None
+        roots = sure(poses, SCATTER) if asked.covariance else None
         return Ready(Refined(self._valley + apart, likelihood, np.full(len(poses), 0.01), roots))
-
-
-def factors(apart: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Covariances' roots (N, D (D + 1) / 2) for particles (N, D) that are so far apart."""
-    count, dofs = apart.shape
-    return np.tile((SCATTER * np.eye(dofs)[np.tril_indices(dofs)]).astype(np.float32), (count, 1))
 
 
 def coordinator_stages(rounds: int) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
 from common.transport.opening import open_worker
-from common.triangles import triangle_size
+from tests.support.refined import unmoved
 from worker.service import Kernel, Service
 
 
@@ -40,8 +40,7 @@ def waiting(seconds: float, lanes: int) -> Kernel[None]:
         del body, observation, settings
         if seconds > 0.0:
             time.sleep(seconds * math.ceil(len(poses) / lanes))
-        roots = np.full((len(poses), triangle_size(poses.shape[1])), 0.01, np.float32) if covariance else None
-        return Refined(poses, -np.abs(poses).sum(axis=1), np.zeros(len(poses)), roots)
+        return unmoved(poses, covariance=covariance)
 
     return Kernel(observe, refine, lanes)
 

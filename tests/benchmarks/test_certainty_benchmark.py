@@ -15,7 +15,7 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from coordinator.tracking.certainty.evidence import CLUES
 
-FRAMES, JOINTS = 4_000, 6
+FRAMES, JOINTS = 2_000, 6
 STEEPNESS = 1.5
 
 

@@ -12,7 +12,7 @@ import trimesh
 
 from coordinator.cli import main
 from coordinator.results.track import read_track
-from tests.support.refined import Direct
+from tests.support.stand_ins import Direct
 
 FRAMES = "4"
 GIMBAL = """

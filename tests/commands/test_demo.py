@@ -5,19 +5,15 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 
 from common.body import BodyModel
 from common.errors import InputError
-from common.frame import SubjectFrame
-from common.refinement import Refined
-from common.settings import RefineSettings
-from common.sizes import Body
 from coordinator.cli import main
 from coordinator.commands.console.progress import Show, show_on
 from coordinator.commands.demo import person
@@ -26,41 +22,26 @@ from coordinator.commands.demo.person import FILTER, LONE, Score, demo_person, l
 from coordinator.commands.demo.run import make_room
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
-from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.evaluation import Errors
 from coordinator.synthesis.scenes.arm import MOVING
 from tests.support.processes.programs import INSTANT
-from tests.support.refined import Ready, sure
+from tests.support.refined import unmoved
+from tests.support.stand_ins import Asked, Ready, StandIn
 
 FRAMES = 4
 
 
-class StillRefiner:
+class StillRefiner(StandIn):
     """Leaves every particle where it is; the first is the likeliest."""
 
-    statistics = PoolStatistics()
-
-    def publish(self, subject: SubjectFrame) -> None:
-        """Look at nothing."""
-
-    def send_ahead(self, subject: SubjectFrame) -> None:
-        """Have no use for it."""
-
-    def submit(
-        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
-    ) -> Ready:
+    def answer(self, asked: Asked) -> Ready:
         """No descent."""
-        assert settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
-        assert isinstance(body, BodyModel)
-        assert body.dof_names[-1] == "r_elbow_flexion"
-        return Ready(
-            Refined(
-                poses.copy(),
-                -np.arange(len(poses), dtype=np.float64),
-                np.full(len(poses), 0.1),
-                sure(poses, asked=covariance),
-            )
-        )
+        assert asked.settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
+        assert isinstance(asked.body, BodyModel)
+        assert asked.body.dof_names[-1] == "r_elbow_flexion"
+        likelihood = -np.arange(len(asked.poses), dtype=np.float64)
+        still = unmoved(asked.poses.copy(), covariance=asked.covariance)
+        return Ready(replace(still, log_likelihood=likelihood))
 
 
 @contextmanager

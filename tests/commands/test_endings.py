@@ -58,7 +58,7 @@ def test_a_signal_ends_it_well(place: Place, out: Path, tmp_path: Path, number: 
     assert run.pid is not None
     workers = [int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()]
     os.kill(run.pid, number)
-    run.join(30.0)
+    run.join(60.0)
     assert run.exitcode == 130
     assert len(workers) == 1
     assert not any(map(is_alive, workers))
@@ -81,7 +81,7 @@ def test_an_interrupt_as_the_first_frame_is_written_keeps_it(place: Place, out: 
         assert time.monotonic() < until
     assert run.pid is not None
     os.kill(run.pid, signal.SIGINT)
-    run.join(30.0)
+    run.join(60.0)
     assert run.exitcode == 130
     assert frames_of(out) >= 1
 
@@ -111,7 +111,7 @@ def test_a_wait_for_workers_has_an_end(place: Place, out: Path, tmp_path: Path) 
         workers.start("a")
         patiently(lambda: frames_of(out) >= 2)
         workers.kill("a")
-        run.join(30.0)
+        run.join(60.0)
     assert run.exitcode == 1
     assert log.read_text().splitlines()[-1] == (
         f"gepf: no worker came within 3 s; start one with gepf-worker --connect {place.endpoint}"

@@ -48,7 +48,7 @@ def test_an_interrupt_while_libraries_load_ends_the_process_at_once(tmp_path: Pa
         wait_until(begun.exists, 60.0)
         assert process.pid is not None
         os.kill(process.pid, signal.SIGINT)
-        process.join(30.0)
+        process.join(60.0)
         assert process.exitcode == -signal.SIGINT
     finally:
         process.kill()
@@ -141,7 +141,7 @@ def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> Non
             process.stdout.readline()
             time.sleep(pause)
             process.send_signal(signal.SIGINT)
-            process.communicate(timeout=30.0)
+            process.communicate(timeout=60.0)
         assert process.returncode in (130, -signal.SIGINT)
 
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 
 from common.errors import SilentWorkers
 from common.protocol import keys
-from common.settings import RefineSettings
-from common.sizes import Body
 from common.transport.opening import open_router, open_worker
 from coordinator.commands.console.progress import Show, show_on
 from coordinator.commands.options.choices import choose_settings
@@ -38,14 +35,12 @@ class FallsSilent(ZenohRefiner):
         super().__init__(pool, show.say)
         self._left = requests
 
-    def submit(
-        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
-    ) -> PendingRefinement:
+    def submit(self, *asked: Any, **how: Any) -> PendingRefinement:
         """Pass it on, as long as there is a way."""
         self._left -= 1
         if self._left < 0:
             raise SilentWorkers("silence")
-        return super().submit(body, poses, settings, covariance=covariance)
+        return super().submit(*asked, **how)
 
 
 def job(sequence: Path, out: Path) -> Job:

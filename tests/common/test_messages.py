@@ -90,7 +90,6 @@ def reply(pose: float = 0.0, log_likelihood: float = -1.0, residual: float = 0.1
 def roots(diagonal: float, beside: float = 0.0) -> list[object]:
     """Those of a sure reply, the last with this on its diagonal and left of that."""
     changed_roots = sure(POSES)
-    assert changed_roots is not None
     changed_roots[-1, -2:] = beside, diagonal
     return packed(changed_roots)
 

@@ -31,17 +31,18 @@ END = encode_live_end()
 
 @contextmanager
 def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambda: None) -> Iterator[None]:
-    """A publisher on a session of its own: each message from when somebody listens, with a rest after it."""
+    """A publisher on a session of its own: each message when somebody listens, with rests between them."""
     stop = threading.Event()
 
     def publish() -> None:
         with open_worker([where]) as bus:
             publisher = bus.publish(KEY)
-            for message in messages:
+            for number, message in enumerate(messages):
+                if number:
+                    rest()
                 while not publisher.followed and not stop.wait(0.01):
                     pass
                 publisher.put_surely(message)
-                rest()
             stop.wait()
 
     thread = threading.Thread(target=publish)
@@ -50,7 +51,7 @@ def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambd
         yield
     finally:
         stop.set()
-        thread.join(10.0)
+        thread.join(60.0)
 
 
 def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) -> None:
@@ -132,7 +133,7 @@ def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
     with gepf.live(KEY, listen=endpoint) as live:
         threading.Timer(0.2, live.close).start()
         assert list(live) == []
-    assert time.monotonic() - began < 10.0
+    assert time.monotonic() - began < 60.0
 
 
 def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -> None:

@@ -98,8 +98,8 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
         pending = refiner.submit(MODEL, POSES, SETTINGS)
         refiner.send_ahead(coming)
         one = pending.result()
-        assert [observed.get(timeout=5.0) for _ in range(2)] == [1, 2]
-        assert prepared.get(timeout=5.0) == SETTINGS
+        assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
+        assert prepared.get(timeout=60.0) == SETTINGS
         again = refiner.submit(MODEL, POSES, SETTINGS).result()
         refiner.publish(coming)
         two = refiner.submit(MODEL, POSES, SETTINGS).result()
@@ -123,7 +123,7 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
         pending = refiner.submit(MODEL, POSES, SETTINGS)
         refiner.send_ahead(coming)
         one = pending.result()
-        assert [tried.get(timeout=5.0) for _ in range(2)] == [1, 2]
+        assert [tried.get(timeout=60.0) for _ in range(2)] == [1, 2]
         refiner.publish(coming)
         with pytest.raises(ProtocolError, match="it hurts"):
             refiner.submit(MODEL, POSES, SETTINGS).result()
@@ -134,7 +134,7 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
 def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
     """Workers and runs that meet at a router: both runs get the bytes that they would get alone."""
     with open_router([endpoint]), ExitStack() as stack:
-        options = Pool(workers=0, connect=endpoint, worker_timeout=5.0)
+        options = Pool(workers=0, connect=endpoint, worker_timeout=60.0)
         runs = [stack.enter_context(ZenohRefiner(options)) for _ in range(2)]
         runs[0].publish(frame(0))
         for k in range(2):
@@ -166,7 +166,7 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     said: list[str] = []
     in_vain = iter(range(2 * REFUSALS_LEAST))
     with (
-        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0), said.append) as refiner,
+        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0), said.append) as refiner,
         serving(endpoint, "one", through=lambda bus: FetchingLate(bus, in_vain)),
         serving(endpoint, "two", through=lambda bus: FetchingLate(bus, in_vain)),
     ):
@@ -290,7 +290,7 @@ def answering(endpoint: str, name: str, answer: Callable[[Request], None]) -> It
             yield
         finally:
             requests.close()
-            thread.join(5.0)
+            thread.join(60.0)
 
 
 @pytest.mark.parametrize(
@@ -341,11 +341,11 @@ def test_of_many_answers_the_first_counts(endpoint: str) -> None:
     with open_coordinator([endpoint]) as bus, answering(endpoint, "chatterer", chatter):
         alive = threading.Event()
         bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.set() if there else None)
-        assert alive.wait(5.0)
+        assert alive.wait(60.0)
         asker = bus.asker(keys.worker_refine("chatterer"), 5.0)
         for _ in range(3):  # when one is answered, all answers to those before have come
             asker.ask(b"", on_reply=answers.put, on_refusal=answers.put, on_end=lambda: None)
-            assert answers.get(timeout=5.0) == b"0"
+            assert answers.get(timeout=60.0) == b"0"
     assert answers.empty()
 
 
@@ -364,7 +364,7 @@ class Client:
             on_refusal=lambda reply: came.put(("refusal", reply)),
             on_end=lambda: came.put(("end", b"")),
         )
-        return came.get(timeout=10.0)
+        return came.get(timeout=60.0)
 
 
 @contextmanager
@@ -373,7 +373,7 @@ def client(endpoint: str) -> Iterator[Client]:
     with open_coordinator([endpoint]) as bus, serving(endpoint, "w"):
         alive: SimpleQueue[bool] = SimpleQueue()
         bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.put(there))
-        assert alive.get(timeout=5.0)
+        assert alive.get(timeout=60.0)
         yield Client(bus, "w")
 
 
@@ -547,7 +547,7 @@ def test_contexts_are_what_they_say(endpoint: str) -> None:
     assert isinstance(refiner, AbstractContextManager)
     with refiner, serving(endpoint, "w"):
         refined_bytes(refiner, 1)
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + 60.0
     while threading.active_count() > before and time.monotonic() < deadline:
         time.sleep(0.01)
     assert threading.active_count() <= before

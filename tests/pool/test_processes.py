@@ -26,7 +26,7 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
 from tests.support.processes.warm_processes import start
-from tests.support.refined import sure
+from tests.support.refined import unmoved
 from worker.cli import Identity, exit_with, serve
 from worker.connection import Destination
 from worker.service import Kernel
@@ -60,18 +60,17 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 8])
-def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int) -> None:
-    """One process serves frame after frame, whatever its lanes, and ends with the run, quickly."""
+def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One process serves frame after frame, whatever its lanes, and ends by itself with the run."""
+    monkeypatch.setattr("coordinator.pool.local_workers.GRACE", 60.0)
     with local(lanes) as refiner:
         refiner.wait_for(lanes)
         for number in range(5):
             assert refined_bytes(refiner, number) == expected(number)
-        pids = list(refiner.local_pids.values())
+        processes = [worker.process for worker in refiner._workers.local.workers.values()]
         assert refiner.statistics.workers_seen == (f"{refiner.run}-0",)
         assert refiner.statistics.batches_sent == 5
-        began = time.monotonic()
-    assert time.monotonic() - began < 2.0
-    assert not any(is_alive(pid) for pid in pids)
+    assert [process.returncode for process in processes] == [0]
 
 
 @contextmanager
@@ -182,7 +181,7 @@ def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Pa
         pids = [int(pid) for pid in process.stdout.readline().split()]
         assert len(pids) == 1
         process.send_signal(number)
-        assert process.wait(30.0) != 0
+        assert process.wait(60.0) != 0
     wait_until(lambda: not any(is_alive(pid) for pid in pids))
 
 
@@ -197,7 +196,7 @@ def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
             assert refined.poses.shape == POSES.shape
             assert refiner.statistics.workers_seen == ("outside",)
             process.terminate()
-            assert process.wait(30.0) == 0
+            assert process.wait(60.0) == 0
         assert process.stderr is not None
         lines = process.stderr.read().splitlines()
         assert lines[1] == f"gepf-worker: connecting to {endpoint}"
@@ -212,9 +211,14 @@ def test_idle_worker_is_idle(tmp_path: Path) -> None:
         started("--connect", endpoint, command=INSTANT) as process,
     ):
         refiner.wait_for(1)
-        before = processor_seconds(process.pid)
-        time.sleep(1.0)
-        assert processor_seconds(process.pid) - before < 0.1
+        wait_until(lambda: spent_in(1.0, process.pid) < 0.1)  # it may still be about what it loaded
+
+
+def spent_in(seconds: float, pid: int) -> float:
+    """Processor time that a process takes within a time."""
+    before = processor_seconds(pid)
+    time.sleep(seconds)
+    return processor_seconds(pid) - before
 
 
 def processor_seconds(pid: int) -> float:
@@ -236,8 +240,8 @@ def serve_without_hearing(endpoint: str, asked: Path) -> None:
     ) -> Refined:
         with suppress(BaseException):
             asked.touch()
-            time.sleep(60.0)
-        return Refined(poses, np.zeros(len(poses)), np.zeros(len(poses)), sure(poses, asked=covariance))
+            time.sleep(600.0)
+        return unmoved(poses, covariance=covariance)
 
     identity = Identity("deaf", Destination((endpoint,)))
     exit_with(lambda: serve(identity, lambda: Kernel(lambda _: None, refine)))
@@ -255,10 +259,10 @@ def test_a_worker_whose_signal_is_swallowed_ends_after_the_request(
             refiner.wait_for(1)
             refiner.publish(frame(1))
             pending = refiner.submit(MODEL, POSES, SETTINGS)
-            wait_until(asked.exists, 30.0)
+            wait_until(asked.exists, 60.0)
             assert worker.pid is not None
             os.kill(worker.pid, number)
-            worker.join(30.0)
+            worker.join(60.0)
             assert worker.exitcode == 0
             assert np.array_equal(pending.result().poses, POSES)
         finally:
@@ -271,13 +275,13 @@ def test_worker_that_is_still_connecting_can_be_ended(number: signal.Signals, tm
     with started("--connect", f"unixsock-stream/{tmp_path / 'nobody'}", command=INSTANT) as process:
         time.sleep(1.5)
         process.send_signal(number)
-        assert process.wait(30.0) in {-number, 130 if number == signal.SIGINT else -number}
+        assert process.wait(60.0) in {-number, 130 if number == signal.SIGINT else -number}
 
 
 def test_worker_with_a_bad_name_says_so() -> None:
     """A fault of the user is one line and exit code 2."""
     with started("--connect", "tcp/127.0.0.1:1", "--name", "a/b", command=INSTANT) as process:
-        assert process.wait(30.0) == 2
+        assert process.wait(60.0) == 2
         assert process.stderr is not None
         assert process.stderr.read().count("\n") == 1
 

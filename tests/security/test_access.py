@@ -43,7 +43,7 @@ def test_run_over_tls_gives_the_same_bytes(place: str, ours: Folder) -> None:
 
 def test_run_through_a_router_gives_the_same_bytes(place: str, ours: Folder) -> None:
     """Through a router with access control, a late worker included, the result is that of the kernel."""
-    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=10.0)
+    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=60.0)
     with open_router([place], (), ours.routing), ZenohRefiner(options) as refiner:
         with secure_worker(place, ours, "w0"):
             assert refined_bytes(refiner, 0) == expected(0)
@@ -56,7 +56,7 @@ def test_run_through_a_router_gives_the_same_bytes(place: str, ours: Folder) -> 
 def test_local_workers_work_beside_secure_ones(place: str, ours: Folder) -> None:
     """A run that listens with TLS has local workers, too, which need no certificate."""
     options = Pool(
-        workers=1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=20.0
+        workers=1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=60.0
     )
     with ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"):
         refiner.wait_for(2)
@@ -112,7 +112,7 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
             asker = bus.asker(keys.worker_refine("w0"), 1.0)
             asker.ask(encode_request(REQUEST), answers.append, answers.append, ended.set)
             bus.publish_frames(keys.run_frames(refiner.run)).put(77, b"forged")
-            assert ended.wait(30.0)
+            assert ended.wait(60.0)
             time.sleep(SHORT)
             assert (seen, answers) == ([], [])
             assert 77 not in forged
@@ -128,7 +128,7 @@ def test_worker_process_with_a_certificate(place: str, ours: Folder) -> None:
                 assert refined_bytes(refiner, number) == expected(number)
                 assert refiner.statistics.workers_seen == ("w1",)
         process.terminate()
-        assert process.wait(30.0) in (0, -15)
+        assert process.wait(60.0) in (0, -15)
 
 
 def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> None:
@@ -136,7 +136,7 @@ def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> Non
     settings = msgspec.json.decode((ours.path / "router.json5").read_bytes())
     place = f"tls/127.0.0.1:{free_port()}"
     settings["listen"]["endpoints"] = [place]
-    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=10.0)
+    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=60.0)
     with open_session(settings, 2**20), ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"):
         assert refined_bytes(refiner, 1) == expected(1)
     make_certificates(tmp_path, ("w0",), (), 1, Path("/certificates"))
@@ -150,18 +150,18 @@ def test_router_process_routes_until_a_signal(place: str, ours: Folder) -> None:
     with started("--listen", place, *ours.options("router"), command=command) as process:
         security = Security(ours.of("coordinator"))
         with secure_worker(place, ours, "w0"):
-            options = Pool(workers=0, connect=place, security=security, worker_timeout=10.0)
+            options = Pool(workers=0, connect=place, security=security, worker_timeout=60.0)
             with ZenohRefiner(options) as refiner:
                 assert refined_bytes(refiner, 1) == expected(1)
         process.terminate()
-        assert process.wait(30.0) == 0
+        assert process.wait(60.0) == 0
 
 
 def test_plain_workers_need_nothing(place: str) -> None:
     """Without certificates, on this host, all is as it was."""
     endpoint = place.replace("tls/", "tcp/")
     with (
-        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0)) as refiner,
+        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner,
         serving(endpoint, "w"),
     ):
         wait_until(lambda: why_refused(endpoint, None) is None)

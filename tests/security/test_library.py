@@ -49,7 +49,7 @@ def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_pa
 @pytest.mark.parametrize("way", ["listen", "router"])
 def test_a_tracker_has_workers_with_certificates(way: str, place: str, ours: Folder) -> None:
     """Those who come to a pool that listens, and those behind a router."""
-    workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=30.0) if way == "listen" else place
+    workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=60.0) if way == "listen" else place
     with ExitStack() as stack:
         if way == "router":
             stack.enter_context(open_router([place], (), ours.routing))
@@ -81,7 +81,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours
 def test_another_authority_lets_nobody_in(place: str, ours: Folder, foreign: Folder) -> None:
     """The iteration says why in one line."""
     with open_coordinator([place], (), ours.listening):
-        live = gepf.live(KEY, connect=place, tls=files_of(foreign, "coordinator"), idle_timeout=20.0)
+        live = gepf.live(KEY, connect=place, tls=files_of(foreign, "coordinator"), idle_timeout=60.0)
         with pytest.raises(gepf.InputError, match=r"not valid under|another authority"):
             list(live)
 

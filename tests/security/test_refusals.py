@@ -134,7 +134,7 @@ def test_refused_process_says_so_in_one_line(
     with open_coordinator([place], (), ours.listening) as bus:
         bus.watch(keys.ANY_WORKER_ALIVE, lambda key, _: seen.append(key))
         process = start(work_instantly, "--connect", endpoint, *options, log=tmp_path / "log")
-        process.join(30.0)
+        process.join(60.0)
         assert process.exitcode == 2
     lines = (tmp_path / "log").read_text().splitlines()
     progress = tuple(f"gepf-worker: {doing}" for doing in ("loading", "connecting to", "connected to"))

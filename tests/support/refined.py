@@ -1,36 +1,23 @@
-"""Results of refinement that are there at once."""
+"""Made-up results of refinement: particles that stay where they are, and how sure they are said to be."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.refinement import Refined
-from coordinator.pool.statistics import PoolStatistics
-from gepf.direct import DirectRefiner
+
+Array = NDArray[np.float64]
 
 
-def sure(poses: NDArray[np.float64], *, asked: bool = True) -> NDArray[np.float32] | None:
-    """Roots of covariances of poses (N, D), 0.01 in every direction, if they are asked for."""
+def sure(poses: Array, deviation: float = 0.01) -> NDArray[np.float32]:
+    """Roots of covariances of poses (N, D): this deviation in every direction."""
     dofs = poses.shape[1]
-    root = 0.01 * np.eye(dofs, dtype=np.float32)[np.tri(dofs, dtype=np.bool_)]
-    return np.tile(root, (len(poses), 1)) if asked else None
+    root = deviation * np.eye(dofs, dtype=np.float32)[np.tri(dofs, dtype=np.bool_)]
+    return np.tile(root, (len(poses), 1))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Ready:
-    """Particles that nobody needs to wait for."""
-
-    refined: Refined
-
-    def result(self) -> Refined:
-        """The particles."""
-        return self.refined
-
-
-class Direct(DirectRefiner):
-    """Refines in this process, and has no statistics."""
-
-    statistics = PoolStatistics()
+def unmoved(poses: Array, *, covariance: bool) -> Refined:
+    """Poses (N, D) as they are, all equally likely and a centimetre off, as sure as ever if that is asked."""
+    count = len(poses)
+    return Refined(poses, np.zeros(count), np.full(count, 0.01), sure(poses) if covariance else None)

@@ -26,7 +26,7 @@ from coordinator.synthesis.scenes.scene import Scene
 from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.sensor_noise import SensorNoise
-from tests.support.refined import Direct
+from tests.support.stand_ins import Direct
 
 ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"
 EVERY, FRAMES = 48, 16

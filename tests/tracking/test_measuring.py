@@ -8,12 +8,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
-from common.settings import RefineSettings, preset
-from common.sizes import Body
+from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
@@ -26,6 +24,7 @@ from coordinator.results.recording.recorded import read_log
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.inference import Situation
 from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.seeker import Seeker
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.starting.asking import Asker, grain
@@ -45,10 +44,10 @@ from coordinator.tracking.starting.measuring import (
 from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner, DirectRequest
+from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
 from tests.support.processes.still_workers import StillWorkers
-from tests.support.refined import Ready
+from tests.support.stand_ins import Asked, Direct, Ready
 
 BODIES = choose_bodies(None, "default")
 RULES = preset("default").refine
@@ -67,28 +66,24 @@ class InPart(StillWorkers):
         super().__init__()
         self._missing = missing
 
-    def submit(
-        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
-    ) -> Ready:
+    def answer(self, asked: Asked) -> Ready:
         """The same poses, one of them of this log likelihood."""
-        ready = super().submit(body, poses, settings, covariance=covariance)
-        ready.result().log_likelihood[-1] = self._missing
+        ready = super().answer(asked)
+        ready.refined.log_likelihood[-1] = self._missing
         return ready
 
 
-class Counting(DirectRefiner):
+class Counting(Direct):
     """Counts the particles of each request."""
 
     def __init__(self) -> None:
         super().__init__()
         self.asked: list[int] = []
 
-    def submit(
-        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
-    ) -> DirectRequest:
+    def answer(self, asked: Asked) -> Pending:
         """As it is."""
-        self.asked.append(len(poses))
-        return super().submit(body, poses, settings, covariance=covariance)
+        self.asked.append(len(asked.poses))
+        return super().answer(asked)
 
 
 def test_evidence_adds_up_to_the_weighted_mean() -> None:

@@ -19,7 +19,6 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Refined
 from common.settings import RefineSettings, Settings
-from common.sizes import Body
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
@@ -28,12 +27,13 @@ from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.observing.subject import CLEARANCE, isolate
 from coordinator.tracking.pipeline import follow
+from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.verdict import weigh
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import explain_leaps, find_leaps, judge
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner, DirectRequest
+from gepf.direct import DirectRefiner
 from tests.support.people import (
     CAMERA,
     SETTINGS,
@@ -45,6 +45,7 @@ from tests.support.people import (
     tracker,
 )
 from tests.support.rooms import in_a_room
+from tests.support.stand_ins import Asked, Direct
 
 Array = NDArray[np.float64]
 
@@ -165,19 +166,20 @@ def test_the_same_seed_gives_the_same_estimates() -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WatchedRequest(DirectRequest):
+class WatchedRequest:
     """A request whose result is marked."""
 
+    pending: Pending
     events: list[str]
 
     def result(self) -> Refined:
         """As ever; the workers are idle then."""
-        refined = DirectRequest.result(self)
+        refined = self.pending.result()
         self.events.append("idle")
         return refined
 
 
-class Watched(DirectRefiner):
+class Watched(Direct):
     """Keeps the order of what is done with the workers, and may fail at a frame."""
 
     def __init__(self, fails_at: int | None = None) -> None:
@@ -195,15 +197,12 @@ class Watched(DirectRefiner):
         """The next frame is with the workers."""
         self.events.append(f"ahead {subject.frame.number}")
 
-    def submit(
-        self, body: Body, poses: Array, settings: RefineSettings, *, covariance: bool = False
-    ) -> WatchedRequest:
+    def answer(self, asked: Asked) -> WatchedRequest:
         """The workers get busy."""
         if self._frame == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
-        request = super().submit(body, poses, settings, covariance=covariance)
-        return WatchedRequest(body, request.observation, poses, settings, covariance, self.events)
+        return WatchedRequest(super().answer(asked), self.events)
 
 
 def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
@@ -233,19 +232,17 @@ def note(told: list[int], found: Iterator[tuple[Estimate, TrackerState]]) -> Non
         told.append(estimate.frame)
 
 
-class Listening(DirectRefiner):
+class Listening(Direct):
     """Notes whether it was asked how sure poses are."""
 
     def __init__(self) -> None:
         super().__init__()
         self.asked: set[bool] = set()
 
-    def submit(
-        self, body: Body, poses: Array, settings: RefineSettings, *, covariance: bool = False
-    ) -> DirectRequest:
+    def answer(self, asked: Asked) -> Pending:
         """As ever."""
-        self.asked.add(covariance)
-        return super().submit(body, poses, settings, covariance=covariance)
+        self.asked.add(asked.covariance)
+        return super().answer(asked)
 
 
 @pytest.mark.parametrize(

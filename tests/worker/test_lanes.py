@@ -21,7 +21,7 @@ def never() -> None:
 @pytest.mark.parametrize("count", [1, 2, 8])
 def test_all_lanes_work_at_once(count: int) -> None:
     """Each lane is called once, with its number, while the others are still at work."""
-    meeting = threading.Barrier(count, timeout=10.0)
+    meeting = threading.Barrier(count, timeout=60.0)
     seen: list[int] = []
 
     def work(lane: int) -> None:
@@ -50,7 +50,7 @@ def test_a_fault_is_raised_when_all_have_returned(faulty: int) -> None:
     def work(lane: int) -> None:
         if lane == faulty:
             raise ZeroDivisionError
-        assert stopped.wait(10.0)
+        assert stopped.wait(60.0)
 
     with Lanes(3) as lanes:
         with pytest.raises(ZeroDivisionError):

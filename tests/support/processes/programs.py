@@ -22,7 +22,7 @@ def is_alive(pid: int) -> bool:
     return state != "Z"
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+def wait_until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
     """Poll until the condition holds; fail if it does not within the time."""
     deadline = time.monotonic() + seconds
     while not condition():

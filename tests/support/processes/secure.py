@@ -27,9 +27,9 @@ def secure_worker(place: str, folder: Folder, name: str, claim: str | None = Non
             yield bus
         finally:
             service.stop()
-            thread.join(5.0)
+            thread.join(60.0)
 
 
 def listening(place: str, folder: Folder) -> ZenohRefiner:
     """A coordinator that lets workers in."""
-    return ZenohRefiner(Pool(workers=0, listen=place, security=folder.listening, worker_timeout=10.0))
+    return ZenohRefiner(Pool(workers=0, listen=place, security=folder.listening, worker_timeout=60.0))

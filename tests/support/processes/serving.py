@@ -55,7 +55,7 @@ def serving(
 
 
 @contextmanager
-def running(service: Service[Any], seconds: float = 5.0) -> Iterator[None]:
+def running(service: Service[Any], seconds: float = 60.0) -> Iterator[None]:
     """A service in a thread, which must end within the time when it is stopped."""
     thread = threading.Thread(target=service.run)
     thread.start()
@@ -69,7 +69,7 @@ def running(service: Service[Any], seconds: float = 5.0) -> Iterator[None]:
 
 def pool(endpoint: str, **options: Any) -> ZenohRefiner:
     """A coordinator without workers of its own."""
-    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=5.0, **options))
+    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0, **options))
 
 
 def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> bytes:

@@ -16,15 +16,14 @@ from PIL import Image
 from common.camera import Intrinsics, project
 from common.frame import SubjectFrame
 from common.kinematics import pose_vertices
-from common.refinement import Refined
-from common.settings import RefineSettings
-from common.sizes import Body, parts_of
+from common.sizes import parts_of
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
-from tests.support.refined import Ready, sure
+from tests.support.refined import unmoved
+from tests.support.stand_ins import Asked, Ready, StandIn
 
 CAMERA = {
     "width": 64,
@@ -35,7 +34,7 @@ CAMERA = {
 START = {"root_tz": 2.0, "r_elbow_flexion": 0.5}
 
 
-class StillWorkers:
+class StillWorkers(StandIn):
     """Leaves particles where they are; before frame `fail_at` it raises `failure`."""
 
     statistics = PoolStatistics(workers_seen=("one", "two"), batches_sent_again=3)
@@ -52,18 +51,12 @@ class StillWorkers:
         if subject.frame.number == self.fail_at and self.failure is not None:
             raise self.failure
 
-    def send_ahead(self, subject: SubjectFrame) -> None:
-        """Have no use for it."""
-
-    def submit(
-        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
-    ) -> Ready:
+    def answer(self, asked: Asked) -> Ready:
         """The same poses, all equally likely."""
-        assert all(poses.shape[1] == len(part.model.dof_names) for part in parts_of(body, len(poses)))
-        assert settings.noise_depth >= settings.noise_lateral
-        return Ready(
-            Refined(poses, np.zeros(len(poses)), np.full(len(poses), 0.01), sure(poses, asked=covariance))
-        )
+        count, dofs = asked.poses.shape
+        assert all(dofs == len(part.model.dof_names) for part in parts_of(asked.body, count))
+        assert asked.settings.noise_depth >= asked.settings.noise_lateral
+        return Ready(unmoved(asked.poses, covariance=asked.covariance))
 
     @contextmanager
     def connect(self, pool: Pool, show: Show) -> Iterator[StillWorkers]:

@@ -1,0 +1,81 @@
+"""What takes the place of a pool of workers for a tracker: who extends it says what a request is answered."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.frame import SubjectFrame
+from common.refinement import Refined
+from common.settings import RefineSettings
+from common.sizes import Body
+from coordinator.pool.statistics import PoolStatistics
+from coordinator.tracking.refiner import Pending, Refiner
+from gepf.direct import DirectRefiner
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """What one request asks for."""
+
+    body: Body
+    poses: NDArray[np.float64]  # (N, D)
+    settings: RefineSettings
+    covariance: bool
+
+    def of(self, refiner: Refiner) -> Pending:
+        """The same, asked of somebody else."""
+        return refiner.submit(self.body, self.poses, self.settings, covariance=self.covariance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """Particles that nobody needs to wait for."""
+
+    refined: Refined
+
+    def result(self) -> Refined:
+        """The particles."""
+        return self.refined
+
+
+class StandIn(ABC):
+    """Fills the tracker's port; by itself it looks at no frame."""
+
+    statistics = PoolStatistics()
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Look at nothing."""
+        del subject
+
+    def send_ahead(self, subject: SubjectFrame) -> None:
+        """Have no use for it."""
+        del subject
+
+    def submit(
+        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+    ) -> Pending:
+        """What `answer` makes of it."""
+        return self.answer(Asked(body, poses, settings, covariance))
+
+    @abstractmethod
+    def answer(self, asked: Asked) -> Pending:
+        """Refine, or do as if."""
+
+
+class Direct(StandIn):
+    """Refines in this process."""
+
+    def __init__(self) -> None:
+        self._refiner = DirectRefiner()
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Later requests are about this frame."""
+        self._refiner.publish(subject)
+
+    def answer(self, asked: Asked) -> Pending:
+        """By the worker's kernel, when the result is asked for."""
+        return asked.of(self._refiner)
