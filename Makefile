@@ -19,9 +19,10 @@ $(STAMP): pyproject.toml constraints.txt .ci/setup
 demo: setup ## people who move fast, tracked with one particle and with many; table and pictures in demo/
 	$(BIN)/gepf demo --out demo
 
-test: setup ## the tests, on two cores, three at once as some only wait; kernels are compiled before
-	$(BIN)/python -m tests.support.kernel.warm_kernel
-	$(BIN)/python -m pytest -q -n 3 --dist loadfile --max-worker-restart 0
+test: setup ## the tests, on two cores, four at once as many only wait; kernels are compiled before
+	$(BIN)/python -m tests.support.kernel.warm_tracker & tracker=$$!; \
+	    $(BIN)/python -m tests.support.kernel.warm_kernel && wait $$tracker
+	$(BIN)/python -m pytest -q -n 4 --dist worksteal --max-worker-restart 0
 
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow --timeout 3600

@@ -12,14 +12,16 @@ import numpy as np
 import pytest
 
 from common.transport.opening import open_router
+from coordinator.cli import main
 from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start, work_instantly
 from tests.support.small_sequence import write_small_sequence
 
+ROOT = Path(__file__).parents[2]
 GEPF = (sys.executable, "-m", "coordinator.cli")
-FRAMES, NAMES = 200, ("a", "b", "c")
+FRAMES, NAMES = 100, ("a", "b", "c")
 
 
 def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> None:
@@ -86,29 +88,17 @@ def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("command", "name"), [("show", "body.png"), ("export", "body.urdf")])
 def test_a_drawn_or_written_body_replaces_nothing_unless_told(
-    tmp_path: Path, command: str, name: str
+    tmp_path: Path, command: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`gepf model show` and `export` as processes: exit code 2, the file untouched; --force replaces it."""
+    """`gepf model show` and `export`: exit code 2, the file untouched; --force replaces it."""
     out = tmp_path / name
     out.write_text("mine")
-    line = [
-        sys.executable,
-        "-m",
-        "coordinator.cli",
-        "model",
-        command,
-        "examples/arm7.urdf",
-        "--out",
-        str(out),
-    ]
-    root = Path(__file__).parents[2]
-    refused = subprocess.run(line, capture_output=True, text=True, check=False, cwd=root)
-    assert refused.returncode == 2
-    assert (
-        refused.stderr == f"gepf: {out} is there already; replace it with --force, or choose another name\n"
-    )
+    line = ["model", command, str(ROOT / "examples" / "arm7.urdf"), "--out", str(out)]
+    assert main(line) == 2
+    said = capsys.readouterr().err
+    assert said == f"gepf: {out} is there already; replace it with --force, or choose another name\n"
     assert out.read_text() == "mine"
-    subprocess.run([*line, "--force"], check=True, cwd=root)
+    assert main([*line, "--force"]) == 0
     assert out.read_bytes() != b"mine"
 
 

@@ -16,19 +16,14 @@ import pytest
 
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
-from tests.support.processes.programs import started, wait_until
+from tests.support.processes.programs import wait_until
 from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
-from tests.support.processes.warm_processes import start
+from tests.support.processes.warm_processes import coordinate, start
 from tests.support.runs import swing, write_run
-from tests.support.small_sequence import OPTIONS, write_small_sequence
+from tests.support.small_sequence import write_small_sequence
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
 ENDED = (130, -signal.SIGINT)  # to a shell the same: `python -m` passes a signal on that came in an import
-
-
-def gepf(*words: str) -> subprocess.CompletedProcess[str]:
-    """The program, as a shell starts it."""
-    return subprocess.run([*GEPF, *words], capture_output=True, text=True, check=False, timeout=300.0)
 
 
 @pytest.fixture
@@ -50,15 +45,20 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
         (("track", "seq"), "Missing option '--out' DIR: New folder for the results."),
     ],
 )
-def test_what_there_is_to_choose_from_is_listed(arguments: tuple[str, ...], says: str) -> None:
+def test_what_there_is_to_choose_from_is_listed(
+    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     """One line, exit code 2, for each thing that is missing or unknown."""
-    done = gepf(*arguments)
-    assert done.returncode == 2
-    assert says in done.stderr
-    assert done.stderr.count("\n") == 1
+    assert main(arguments) == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert said.count("\n") == 1
 
 
-def test_faults_of_json_name_the_entry(sequence: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("no_traces")
+def test_faults_of_json_name_the_entry(
+    sequence: Path, tmp_path: Path, workers: StillWorkers, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Of a start and of a person's measures: exit code 2 before anything is begun."""
     file, out = tmp_path / "wrong.json", tmp_path / "out"
     for option, content, says in (
@@ -68,20 +68,22 @@ def test_faults_of_json_name_the_entry(sequence: Path, tmp_path: Path) -> None:
         ("--model", '{"stature": [1.8]}', "stature is [1.8]; give a finite number"),
     ):
         file.write_text(content)
-        done = gepf("track", str(sequence), "--out", str(out), option, str(file))
-        assert done.returncode == 2
-        assert says in done.stderr
+        assert main(["track", str(sequence), "--out", str(out), option, str(file)], workers.connect) == 2
+        assert says in capsys.readouterr().err
         assert not out.exists()
 
 
-def test_every_command_says_that_a_killed_run_can_be_gone_on_with(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("no_traces")
+def test_every_command_says_that_a_killed_run_can_be_gone_on_with(
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Of a run that was really killed: exit code 2, and what to do."""
-    write_small_sequence(tmp_path / "seq", 400)
+    write_small_sequence(tmp_path / "seq", 100)
     run = tmp_path / "killed"
-    track = ("track", str(tmp_path / "seq"), "--out", str(run), *OPTIONS, "--workers", "1")
-    with started(*track, command=GEPF) as process:
-        wait_until(lambda: (run / "frames.log").exists() and (run / "frames.log").stat().st_size > 0, 300.0)
-        process.kill()
+    process = start(coordinate, tmp_path / "seq", run, endpoint, "--workers", "1", log=tmp_path / "log")
+    wait_until(lambda: (run / "frames.log").exists() and (run / "frames.log").stat().st_size > 0, 300.0)
+    process.kill()
+    process.join()
     for command in (
         ("report", "{run}"),
         ("evaluate", "{run}", "--truth", "{run}/track.npz"),
@@ -89,26 +91,29 @@ def test_every_command_says_that_a_killed_run_can_be_gone_on_with(tmp_path: Path
         ("view", "{run}", "--save", "{run}/x.rrd"),
         ("pictures", "{run}"),
     ):
-        done = gepf(*(word.format(run=run) for word in command))
-        assert done.returncode == 2
-        assert "was interrupted; end it by the same gepf track command with --resume" in done.stderr
+        assert main([word.format(run=run) for word in command]) == 2
+        said = capsys.readouterr().err
+        assert "was interrupted; end it by the same gepf track command with --resume" in said
 
 
-def test_an_export_says_what_it_wrote_and_replaces_nothing_unless_told(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("no_traces")
+def test_an_export_says_what_it_wrote_and_replaces_nothing_unless_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A file in the way stays, and the line names --force; with it, the new one is there and said."""
     body = human()
     write_run(tmp_path / "run", body, swing(body, 3))
     out = tmp_path / "walk.csv"
     line = ("export", str(tmp_path / "run"), "--to", "csv", "--out", str(out))
-    written = gepf(*line)
-    assert (written.returncode, written.stdout) == (0, "")
-    assert str(out) in written.stderr
+    assert main(line) == 0
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert str(out) in written.err
     out.write_text("mine")
-    refused = gepf(*line)
-    assert refused.returncode == 2
-    assert "--force" in refused.stderr
+    assert main(line) == 2
+    assert "--force" in capsys.readouterr().err
     assert out.read_text() == "mine"
-    assert gepf(*line, "--force").returncode == 0
+    assert main([*line, "--force"]) == 0
     assert out.read_text().startswith("frame,time_s,status,")
 
 

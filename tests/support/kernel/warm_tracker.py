@@ -1,0 +1,25 @@
+"""The tracker's kernels, compiled by following two people for a moment: particles stay as they are."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from coordinator.cli import main
+from tests.support.pairs import write_pair
+from tests.support.processes.still_workers import StillWorkers
+
+FRAMES = 3
+OPTIONS = ("--people", "2", "--particles", "6", "--points", "1500", "--no-pictures", "--quiet")
+
+
+def compile_all() -> int:
+    """Track; gives the exit code."""
+    with tempfile.TemporaryDirectory(prefix="gepf-warm-") as name:
+        folder = Path(name)
+        sequence = write_pair(folder / "pair", FRAMES)
+        return main(["track", str(sequence), "--out", str(folder / "out"), *OPTIONS], StillWorkers().connect)
+
+
+if __name__ == "__main__":
+    raise SystemExit(compile_all())
