@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.certainty.gather import Gathered
-from coordinator.tracking.certainty.assessment import HIDDEN, add_left_over, recall
+from coordinator.tracking.certainty.assessment import HIDDEN, LONE, add_left_over, recall
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.certainty.evidence import CLUES
 
@@ -38,7 +38,7 @@ class Functions:
     def judge(self, one: Gathered) -> Array:
         """Log odds and log deviation (F, J, 2) of a recording's joints, as the tracker has them."""
         within = averaged(one, self.low, self.high)
-        both = (self.probability, self.deviation)
+        both = ((self.probability[0] + LONE * one.lone, self.probability[1]), self.deviation)
         fitted = np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
         hidden = np.stack([np.zeros(one.evidence.shape[:2]), is_hidden(one.evidence)], axis=-1)
         return fitted + over_time(add_left_over(one.evidence) + self.unseen * hidden, one.interval)

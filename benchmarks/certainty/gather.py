@@ -33,6 +33,7 @@ class Gathered:
     person: str  # whose constant offsets are removed; empty where the truth is exact
     performance: str  # recordings of the same one are fitted or scored together
     every: int
+    lone: bool  # a single particle was drawn
     interval: Array  # (F,) seconds since the frame before
     evidence: Array  # (F, J, K)
     apart: Array  # (F, J, 3) metres from the reference
@@ -67,7 +68,8 @@ def gather(
         rows.append((sighted.interval, evidence[mine], off, holds[frame.number], estimate.status))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     person = "" if recording.action is None else recording.name.rpartition("_")[2]
-    return Gathered(person, performance_of(recording), every, *columns)
+    lone = settings.filter.particles == 1
+    return Gathered(person, performance_of(recording), every, lone, *columns)
 
 
 def read_joints(

@@ -38,6 +38,8 @@ class Score(msgspec.Struct, frozen=True):
     roc: list[tuple[float, float]]  # per cent of false alarms, and of joints off that are flagged then
     suspected_frames_percent: float  # frames not plainly tracked, of those with a joint off
     doubted_frames_percent: float  # and of the others
+    flagged_frames_percent: float  # one of the joints that are off is flagged, of frames with such
+    off_frames: int
     seen: Calibration
     hidden: Calibration
 
@@ -57,7 +59,11 @@ def score(name: str, gathered: Sequence[Gathered], functions: Functions) -> Scor
             for v, one in zip(verdicts, gathered, strict=True)
         ]
     )
-    some_off = np.concatenate([((d > OFF) & h).any(axis=1) for d, h in zip(off, holds, strict=True)])
+    away_of = [(d > OFF) & h for d, h in zip(off, holds, strict=True)]
+    some_off = np.concatenate([one.any(axis=1) for one in away_of])
+    caught = np.concatenate(
+        [(a & (v[..., 0] > logit(FLAGGED))).any(axis=1) for a, v in zip(away_of, verdicts, strict=True)]
+    )
     return Score(
         name=name,
         joints=len(away),
@@ -70,6 +76,8 @@ def score(name: str, gathered: Sequence[Gathered], functions: Functions) -> Scor
         ],
         suspected_frames_percent=percent(suspected[some_off]),
         doubted_frames_percent=percent(suspected[~some_off]),
+        flagged_frames_percent=percent(caught[some_off]),
+        off_frames=int(some_off.sum()),
         seen=calibration(in_deviations[shown]),
         hidden=calibration(in_deviations[~shown]),
     )
@@ -100,7 +108,8 @@ def score_table(scores: Sequence[Score]) -> Table:
     table = Table(title="how sure the tracker is, and whether that holds")
     for heading in (
         "", "joints", "off", "flagged", "of others", "flagged at 1, 2, 5, 10, 20 %",
-        "frames in doubt,\nof those off", "of others", "seen: within 1, 2", "hidden: joints", "within 1, 2",
+        "frames with\njoints off", "flagged", "in doubt", "of others",
+        "seen: within 1, 2", "hidden: joints", "within 1, 2",
     ):  # fmt: skip
         table.add_column(heading, justify="left" if not heading else "right")
     for one in scores:
@@ -111,6 +120,8 @@ def score_table(scores: Sequence[Score]) -> Table:
             f"{one.flagged_percent} %",
             f"{one.false_percent} %",
             " ".join(f"{caught:.0f}" for _, caught in one.roc),
+            str(one.off_frames),
+            f"{one.flagged_frames_percent} %",
             f"{one.suspected_frames_percent} %",
             f"{one.doubted_frames_percent} %",
             f"{one.seen.within_one}, {one.seen.within_two}",

@@ -10,9 +10,11 @@ import pytest
 from benchmarks.certainty.cutting import cut_below, row_between
 from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway
 from benchmarks.certainty.gather import Gathered
+from benchmarks.certainty.measure import built_in
 from benchmarks.certainty.scores import score
 from common.camera import Intrinsics
 from common.frame import DepthFrame
+from coordinator.tracking.certainty.assessment import judge_evidence
 from coordinator.tracking.certainty.evidence import CLUES
 
 FRAMES, JOINTS = 2_000, 6
@@ -30,7 +32,7 @@ def drawn(seed: int, person: str = "", shift: float = 0.0) -> Gathered:
     apart[..., 0] += shift
     holds = np.ones((FRAMES, JOINTS), dtype=bool)
     return Gathered(
-        person, "drawn", 1, np.full(FRAMES, 10.0), evidence, apart, holds, np.full(FRAMES, "tracked")
+        person, "drawn", 1, False, np.full(FRAMES, 10.0), evidence, apart, holds, np.full(FRAMES, "tracked")
     )
 
 
@@ -147,3 +149,11 @@ def test_a_picture_ends_between_knees_and_hips() -> None:
     cut = cut_below(DepthFrame(3, 0.1, depth, 1000.0, camera), 140)
     assert np.array_equal(cut.depth, depth[:140])
     assert (cut.intrinsics.height, cut.intrinsics.cy, cut.number) == (140, 120.0, 3)
+
+
+@pytest.mark.parametrize("lone", [False, True])
+def test_the_benchmark_judges_as_the_tracker_does(*, lone: bool) -> None:
+    """Log odds and deviations of a frame with nothing before it, of many particles and of a lone one."""
+    one = replace(drawn(9), lone=lone)
+    first = replace(one, evidence=one.evidence[:1], interval=one.interval[:1])
+    np.testing.assert_allclose(built_in().judge(first)[0], judge_evidence(first.evidence[0], lone=lone))
