@@ -79,3 +79,16 @@ class Direct(StandIn):
     def answer(self, asked: Asked) -> Pending:
         """By the worker's kernel, when the result is asked for."""
         return asked.of(self._refiner)
+
+
+class Listening(Direct):
+    """Notes whether it was asked how sure poses are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: set[bool] = set()
+
+    def answer(self, asked: Asked) -> Pending:
+        """As ever."""
+        self.asked.add(asked.covariance)
+        return super().answer(asked)

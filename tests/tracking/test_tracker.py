@@ -45,7 +45,7 @@ from tests.support.people import (
     tracker,
 )
 from tests.support.rooms import in_a_room
-from tests.support.stand_ins import Asked, Direct
+from tests.support.stand_ins import Asked, Direct, Listening
 
 Array = NDArray[np.float64]
 
@@ -230,19 +230,6 @@ def note(told: list[int], found: Iterator[tuple[Estimate, TrackerState]]) -> Non
     """Keep the numbers of frames as they come."""
     for estimate, _ in found:
         told.append(estimate.frame)
-
-
-class Listening(Direct):
-    """Notes whether it was asked how sure poses are."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.asked: set[bool] = set()
-
-    def answer(self, asked: Asked) -> Pending:
-        """As ever."""
-        self.asked.add(asked.covariance)
-        return super().answer(asked)
 
 
 @pytest.mark.parametrize(

@@ -28,13 +28,15 @@ def settle(
     settings: RefineSettings,
     rounds: int,
 ) -> Hypotheses:
-    """What the filter makes of candidates on one body after so many rounds on the published frame."""
+    """What the filter makes of candidates on one body after so many rounds on the published frame.
+
+    It merges by angles, whatever the tracker's filter does: nobody is asked how sure a pose is.
+    """
     filtering = FilterSettings(velocity_share=0.0, explore=True)
     belief, rng = believe(model, standing, filtering), np.random.default_rng(SEED)
     for _ in range(rounds):
         proposal = gradient_enhanced.propose(model, belief, see(subject, None), filtering, rng)
-        asks = proposal.asks_covariance(settings)
-        refined = refine(refiner, model, proposal.poses, settings, covariance=asks)
+        refined = refine(refiner, model, proposal.poses, settings)
         belief = gradient_enhanced.update(model, proposal, refined, filtering, rng).at_rest()
     return belief
 

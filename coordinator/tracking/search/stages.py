@@ -105,16 +105,9 @@ def descend(
     return Standing(after, sizes, log_likelihood, residual, places).take(order)
 
 
-def refine(
-    refiner: Refiner,
-    model: BodyModel,
-    poses: Array,
-    settings: RefineSettings,
-    *,
-    covariance: bool = False,
-) -> Refined:
+def refine(refiner: Refiner, model: BodyModel, poses: Array, settings: RefineSettings) -> Refined:
     """Poses (N, D) of one body after their descent on the frame that was published last."""
-    refined = refiner.submit(model, poses, settings, covariance=covariance).result()
+    refined = refiner.submit(model, poses, settings).result()
     return replace(refined, poses=natural_angles(model, refined.poses))
 
 
