@@ -17,7 +17,7 @@ from common.frame import DepthFrame
 from coordinator.tracking.certainty.assessment import judge_evidence
 from coordinator.tracking.certainty.evidence import CLUES
 
-FRAMES, JOINTS = 2_000, 6
+FRAMES, JOINTS = 4_000, 6
 STEEPNESS = 1.5
 
 
