@@ -122,3 +122,18 @@ def test_who_sits_with_legs_that_do_not_move_is_not_taken_for_short() -> None:
     assert size.measured is not None
     assert size.measured.frames == 12
     assert size.measured.size[0] == pytest.approx(STATURE, rel=0.03)
+
+
+@pytest.mark.parametrize("leaning", [0.1, 0.2])
+def test_who_leans_a_little_is_as_tall(leaning: float) -> None:
+    """At the waist, or with bent knees above flat feet: straightened, within 1 cm."""
+    bends = {"hip": leaning, "knee": 2.0 * leaning, "ankle": leaning}
+    knees = {f"{side}_{joint}_flexion": bend for side in "rl" for joint, bend in bends.items()}
+    standing = Start(MODEL, name_pose(MODEL, POSTURE), STATURE, 1.0)
+    expected = stature_by_length(standing, standing.pose, subject_in(POSTURE))
+    assert expected is not None
+    for lean in ({"vl3_tilt": 2.0 * leaning}, knees):
+        posture = {**POSTURE, **lean}
+        start = replace(standing, pose=name_pose(MODEL, posture))
+        stature = stature_by_length(start, start.pose, subject_in(posture))
+        assert stature == pytest.approx(expected, abs=0.006)

@@ -15,7 +15,15 @@ from common.settings import RefineSettings
 from common.sizes import Body, Sized, Sizes, as_sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import BETWEEN, Bodies, size_of
-from coordinator.tracking.starting.measuring import Measured, Shown, uprightness, weigh_frame
+from coordinator.tracking.starting.measuring import (
+    RAISED,
+    UPRIGHT,
+    Measured,
+    Shown,
+    has_raised,
+    uprightness,
+    weigh_frame,
+)
 from coordinator.tracking.starting.start import Start
 
 Array = NDArray[np.float64]
@@ -77,8 +85,10 @@ class Question:
         if not np.isfinite(fits).all():
             return None
         here, (up, down) = float(fits[0]), fits[1:].reshape(-1, 2).T
-        weight = weigh_frame(uprightness(model, refined.poses[0]), here)
-        return Shown((up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2, weight)
+        upright, pose = uprightness(model, refined.poses[0]), refined.poses[0]
+        weight = weigh_frame(upright, here) * (RAISED if has_raised(model, pose) else 1.0)
+        slope, curvature = (up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2
+        return Shown(slope, curvature, weight, bent=upright <= UPRIGHT[0])
 
 
 class Asker:

@@ -22,7 +22,7 @@ ARM = 0.3  # metres from the head, within which a hand may be taken for it
 STRAY = 2.5e-4  # square metres of what lies beyond an end: stray points
 FEWEST = 20  # points of an end
 BEYOND = 0.05  # metres from an end to where it would go on if something hid it
-SHOWN = 0.985  # of a stature, by which it says what points say (subjects 1, 2): outlines are cut off
+SHOWN = 0.992  # of a stature, by which it says what points say (subjects 1, 2): outlines are cut off
 
 
 def measure_length(model: BodyModel, pose: Array, subject: SubjectFrame) -> float | None:

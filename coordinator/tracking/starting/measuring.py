@@ -33,10 +33,11 @@ FAR = 0.02  # share by which the size may be off those that frames are asked abo
 KEPT = 0.2  # share of the weight of what frames said that were asked about quite another stature
 EXTREME = 0.01  # share by which a size may be off the limits and still be at them
 LEAST_CURVATURE = np.array([300.0, 30.0])  # of a frame
-LENGTH_SHARE = 0.5  # of a frame's word on stature that its length has, where it is seen
+LENGTH_SHARE = 0.4  # of a frame's word on stature that its length has, where it is seen
 LARGEST_STEP = 0.06  # that a frame may ask for, as a share
 UPRIGHT = (0.97, 0.99)  # head to ankle, as a share of a straight body's: bent, and straight
 BENT = 0.01  # weight of a bent body's frame
+RAISED = 0.2  # weight of a frame in which a hand is above its shoulder
 EXPLAINED = -10.0  # log likelihood from which on a frame counts in full
 SMALLEST, LARGEST = (1.2, 0.6), (2.2, 1.7)
 """Stature in metres, and girth, beyond which nobody is sought: from a child of seven years (WHO's growth
@@ -50,13 +51,15 @@ class Shown:
     """What one frame says: slope and curvature (K,) of its log likelihood in log stature and log girth.
 
     Stature comes first; where it is alone (K = 1), nothing was asked about girth. `by_length` is the log
-    stature (m) that the length from head to sole asks for; None where it is not seen.
+    stature (m) that the length from head to sole asks for; None where it is not seen. `bent` is whether the
+    body was, so that it shows next to nothing of its stature.
     """
 
     slope: Array
     curvature: Array
     weight: float
     by_length: float | None = None
+    bent: bool = False
 
     def asks_for(self, about: tuple[float, float]) -> Array:
         """Log stature (m) and log girth (K,), not far from those that were asked about."""
@@ -81,9 +84,13 @@ class Measured:
     time_s: float = -np.inf
 
     @classmethod
-    def guessed(cls, stature: float, girth: float) -> Self:
-        """Before any frame was asked: about this stature, and about the usual girth, whatever was found."""
-        return cls(GUESS * np.log([stature, USUAL_GIRTH]), GUESS, (stature, girth))
+    def guessed(cls, stature: float, girth: float, *, bent: bool = False) -> Self:
+        """Before any frame was asked: about this stature, and about the usual girth, whatever was found.
+
+        The stature of who was found `bent` counts no more than what a bent frame says.
+        """
+        weight = np.array([BENT, GUESS[1]]) if bent else GUESS
+        return cls(weight * np.log([stature, USUAL_GIRTH]), weight, (stature, girth))
 
     @property
     def logarithms(self) -> Array:
@@ -145,12 +152,20 @@ class Measured:
     def after(self, shown: Shown, time_s: float) -> Self:
         """With what a frame says that was asked."""
         asked = slice(len(shown.slope))
-        total, weight = self.total.copy(), self.weight.copy()
-        total[asked] += shown.weight * np.clip(shown.asks_for(self.about), *LIMITS[:, asked])
-        weight[asked] += shown.weight
-        bent = self.bent + (shown.weight <= BENT)
+        total, weight, added = self.total.copy(), self.weight.copy(), self._adds(shown)
+        total[asked] += added * np.clip(shown.asks_for(self.about), *LIMITS[:, asked])
+        weight[asked] += added
+        bent = self.bent + shown.bent
         known = replace(self, total=total, weight=weight, frames=self.frames + 1, bent=bent, time_s=time_s)
         return known.asking_anew() if known.is_far else known
+
+    def _adds(self, shown: Shown) -> float:
+        """What a frame adds: of bent ones the n-th 2 / (n (n + 1)) of the first, all of them twice as much.
+
+        For half of the variance of what a bent frame says is an error that all of them have in common.
+        """
+        n = self.bent + 1
+        return shown.weight * 2.0 / (n * (n + 1)) if shown.bent else shown.weight
 
     def asking_anew(self) -> Self:
         """The same size, asked about from now on; what was said about quite another stature counts less."""
@@ -174,6 +189,14 @@ def ends_of(model: BodyModel) -> list[int]:
 def is_bent(model: BodyModel, pose: Array) -> bool:
     """Whether a body in a pose (D,) shows next to nothing of its stature."""
     return uprightness(model, pose) <= UPRIGHT[0]
+
+
+def has_raised(model: BodyModel, pose: Array) -> bool:
+    """Whether a hand is above its shoulder, along the trunk: shoulders rise with arms, by no joint here."""
+    joints = dict(zip(model.joint_names, joint_positions(model, pose[None])[0], strict=True))
+    trunk = joints["neck"] - joints["pelvis"]
+    over = [joints[f"{side}_wrist"] - joints[f"{side}_shoulder"] for side in ("left", "right")]
+    return any(offset @ trunk > 0.0 for offset in over)
 
 
 def weigh_frame(upright: float, log_likelihood: float) -> float:

@@ -14,7 +14,7 @@ from common.settings import RefineSettings
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.tracking.starting.asking import Asker, Question
 from coordinator.tracking.starting.length import SHOWN, measure_length
-from coordinator.tracking.starting.measuring import Measured, is_bent
+from coordinator.tracking.starting.measuring import Measured, is_bent, uprightness
 from coordinator.tracking.starting.start import USUAL_MEASURES, Start
 
 Array = NDArray[np.float64]
@@ -46,7 +46,8 @@ class PersonSize:
         """
         if not self._asker.can_ask(start):
             return start
-        self.measured = Measured.guessed(start.stature, start.girth)
+        bent = is_bent(start.model, start.pose)
+        self.measured = Measured.guessed(start.stature, start.girth, bent=bent)
         return self.resume(start)
 
     def resume(self, start: Start) -> Start:
@@ -99,6 +100,9 @@ def is_held_bent(start: Start, bodies: Bodies) -> bool:
 
 
 def stature_by_length(start: Start, pose: Array, subject: SubjectFrame) -> float | None:
-    """Log stature (m) of who is as long as a frame shows, standing in a pose (D,); None where it does not."""
+    """Log stature (m) of who is as long as a frame shows, in a pose (D,); None where it does not.
+
+    Who leans or bends a little is straightened: by as much as the model is shorter than at rest.
+    """
     length = measure_length(start.model, pose, subject)
-    return None if length is None else float(np.log(length / SHOWN))
+    return None if length is None else float(np.log(length / (SHOWN * uprightness(start.model, pose))))
