@@ -8,8 +8,8 @@ from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.mpeg4 import HUMAN, HUMAN_DOFS
-from coordinator.bodies.human.shape_space import person_of_size
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
+from coordinator.bodies.human.shape_space import person_of_size, shape_space
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.person_file import read_person
 from coordinator.bodies.tracked import Bodies, OneBody
 
@@ -48,10 +48,10 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
 
 
 def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> Bodies:
-    """One person who was measured."""
+    """One person who was measured: the same surface, moved, as that of people who are measured."""
     usual = USUAL[preset]
     chosen = choose_active(active, usual, HUMAN_DOFS)
-    return OneBody(human_of(measures), usual, chosen, (measures.stature, measures.girth))
+    return OneBody(shape_space().person(measures), usual, chosen, (measures.stature, measures.girth))
 
 
 def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
@@ -65,7 +65,7 @@ def load_body(model: str) -> BodyModel:
         return human()
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
-        return human_of(read_person(path))
+        return shape_space().person(read_person(path))
     from coordinator.bodies.urdf.reading import read_urdf
 
     return read_urdf(path)

@@ -11,14 +11,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
-from coordinator.bodies.choice import choose_bodies, person
+from coordinator.bodies.choice import USUAL as USUAL_DOFS
+from coordinator.bodies.choice import choose_bodies, load_body, person
 from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.shape_space import shape_space
+from coordinator.bodies.human.template import human_of
 from coordinator.bodies.person_file import read_person, write_person
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
@@ -55,8 +59,9 @@ POSTURES = (
 
 @cache
 def build(measures: Measures) -> BodyModel:
-    """The tracked body of a person."""
-    return person(measures, None, "default").tracked(measures.stature, measures.girth, {})[0]
+    """The tracked body of a person who is meshed anew: not the surface that is moved to fit."""
+    full = human_of(measures)
+    return activate(full, USUAL_DOFS["default"], np.zeros(len(full.dof_names)))
 
 
 def seen(measures: Measures) -> tuple[list[Posed], Array]:
@@ -152,6 +157,19 @@ def test_a_person_file_holds_what_was_measured(tmp_path: Path) -> None:
     assert bodies.people
     model = bodies.tracked(1.0, 1.0, {})[0]  # measures of a file are not changed by what is sought
     np.testing.assert_allclose(model.joint_points, build(OTHER).joint_points, atol=1e-3)
+
+
+def test_what_was_fitted_is_what_is_tracked(tmp_path: Path) -> None:
+    """Byte by byte: the body of fitted measures, of their file, and of the library given the measures."""
+    write_person(change(OTHER, "girth", 1.07), tmp_path / "person.json")
+    measures = read_person(tmp_path / "person.json")
+    fitted = builder({}, "default")(measures)
+    for bodies in (
+        choose_bodies(None, "default", str(tmp_path / "person.json")),
+        person(measures, None, "default"),
+    ):
+        assert bodies.tracked(measures.stature, measures.girth, {})[0].hash == fitted.hash
+    assert load_body(str(tmp_path / "person.json")).hash == shape_space().person(measures).hash
 
 
 @pytest.mark.parametrize(
