@@ -20,6 +20,7 @@ from common.protocol.messages import encode_live, encode_live_end
 from common.transport.opening import open_router, open_worker
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
 from tests.support.processes.programs import started, wait_until
+from tests.support.processes.threads import in_thread
 from tests.support.small_sequence import write_small_sequence
 
 ROOT = Path(__file__).parents[2]
@@ -32,9 +33,8 @@ END = encode_live_end()
 @contextmanager
 def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambda: None) -> Iterator[None]:
     """A publisher on a session of its own: each message when somebody listens, with rests between them."""
-    stop = threading.Event()
 
-    def publish() -> None:
+    def publish(stop: threading.Event) -> None:
         with open_worker([where]) as bus:
             publisher = bus.publish(KEY)
             for number, message in enumerate(messages):
@@ -45,13 +45,8 @@ def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambd
                 publisher.put_surely(message)
             stop.wait()
 
-    thread = threading.Thread(target=publish)
-    thread.start()
-    try:
+    with in_thread(publish):
         yield
-    finally:
-        stop.set()
-        thread.join(60.0)
 
 
 def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) -> None:

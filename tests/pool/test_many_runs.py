@@ -8,17 +8,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from common.protocol import keys
 from common.protocol.messages import encode_request
 from common.refinement import Refined
-from common.settings import RefineSettings
-from common.sizes import Body
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -33,7 +29,9 @@ from tests.support.processes.serving import (
     expected,
     frame,
     refined_bytes,
+    running,
 )
+from tests.support.stand_ins import Asked, refining
 from worker.fair_queue import MOST, FairQueue
 from worker.service import Kernel, Service
 from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
@@ -107,16 +105,8 @@ def test_memory_is_bounded_by_run_and_freed() -> None:
 @contextmanager
 def worker(connect: list[str], kernel: Kernel[Any] = KERNEL) -> Iterator[Service[Any]]:
     """A worker in a thread."""
-    with open_worker(connect) as bus:
-        service = Service(bus, "w", kernel)
-        thread = threading.Thread(target=service.run)
-        thread.start()
-        try:
-            yield service
-        finally:
-            service.stop()
-            thread.join(60.0)
-            assert not thread.is_alive()
+    with open_worker(connect) as bus, running(Service(bus, "w", kernel)) as service:
+        yield service
 
 
 @pytest.mark.parametrize("through", ["a router", "links of its own"])
@@ -151,24 +141,17 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
     served: list[float] = []
     may_go_on = threading.Event()
 
-    def held(
-        body: Body,
-        seen: float,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-    ) -> Refined:
+    def held(asked: Asked, seen: float) -> Refined:
         served.append(round(1000 * (seen - 2.0)))
         may_go_on.wait(60.0)
-        return refine(body, seen, poses, settings, covariance=covariance)
+        return refine(asked.body, seen, asked.poses, asked.settings, covariance=asked.covariance)
 
     options = Pool(workers=0, connect=endpoint, worker_timeout=60.0)
     with (
         open_router([endpoint]),
         ZenohRefiner(options) as greedy,
         ZenohRefiner(options) as modest,
-        worker([endpoint], Kernel(observe, held)) as service,
+        worker([endpoint], Kernel(observe, refining(held))) as service,
     ):
         modest.wait_for(1)
         may_go_on.set()
@@ -189,7 +172,7 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
         modest.publish(frame(2))
         asking = threading.Thread(target=modest.submit(MODEL, POSES[:1], SETTINGS).result)
         asking.start()
-        wait_until(lambda: waiting_at(service) == 8)  # one of nine is being served
+        wait_until(lambda: waiting_at(service) >= 8)  # seven of the first, and another's
         may_go_on.set()
         asking.join(60.0)
         assert served.index(2) <= 2, served

@@ -11,13 +11,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 from common.errors import InputError
@@ -26,7 +26,6 @@ from common.protocol.messages import encode_live, encode_live_end
 from common.protocol.wire import LIVE
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
 from coordinator.results.recording.recorded import read_log
@@ -35,7 +34,9 @@ from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, li
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import started, wait_until
 from tests.support.processes.serving import MODEL, pool, serving
+from tests.support.processes.threads import in_thread
 from tests.support.refined import unmoved
+from tests.support.stand_ins import Asked, refining
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
 
@@ -145,53 +146,24 @@ class Still:
     def __init__(self, seconds_per_particle: float = 0.0) -> None:
         self.seconds_per_particle = seconds_per_particle
 
-    def refine(
-        self,
-        _body: Body,
-        _seen: float,
-        poses: NDArray[np.float64],
-        _settings: RefineSettings,
-        *,
-        covariance: bool = False,
-    ) -> Refined:
+    def refine(self, asked: Asked, _: object) -> Refined:
         """The same poses, all equally likely."""
-        time.sleep(self.seconds_per_particle * len(poses))
-        return unmoved(poses, covariance=covariance)
+        time.sleep(self.seconds_per_particle * len(asked.poses))
+        return unmoved(asked.poses, covariance=asked.covariance)
 
     @property
     def kernel(self) -> Kernel[Any]:
         """What a worker is given."""
-        return Kernel(KERNEL.observe, self.refine)
+        return Kernel(KERNEL.observe, refining(self.refine))
 
 
 class Finder(Still):
     """A worker that finds the plate, slowly."""
 
-    def refine(
-        self,
-        body: Body,
-        seen: float,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-    ) -> Refined:
+    def refine(self, asked: Asked, seen: object) -> Refined:
         """Every particle where the plate is."""
-        there = np.tile(AT_TWO_METRES, (len(poses), 1))
-        return super().refine(body, seen, there, settings, covariance=covariance)
-
-
-@contextmanager
-def in_thread(act: Callable[[threading.Event], None]) -> Iterator[None]:
-    """Something that goes on beside the body until it is stopped."""
-    stop = threading.Event()
-    thread = threading.Thread(target=act, args=(stop,))
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join(60.0)
+        there = np.tile(AT_TWO_METRES, (len(asked.poses), 1))
+        return super().refine(replace(asked, poses=there), seen)
 
 
 @contextmanager

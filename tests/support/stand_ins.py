@@ -1,9 +1,11 @@
-"""What takes the place of a pool of workers for a tracker: who extends it says what a request is answered."""
+"""What takes the place of workers for a tracker, and of their kernel: only the answer has to be said."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from common.sizes import Body
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.tracking.refiner import Pending, Refiner
 from gepf.direct import DirectRefiner
+from worker.service import Refine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +32,22 @@ class Asked:
     def of(self, refiner: Refiner) -> Pending:
         """The same, asked of somebody else."""
         return refiner.submit(self.body, self.poses, self.settings, covariance=self.covariance)
+
+
+def refining(answer: Callable[[Asked, Any], Refined]) -> Refine[Any]:
+    """A worker's kernel that gives this answer to what is asked, and to what it has observed."""
+
+    def refine(
+        body: Body,
+        seen: object,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
+    ) -> Refined:
+        return answer(Asked(body, poses, settings, covariance), seen)
+
+    return refine
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -13,21 +12,15 @@ from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.certificates import Folder
 from tests.support.processes.instant_worker import KERNEL
+from tests.support.processes.serving import running
 from worker.service import Service
 
 
 @contextmanager
 def secure_worker(place: str, folder: Folder, name: str, claim: str | None = None) -> Iterator[Bus]:
     """A worker in a thread, with somebody's certificate, that claims to be somebody."""
-    with open_worker([place], Security(folder.of(name))) as bus:
-        service = Service(bus, claim or name, KERNEL)
-        thread = threading.Thread(target=service.run)
-        thread.start()
-        try:
-            yield bus
-        finally:
-            service.stop()
-            thread.join(60.0)
+    with open_worker([place], Security(folder.of(name))) as bus, running(Service(bus, claim or name, KERNEL)):
+        yield bus
 
 
 def listening(place: str, folder: Folder) -> ZenohRefiner:

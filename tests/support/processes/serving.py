@@ -55,12 +55,12 @@ def serving(
 
 
 @contextmanager
-def running(service: Service[Any], seconds: float = 60.0) -> Iterator[None]:
+def running(service: Service[Any], seconds: float = 60.0) -> Iterator[Service[Any]]:
     """A service in a thread, which must end within the time when it is stopped."""
     thread = threading.Thread(target=service.run)
     thread.start()
     try:
-        yield
+        yield service
     finally:
         service.stop()
         thread.join(seconds)
