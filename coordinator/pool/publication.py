@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass
+from typing import TypeVar
 
 from common.body import BodyModel
 from common.frame import SubjectFrame
@@ -10,8 +12,19 @@ from common.protocol import keys
 from common.protocol.messages import encode_frame, encode_model
 from common.transport.bus import Bus
 
+K = TypeVar("K")
+V = TypeVar("V")
+
 FRAMES_KEPT = 2
 MODELS_KEPT = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sent:
+    """A frame, and the message that it went out in."""
+
+    subject: SubjectFrame
+    payload: bytes
 
 
 class Publication:
@@ -19,29 +32,39 @@ class Publication:
 
     def __init__(self, bus: Bus, run: str) -> None:
         self.current = -1  # number of the frame that is to be refined on
-        self._sent: SubjectFrame | None = None  # last
-        self._number = -1  # under which it was sent
+        self._number = -1  # of the frame that was sent last
         self._offered: BodyModel | None = None  # last
         self._lock = threading.Lock()
-        self._frames: dict[str, bytes] = {}  # by number
+        self._frames: dict[int, Sent] = {}  # by number, the one that was of use last comes last
         self._models: dict[str, bytes] = {}  # by hash
         bus.serve(keys.run_frame(run, "*"), self._find_frame)
         bus.serve(keys.run_model(run, "*"), self._find_model)
         self._publisher = bus.publish_frames(keys.run_frames(run))
 
     def put(self, subject: SubjectFrame) -> None:
-        """Make a frame the current one; send it, if that has not been done ahead."""
-        if subject is not self._sent:
+        """Make a frame the current one; send it, unless it was one of the last to be sent."""
+        number = self._number_of(subject)
+        if number is None:
             self.put_ahead(subject)
-        self.current = self._number
+            number = self._number
+        else:
+            self._keep(number, self._frames[number])
+        self.current = number
 
     def put_ahead(self, subject: SubjectFrame) -> None:
         """Send a frame under its number, or under the next one if that has been used."""
-        self._sent, self._number = subject, max(subject.frame.number, self._number + 1)
-        payload = encode_frame(subject)
+        self._number = max(subject.frame.number, self._number + 1)
+        sent = Sent(subject, encode_frame(subject))
+        self._keep(self._number, sent)
+        self._publisher.put(self._number, sent.payload)
+
+    def _number_of(self, subject: SubjectFrame) -> int | None:
+        """Under which a frame was sent, if it is kept."""
+        return next((number for number, sent in self._frames.items() if sent.subject is subject), None)
+
+    def _keep(self, number: int, sent: Sent) -> None:
         with self._lock:
-            keep(self._frames, str(self._number), payload, FRAMES_KEPT)
-        self._publisher.put(self._number, payload)
+            keep(self._frames, number, sent, FRAMES_KEPT)
 
     def offer(self, model: BodyModel) -> None:
         """Have a model ready for who asks for it."""
@@ -54,16 +77,17 @@ class Publication:
 
     def _find_frame(self, key: str) -> bytes | None:
         with self._lock:
-            return self._frames.get(keys.last_of(key))
+            asked = keys.last_of(key)
+            return next((sent.payload for n, sent in self._frames.items() if str(n) == asked), None)
 
     def _find_model(self, key: str) -> bytes | None:
         with self._lock:
             return self._models.get(keys.last_of(key))
 
 
-def keep(messages: dict[str, bytes], key: str, payload: bytes, size: int) -> None:
-    """Put a message last, and drop the first ones above `size`."""
-    messages.pop(key, None)
-    messages[key] = payload
-    while len(messages) > size:
-        del messages[next(iter(messages))]
+def keep(values: dict[K, V], key: K, value: V, size: int) -> None:
+    """Put a value last, and drop the first ones above `size`."""
+    values.pop(key, None)
+    values[key] = value
+    while len(values) > size:
+        del values[next(iter(values))]

@@ -108,6 +108,30 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
     assert observed.empty()
 
 
+def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
+    """A worker observes it once; a late one still gets it, though another frame was sent ahead since."""
+    first, other, coming = frame(1), frame(2), frame(3)
+    observed = SimpleQueue[int]()
+
+    def observe_and_tell(subject: SubjectFrame) -> Any:
+        observed.put(subject.frame.number)
+        return observe(subject)
+
+    with pool(endpoint) as refiner:
+        with serving(endpoint, "early", Kernel(observe_and_tell, refine)):
+            for subject in (first, other, first):
+                refiner.publish(subject)
+                refiner.submit(MODEL, POSES, SETTINGS).result()
+            assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
+            assert observed.empty()
+        refiner.send_ahead(coming)
+        with serving(endpoint, "late", Kernel(observe_and_tell, refine)):
+            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(1)
+        refiner.publish(coming)
+        with serving(endpoint, "later"):
+            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(3)
+
+
 def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoint: str) -> None:
     """The worker says what is wrong with it to who asks, and serves the frames before and after."""
     coming, tried = frame(2), SimpleQueue[int]()
