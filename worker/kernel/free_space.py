@@ -78,10 +78,11 @@ def is_measurable(
     v: int, surface: Surface, link_dofs: Indices, transforms: Array, x: float, y: float, z: float
 ) -> bool:
     """Whether vertex v, which is at (x, y, z), is on a surface that the camera does not look along."""
-    n, t = surface.normals[v], link_dofs[surface.skin_links[v, 0]]
+    t = link_dofs[surface.skin_links[v, 0]]
+    nx, ny, nz = surface.normals[v, 0], surface.normals[v, 1], surface.normals[v, 2]
     along = 0.0
     for a in range(3):
-        turned = transforms[t, a, 0] * n[0] + transforms[t, a, 1] * n[1] + transforms[t, a, 2] * n[2]
+        turned = transforms[t, a, 0] * nx + transforms[t, a, 1] * ny + transforms[t, a, 2] * nz
         along += turned * (x if a == 0 else y if a == 1 else z)
     facing: bool = along * along > GRAZING * GRAZING * (x * x + y * y + z * z)
     return facing

@@ -61,14 +61,14 @@ def box_within(_, points, first, boxes, k, nearest):  # type: ignore[no-untyped-
 
 
 @intrinsic
-def add_products(  # type: ignore[no-untyped-def]
-    _, sums, s, share, x, y, z, pulls, m
+def add_products(  # type: ignore[no-untyped-def] # noqa: PLR0913 compiled code takes numbers
+    _, sums, s, share, x, y, z, cx, cy, cz, w
 ):
-    """Add share * X [w X; c] to the rows of sums[s], of X = [x, y, z, 1] and pulls[m] = [c; w].
+    """Add share * X [w X; c] to the rows of sums[s], of X = [x, y, z, 1] and c = [cx, cy, cz].
 
-    sums (L, 4, 8) and pulls (V, 4) float64, all else float64, s and m integers.
+    sums (L, 4, 8) float64, s an integer, all else float64.
     """
-    return types.void(sums, s, share, x, y, z, pulls, m), write_add_products
+    return types.void(sums, s, share, x, y, z, cx, cy, cz, w), write_add_products
 
 
 @intrinsic
@@ -152,14 +152,11 @@ def write_box_within(context: Any, builder: Any, signature: Any, values: Sequenc
 
 def write_add_products(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
     """The code of `add_products`."""
-    s, m = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 7))
-    sums, pulls = (context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 6))
-    pull = builder.load(lanes_at(builder, pulls, builder.mul(m, SIZE(4)), ROW), align=8)
-    weight = builder.extract_element(pull, INT(3))
-    point = (*values[3:6], DOUBLE(1.0))
-    weighted = ir.Constant(ROW, ir.Undefined)
-    for a, value in enumerate(point):
-        weighted = builder.insert_element(weighted, builder.fmul(value, weight, flags=FINITE), INT(a))
+    s = context.cast(builder, values[1], signature.args[1], types.intp)
+    sums = context.make_array(signature.args[0])(context, builder, values[0])
+    point, weight = (*values[3:6], DOUBLE(1.0)), values[9]
+    weighted = row_of(builder, [builder.fmul(value, weight, flags=FINITE) for value in point])
+    pull = row_of(builder, values[6:10])
     for a, value in enumerate(point):
         here = spread(builder, builder.fmul(value, values[2], flags=FINITE), ROW)
         for place, added in ((8 * a, weighted), (8 * a + 4, pull)):
@@ -256,6 +253,14 @@ def spread(builder: Any, value: Any, lanes: ir.VectorType) -> Any:
     nothing = ir.Constant(lanes, ir.Undefined)
     alone = builder.insert_element(nothing, value, INT(0))
     return builder.shuffle_vector(alone, nothing, ir.VectorType(INT, lanes.count)([0] * lanes.count))
+
+
+def row_of(builder: Any, values: Sequence[Any]) -> Any:
+    """Four values as lanes."""
+    row = ir.Constant(ROW, ir.Undefined)
+    for lane, value in enumerate(values):
+        row = builder.insert_element(row, value, INT(lane))
+    return row
 
 
 def largest(builder: Any, lanes: Any) -> Any:

@@ -80,51 +80,70 @@ def add_correspondences(
 ) -> None:
     """Sum moments and crosses of the visible ones of posed (V, 3) with their observed points.
 
-    weighted_targets (V, 4) are those points' weighted sum and weight, in the order of `visible`; of what is
-    blended they are lost. transforms (D + 1, 3, 4) are T_camera_rest, the last for links that nothing moves.
+    weighted_targets (V, 4) are those points' weighted sum and weight, in the order of `visible`. transforms
+    (D + 1, 3, 4) are T_camera_rest, the last for links that nothing moves.
     """
-    links, weights, sums = surface.skin_links, surface.skin_weights, equations.sums
+    links, weights, sums, pulls = surface.skin_links, surface.skin_weights, equations.sums, weighted_targets
     sums[:] = 0.0
     for m in range(len(visible)):
         v = visible[m]
-        if weighted_targets[m, 3] > 0.0:
-            x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+        w = pulls[m, 3]
+        if w > 0.0:
+            x, y, z, cx, cy, cz = posed[v, 0], posed[v, 1], posed[v, 2], pulls[m, 0], pulls[m, 1], pulls[m, 2]
             if not weights[v, 0] < 1.0:
-                add_products(sums, links[v, 0], 1.0, x, y, z, weighted_targets, m)  # type: ignore[call-arg]
+                add_products(sums, links[v, 0], 1.0, x, y, z, cx, cy, cz, w)  # type: ignore[call-arg]
             else:
-                add_blended(surface, skeleton.link_dofs, transforms, v, m, posed, weighted_targets, sums)
+                add_blended(surface, skeleton.link_dofs, transforms, v, x, y, z, cx, cy, cz, w, sums)
     equations.moments[:] = sums[:, :, :4]
     equations.crosses[:] = sums[:, :, 4:7]
 
 
 @numba.njit(cache=True, nogil=True)
-def add_blended(
+def add_blended(  # noqa: PLR0913 compiled code takes numbers
     surface: Surface,
     link_dofs: NDArray[np.int64],
     transforms: Array,
     v: int,
-    m: int,
-    posed: Array,
-    weighted_targets: Array,
+    x: float,
+    y: float,
+    z: float,
+    cx: float,
+    cy: float,
+    cz: float,
+    w: float,
     sums: Array,
 ) -> None:
-    """Add vertex v as a part of each of its links; row m of weighted_targets, its own, is lost."""
-    row, p = weighted_targets[m], surface.vertices[v]
-    x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+    """Add vertex v, which is at (x, y, z), as part of each of its links; (cx, cy, cz) and w are its pull.
+
+    By numbers, not by rows: a row that is taken out of an array counts references.
+    """
+    px, py, pz = surface.vertices[v, 0], surface.vertices[v, 1], surface.vertices[v, 2]
     for k in range(surface.skin_links.shape[1]):
         share = surface.skin_weights[v, k]
         if not share > 0.0:
             break
         link = surface.skin_links[v, k]
-        t = transforms[link_dofs[link]]
-        carried_x = t[0, 0] * p[0] + t[0, 1] * p[1] + t[0, 2] * p[2] + t[0, 3]
-        carried_y = t[1, 0] * p[0] + t[1, 1] * p[1] + t[1, 2] * p[2] + t[1, 3]
-        carried_z = t[2, 0] * p[0] + t[2, 1] * p[1] + t[2, 2] * p[2] + t[2, 3]
-        row[0] += row[3] * (carried_x - x)  # the target moves along, so that the residual stays the blend's
-        row[1] += row[3] * (carried_y - y)
-        row[2] += row[3] * (carried_z - z)
+        t = link_dofs[link]
+        carried_x = carried(transforms, t, 0, px, py, pz)
+        carried_y = carried(transforms, t, 1, px, py, pz)
+        carried_z = carried(transforms, t, 2, px, py, pz)
+        cx += w * (carried_x - x)  # the target moves along, so that the residual stays the blend's
+        cy += w * (carried_y - y)
+        cz += w * (carried_z - z)
         x, y, z = carried_x, carried_y, carried_z
-        add_products(sums, link, share, x, y, z, weighted_targets, m)  # type: ignore[call-arg]
+        add_products(sums, link, share, x, y, z, cx, cy, cz, w)  # type: ignore[call-arg]
+
+
+@numba.njit(cache=True, nogil=True)
+def carried(transforms: Array, t: int, axis: int, x: float, y: float, z: float) -> float:
+    """One coordinate of where transform t of (D + 1, 3, 4) takes a point."""
+    moved: float = (
+        transforms[t, axis, 0] * x
+        + transforms[t, axis, 1] * y
+        + transforms[t, axis, 2] * z
+        + transforms[t, axis, 3]
+    )
+    return moved
 
 
 @numba.njit(cache=True, nogil=True)
