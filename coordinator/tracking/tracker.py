@@ -228,7 +228,8 @@ class Tracker:
             if self._belief is None:
                 self._find(subject, cut.isolated.view.planes)
             elif self._watch.checks and self._recovers:
-                return self._seeker.find_again(subject, self._start, self.rules, self._belief.reported)
+                last, lost = self._belief.reported, self._watch.seeks
+                return self._seeker.find_again(subject, self._start, self.rules, last, lost=lost)
         return None
 
     def _mind_company(self, cut: CutOut, belief: Belief, *, first: bool) -> None:

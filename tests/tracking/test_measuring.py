@@ -400,7 +400,9 @@ def test_what_a_frame_says_of_a_pose_that_a_rival_replaced_is_dropped(by: float)
     assert submitted.request is not None
     assert submitted.request.question is not None
     subject, last = submitted.request.sighted.subject, submitted.request.sighted.past
-    rival = Seeker(BODIES, refiner, SETTINGS).find_again(subject, tracker.start, tracker.rules, last)
+    rival = Seeker(BODIES, refiner, SETTINGS).find_again(
+        subject, tracker.start, tracker.rules, last, lost=False
+    )
     standing = replace(rival.standing, log_likelihood=rival.standing.log_likelihood + by)
     tracked = tracker.collect(replace(submitted, rival=replace(rival, standing=standing)))
     assert tracked.belief is not None

@@ -5,8 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from common.settings import RefineSettings
+from common.sizes import Body
+from coordinator.tracking.search.recall import TURNS
+from coordinator.tracking.search.search import QUICK, WAYS_UP
 from coordinator.tracking.search.seeker import ELSEWHERE, Finding, Seeker
 from coordinator.tracking.search.verdict import Verdict
 from coordinator.tracking.search.watch import AGAIN, CHECKS, DOUBTFUL, EVERY, Watch
@@ -14,6 +20,8 @@ from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, known, shown
+
+Array = NDArray[np.float64]
 
 LIKELIER = 5.0  # log likelihood
 
@@ -47,8 +55,8 @@ def test_the_same_posture_refined_is_not_found_anew(
     """Its pose is taken, and the count of frames goes on; elsewhere, or of who was lost, it begins again."""
     find_again = Seeker.find_again
 
-    def likelier(seeker: Seeker, *given: Any) -> Finding:
-        found = find_again(seeker, *given)
+    def likelier(seeker: Seeker, *given: Any, **also: Any) -> Finding:
+        found = find_again(seeker, *given, **also)
         standing = found.standing
         shifted = replace(
             standing, log_likelihood=standing.log_likelihood + LIKELIER, joints=standing.joints + moved
@@ -66,3 +74,30 @@ def test_the_same_posture_refined_is_not_found_anew(
     assert estimate.status == "tracked"
     assert tracker.watch.tracked == (0 if anew else before + 1)
     assert ELSEWHERE < 1.0
+
+
+@pytest.mark.parametrize(
+    ("lost", "leaning", "turned"), [(False, 0.0, False), (True, 0.0, True), (False, 0.5 * np.pi, True)]
+)
+def test_who_stands_upright_and_is_not_lost_is_not_looked_for_lying(
+    monkeypatch: pytest.MonkeyPatch, lost: bool, leaning: float, turned: bool
+) -> None:
+    """A search that checks a pose leaves out ways up that cannot be; who is lost, or lies, may be any way."""
+    refiner, asked = DirectRefiner(), list[int]()
+    submit = refiner.submit
+
+    def count(body: Body, poses: Array, settings: RefineSettings, **also: bool) -> Any:
+        asked.append(len(poses))
+        return submit(body, poses, settings, **also)
+
+    monkeypatch.setattr(refiner, "submit", count)
+    tracker = Tracker(refiner, SETTINGS, known(), STANDING)
+    submitted = tracker.submit(shown("standing").frames[0])
+    assert submitted.request is not None
+    last = submitted.request.sighted.past.copy()
+    last[tracker.model.dof("root_rz")] += leaning
+    asked.clear()
+    Seeker(known(), refiner, SETTINGS).find_again(
+        submitted.request.sighted.subject, tracker.start, tracker.rules, last, lost=lost
+    )
+    assert asked[0] == QUICK.candidates + TURNS + turned * QUICK.turned * (len(WAYS_UP) - 1)

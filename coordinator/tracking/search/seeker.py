@@ -43,7 +43,7 @@ from coordinator.tracking.search.verdict import (
     weigh,
 )
 from coordinator.tracking.search.watch import CHOOSY, DOUBTFUL, Watch
-from coordinator.tracking.starting.start import Start, found_start, poses_of
+from coordinator.tracking.starting.start import Start, found_start, poses_of, way_up
 
 Array = NDArray[np.float64]
 
@@ -133,9 +133,16 @@ class Seeker:
         verdict = add_doubts(verdict, self._doubts(subject, start, found.size, standing.joints[0], planes))
         return Finding(start, standing, self._mention_rivals(verdict, standing))
 
-    def find_again(self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array) -> Finding:
-        """The body that is known and was seen in pose `last` (D,), wherever it is now."""
+    def find_again(
+        self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
+    ) -> Finding:
+        """The body that is known and was seen in pose `last` (D,), wherever it is now.
+
+        Who is not lost and stands upright is not looked for lying or upside down.
+        """
         ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
+        if not lost and self._bodies.people and way_up(start.model, last) == start.way_up:
+            ways = ways[:1]
         settings = msgspec.structs.replace(
             self._settings, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
         )
