@@ -13,13 +13,14 @@ FRAMES = 3
 OPTIONS = ("--people", "2", "--particles", "6", "--points", "1500", "--no-pictures", "--quiet")
 
 
-def compile_all() -> int:
-    """Track; gives the exit code."""
+def compile_all() -> None:
+    """Track; that nobody is found by particles that stay where they are is no fault."""
     with tempfile.TemporaryDirectory(prefix="gepf-warm-") as name:
         folder = Path(name)
         sequence = write_pair(folder / "pair", FRAMES)
-        return main(["track", str(sequence), "--out", str(folder / "out"), *OPTIONS], StillWorkers().connect)
+        line = ["track", str(sequence), "--out", str(folder / "out"), *OPTIONS]
+        assert main(line, StillWorkers().connect) in (0, 3)
 
 
 if __name__ == "__main__":
-    raise SystemExit(compile_all())
+    compile_all()
