@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,7 @@ def judge_evidence(evidence: Array, *, lone: bool = False) -> Array:
     _, _, off, deviation = table()
     within = limit(evidence)
     fitted = np.stack([PROBABILITY + within @ off, DEVIATION + within @ deviation], axis=-1)
-    hidden = np.nan_to_num(evidence[..., SHOWN]) < HIDDEN
+    hidden = ~(evidence[..., SHOWN] >= HIDDEN)
     fitted[..., 0] += LONE * lone
     fitted[..., 1] += UNSEEN * hidden
     return fitted + add_left_over(evidence)
@@ -80,6 +81,7 @@ def recall(now: Array, before: Array | None, interval: float) -> Array:
     return kept * before + (1.0 - kept) * now
 
 
+@cache
 def table() -> Array:
     """The least and the most of each clue, and its weights, (4, K)."""
     return np.array([FITTED[clue] for clue in CLUES]).T

@@ -86,8 +86,10 @@ def weigh_evidence(
     if sighted.lone:
         spread = weak = np.full(len(joints), np.log(LONE_SPREAD + LEAST["spread"]))
     else:
-        spread = np.log(spread_of(others - joints, weights) + LEAST["spread"])
-        weak = np.log(spread_of(others - joints, weights ** (1.0 / WEAKER)) + LEAST["spread"])
+        apart = others - joints
+        squares = np.einsum("mja,mja->mj", apart, apart)
+        spread = np.log(spread_of(squares, weights) + LEAST["spread"])
+        weak = np.log(spread_of(squares, weights ** (1.0 / WEAKER)) + LEAST["spread"])
     posture = posture_of(model, joints)
     turned = np.where(limbs.turns, pose**2, 0.0).sum(axis=1)
     columns = [
@@ -100,13 +102,16 @@ def weigh_evidence(
         weak,
         most_of_limb(spread, limbs.of_joint),
         np.log(np.linalg.norm(joints - past, axis=1) + LEAST["moved"]),
-        turned if is_person(model.dof_names) else np.full(len(joints), USUALLY_BENT),
+        turned if is_person(model.dof_names) else USUALLY_BENT,
         limbs.lever,
-        np.full(len(joints), shares[:, 3].mean()),
-        np.full(len(joints), posture.folded),
+        shares[:, 3].mean(),
+        posture.folded,
         posture.ahead,
     ]
-    return np.stack(columns, axis=1)
+    evidence = np.empty((len(joints), len(CLUES)))
+    for clue, column in enumerate(columns):
+        evidence[:, clue] = column
+    return evidence
 
 
 @numba.njit(cache=True, nogil=True)
@@ -141,9 +146,8 @@ joints that are seen within one and two). What a lone particle adds to the odds 
 UNSEEN_OFF = 0.08  # metres, of a region that is not shown
 
 
-def spread_of(apart: Array, weights: Array) -> Array:
-    """Root mean square (J,) of distances (M, J, 3), by weight (M,)."""
-    squares = np.einsum("mja,mja->mj", apart, apart)
+def spread_of(squares: Array, weights: Array) -> Array:
+    """Root mean (J,) of squared distances (M, J), by weight (M,)."""
     spread: Array = np.sqrt(weights @ squares / weights.sum())
     return spread
 
