@@ -38,10 +38,16 @@ class Functions:
     def judge(self, one: Gathered) -> Array:
         """Log odds and log deviation (F, J, 2) of a recording's joints, as the tracker has them."""
         within = averaged(one, self.low, self.high)
-        both = ((self.probability[0] + LONE * one.lone, self.probability[1]), self.deviation)
+        both = (self.probability, self.deviation)
         fitted = np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
         hidden = np.stack([np.zeros(one.evidence.shape[:2]), is_hidden(one.evidence)], axis=-1)
-        return fitted + over_time(add_left_over(one.evidence) + self.unseen * hidden, one.interval)
+        return fitted + over_time(given_of(one) + self.unseen * hidden, one.interval)
+
+
+def given_of(one: Gathered) -> Array:
+    """What log odds and log deviation (F, J, 2) have that is not fitted."""
+    given: Array = add_left_over(one.evidence) + np.array([LONE * one.lone, 0.0])
+    return given
 
 
 def is_hidden(evidence: Array) -> NDArray[np.bool_]:
@@ -121,9 +127,7 @@ def fit_functions(gathered: Sequence[Gathered]) -> Functions:
     low, high = np.percentile(raw, EXTREMES, axis=0)
     evidence = np.concatenate([averaged(g, low, high)[held] for g, held in zip(gathered, holds, strict=True)])
     off = np.concatenate([d[held] for d, held in zip(distances(gathered), holds, strict=True)])
-    given = [
-        over_time(add_left_over(g.evidence), g.interval)[h] for g, h in zip(gathered, holds, strict=True)
-    ]
+    given = [over_time(given_of(g), g.interval)[h] for g, h in zip(gathered, holds, strict=True)]
     chance, spread = np.concatenate(given).T
     measured = are_measured(gathered)
     mean, scale = evidence.mean(axis=0), evidence.std(axis=0) + 1e-9

@@ -28,9 +28,9 @@ from coordinator.tracking.search.settling import begin_with
 from coordinator.tracking.search.stages import rounds
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.starting.asking import Question
-from coordinator.tracking.starting.measuring import ends_of
 from coordinator.tracking.starting.person_size import PersonSize
 from coordinator.tracking.starting.start import Start
+from coordinator.tracking.starting.uprightness import ends_of
 from coordinator.tracking.status import is_settled
 from coordinator.tracking.stopwatch import Stopwatch
 

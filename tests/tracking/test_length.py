@@ -18,9 +18,9 @@ from coordinator.bodies.tracked import name_pose, scaled
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.starting.length import measure_length
-from coordinator.tracking.starting.measuring import is_bent
 from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
 from coordinator.tracking.starting.start import Start
+from coordinator.tracking.starting.uprightness import is_bent
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
 

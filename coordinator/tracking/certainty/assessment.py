@@ -84,4 +84,6 @@ def recall(now: Array, before: Array | None, interval: float) -> Array:
 @cache
 def table() -> Array:
     """The least and the most of each clue, and its weights, (4, K)."""
-    return np.array([FITTED[clue] for clue in CLUES]).T
+    functions = np.array([FITTED[clue] for clue in CLUES]).T
+    functions.setflags(write=False)
+    return functions

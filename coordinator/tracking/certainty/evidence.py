@@ -109,7 +109,7 @@ def weigh_evidence(
         posture.ahead,
     ]
     evidence = np.empty((len(joints), len(CLUES)))
-    for clue, column in enumerate(columns):
+    for clue, column in zip(range(len(CLUES)), columns, strict=True):
         evidence[:, clue] = column
     return evidence
 

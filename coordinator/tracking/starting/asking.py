@@ -15,16 +15,9 @@ from common.settings import RefineSettings
 from common.sizes import Body, Sized, Sizes, as_sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import BETWEEN, Bodies, size_of
-from coordinator.tracking.starting.measuring import (
-    RAISED,
-    UPRIGHT,
-    Measured,
-    Shown,
-    has_raised,
-    uprightness,
-    weigh_frame,
-)
+from coordinator.tracking.starting.measuring import Measured, Shown
 from coordinator.tracking.starting.start import Start
+from coordinator.tracking.starting.uprightness import is_bent, weigh_pose
 
 Array = NDArray[np.float64]
 Measures = tuple[float, float]  # stature in metres, and girth
@@ -85,10 +78,9 @@ class Question:
         if not np.isfinite(fits).all():
             return None
         here, (up, down) = float(fits[0]), fits[1:].reshape(-1, 2).T
-        upright, pose = uprightness(model, refined.poses[0]), refined.poses[0]
-        weight = weigh_frame(upright, here) * (RAISED if has_raised(model, pose) else 1.0)
         slope, curvature = (up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2
-        return Shown(slope, curvature, weight, bent=upright <= UPRIGHT[0])
+        pose = refined.poses[0]
+        return Shown(slope, curvature, weigh_pose(model, pose, here), bent=is_bent(model, pose))
 
 
 class Asker:

@@ -2,24 +2,22 @@
 
 Each frame is asked how likely it is with the body a little larger, smaller, thicker and thinner, the pose
 refined anew. Slope and curvature of the log likelihood in the logarithm of a measure say which measure the
-frame asks for; what is known is the mean over frames. Whoever stands upright shows stature: a frame counts
-less the more the body is bent, and the worse it is explained. How curved a frame's likelihood is says little
-of how right it is, so it does not count. Where a frame shows head and soles, how far they are apart says as
-much of stature as all other points together: their errors have little in common. Hypotheses keep their poses
-when the body changes. The sizes that frames are asked about stay the same until the person turns out to be of
-quite another one.
+frame asks for; what is known is the mean over frames, by how much each tells (`uprightness`). How curved a
+frame's likelihood is says little of how right it is, so it does not count. Where a frame shows head and
+soles, two fifths of its word on stature are how far they are apart: its errors have little in common with
+those of all other points. Hypotheses keep their poses when the body changes. The sizes that frames are asked
+about stay the same until the person turns out to be of quite another one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
-from common.kinematics import joint_positions
+from coordinator.tracking.starting.uprightness import BENT
 
 Array = NDArray[np.float64]
 
@@ -35,10 +33,6 @@ EXTREME = 0.01  # share by which a size may be off the limits and still be at th
 LEAST_CURVATURE = np.array([300.0, 30.0])  # of a frame
 LENGTH_SHARE = 0.4  # of a frame's word on stature that its length has, where it is seen
 LARGEST_STEP = 0.06  # that a frame may ask for, as a share
-UPRIGHT = (0.97, 0.99)  # head to ankle, as a share of a straight body's: bent, and straight
-BENT = 0.01  # weight of a bent body's frame
-RAISED = 0.2  # weight of a frame in which a hand is above its shoulder
-EXPLAINED = -10.0  # log likelihood from which on a frame counts in full
 SMALLEST, LARGEST = (1.2, 0.6), (2.2, 1.7)
 """Stature in metres, and girth, beyond which nobody is sought: from a child of seven years (WHO's growth
 reference: 1.22 m) to 6 deviations above men's mean (ANSUR II: 1.76 and 0.07 m); girths of waists are within
@@ -74,11 +68,17 @@ class Shown:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What is known of log stature (m) and log girth: sums over frames, and their weights, (2,) each."""
+    """What is known of log stature (m) and log girth: sums over frames, and their weights, (2,) each.
+
+    Those of bent frames are kept apart: half of the variance of what they say of stature is an error that
+    they have in common, so that n of them count as 2 n / (n + 1).
+    """
 
     total: Array
     weight: Array
     about: tuple[float, float]  # stature and girth about which frames are asked
+    bent_total: Array = field(default_factory=lambda: np.zeros(2))
+    bent_weight: Array = field(default_factory=lambda: np.zeros(2))
     frames: int = 0  # that were asked
     bent: int = 0  # of them, in which the body was
     time_s: float = -np.inf
@@ -95,7 +95,9 @@ class Measured:
     @property
     def logarithms(self) -> Array:
         """Log stature (m) and log girth (2,)."""
-        mean: Array = self.total / self.weight
+        share = np.array([2.0 / (self.bent + 1.0), 1.0])
+        weight = self.weight + share * self.bent_weight
+        mean: Array = (self.total + share * self.bent_total) / weight
         return mean
 
     @property
@@ -152,55 +154,26 @@ class Measured:
     def after(self, shown: Shown, time_s: float) -> Self:
         """With what a frame says that was asked."""
         asked = slice(len(shown.slope))
-        total, weight, added = self.total.copy(), self.weight.copy(), self._adds(shown)
-        total[asked] += added * np.clip(shown.asks_for(self.about), *LIMITS[:, asked])
-        weight[asked] += added
-        bent = self.bent + shown.bent
-        known = replace(self, total=total, weight=weight, frames=self.frames + 1, bent=bent, time_s=time_s)
+        said, weight = np.zeros(2), np.zeros(2)
+        said[asked] = shown.weight * np.clip(shown.asks_for(self.about), *LIMITS[:, asked])
+        weight[asked] = shown.weight
+        known = replace(self._adding(said, weight, bent=shown.bent), frames=self.frames + 1, time_s=time_s)
         return known.asking_anew() if known.is_far else known
 
-    def _adds(self, shown: Shown) -> float:
-        """What a frame adds: of bent ones the n-th 2 / (n (n + 1)) of the first, all of them twice as much.
-
-        For half of the variance of what a bent frame says is an error that all of them have in common.
-        """
-        n = self.bent + 1
-        return shown.weight * 2.0 / (n * (n + 1)) if shown.bent else shown.weight
+    def _adding(self, said: Array, weight: Array, *, bent: bool) -> Self:
+        if not bent:
+            return replace(self, total=self.total + said, weight=self.weight + weight)
+        total, weight = self.bent_total + said, self.bent_weight + weight
+        return replace(self, bent_total=total, bent_weight=weight, bent=self.bent + 1)
 
     def asking_anew(self) -> Self:
         """The same size, asked about from now on; what was said about quite another stature counts less."""
         kept = np.array([KEPT if self._off[0] > FAR else 1.0, 1.0])
-        return replace(self, total=kept * self.total, weight=kept * self.weight, about=self.size)
-
-
-def uprightness(model: BodyModel, pose: Array) -> float:
-    """How far the head is from the farther ankle in a pose (D,), as a share of what it is at rest."""
-    head, *ankles = ends_of(model)
-    posed = joint_positions(model, np.stack([np.zeros_like(pose), pose]))
-    rest, now = np.linalg.norm(posed[:, ankles] - posed[:, head, None], axis=-1).max(axis=-1)
-    return float(now / rest)
-
-
-def ends_of(model: BodyModel) -> list[int]:
-    """Joints between which a person's stature lies: the head and both ankles."""
-    return [model.joint_names.index(name) for name in ("head", "left_ankle", "right_ankle")]
-
-
-def is_bent(model: BodyModel, pose: Array) -> bool:
-    """Whether a body in a pose (D,) shows next to nothing of its stature."""
-    return uprightness(model, pose) <= UPRIGHT[0]
-
-
-def has_raised(model: BodyModel, pose: Array) -> bool:
-    """Whether a hand is above its shoulder, along the trunk: shoulders rise with arms, by no joint here."""
-    joints = dict(zip(model.joint_names, joint_positions(model, pose[None])[0], strict=True))
-    trunk = joints["neck"] - joints["pelvis"]
-    over = [joints[f"{side}_wrist"] - joints[f"{side}_shoulder"] for side in ("left", "right")]
-    return any(offset @ trunk > 0.0 for offset in over)
-
-
-def weigh_frame(upright: float, log_likelihood: float) -> float:
-    """What a frame counts: 1 for one that shows an upright body and is well explained."""
-    bent, straight = UPRIGHT
-    share = float(np.clip((upright - bent) / (straight - bent), BENT, 1.0))
-    return float(share * min(1.0, EXPLAINED / min(log_likelihood, EXPLAINED)))
+        return replace(
+            self,
+            total=kept * self.total,
+            weight=kept * self.weight,
+            bent_total=kept * self.bent_total,
+            bent_weight=kept * self.bent_weight,
+            about=self.size,
+        )

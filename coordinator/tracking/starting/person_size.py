@@ -14,8 +14,9 @@ from common.settings import RefineSettings
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.tracking.starting.asking import Asker, Question
 from coordinator.tracking.starting.length import SHOWN, measure_length
-from coordinator.tracking.starting.measuring import Measured, is_bent, uprightness
+from coordinator.tracking.starting.measuring import Measured
 from coordinator.tracking.starting.start import USUAL_MEASURES, Start
+from coordinator.tracking.starting.uprightness import is_bent, uprightness
 
 Array = NDArray[np.float64]
 
