@@ -16,10 +16,10 @@ from common.compiling import numba
 from common.kinematics.arrays import contiguous
 from common.kinematics.rotations import (
     euler_angles,
-    euler_matrix,
+    fill_euler_matrix,
     fill_rotation,
     handedness,
-    matrix_product,
+    multiply_by,
     quaternion,
 )
 
@@ -54,18 +54,20 @@ def natural_angles(model: BodyModel, poses: Array) -> Array:
 @numba.njit(cache=True, nogil=True)
 def apply_step(axes: Array, balls: Indices, step: Array, pose: Array) -> None:
     """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
-    old, turned = pose.copy(), np.empty((3, 3))
+    old, before, turn = pose.copy(), np.empty((3, 3)), np.empty((3, 3))
     pose += step
     for start in balls:
-        a = axes[start : start + 3]
-        handed = handedness(a)
+        handed = handedness(axes, start)
         x, y, z = step[start], step[start + 1], step[start + 2]
         angle = np.sqrt(x * x + y * y + z * z)
-        angles = handed * old[start : start + 3]
+        angles = handed * old[start], handed * old[start + 1], handed * old[start + 2]
         if angle > 1e-15:
-            fill_rotation(x / angle, y / angle, z / angle, handed * angle, turned)
-            angles = euler_angles(matrix_product(turned, euler_matrix(angles)), angles)
-        pose[start : start + 3] = handed * angles
+            fill_rotation(x / angle, y / angle, z / angle, handed * angle, turn)
+            fill_euler_matrix(angles[0], angles[1], angles[2], before)
+            multiply_by(turn, before)
+            angles = euler_angles(turn, angles)
+        x, y, z = angles
+        pose[start], pose[start + 1], pose[start + 2] = handed * x, handed * y, handed * z
 
 
 @numba.njit(cache=True, nogil=True)
@@ -79,16 +81,19 @@ def apply_step_each(axes: Array, balls: Indices, steps: Array, poses: Array) -> 
 def ball_vectors_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: Array) -> None:
     """Fill in the rotation vectors of all balls in steps (N, D) from origins (N, D) to poses (N, D)."""
     for start in balls:
-        handed = handedness(axes[start : start + 3])
+        handed = handedness(axes, start)
         for n in range(len(steps)):
-            ball_vector(handed, origins[n, start : start + 3], poses[n, start : start + 3], steps[n, start:])
+            steps[n, start], steps[n, start + 1], steps[n, start + 2] = ball_vector(
+                handed, origins[n], poses[n], start
+            )
 
 
 @numba.njit(cache=True, nogil=True)
-def ball_vector(handed: float, before: Array, after: Array, out: Array) -> None:
-    """Fill the first three of out with the rotation vector that leads from angles (3,) to others."""
-    bw, bx, by, bz = quaternion(handed * before[0], handed * before[1], handed * before[2])
-    aw, ax, ay, az = quaternion(handed * after[0], handed * after[1], handed * after[2])
+def ball_vector(handed: float, before: Array, after: Array, start: int) -> tuple[float, float, float]:
+    """The rotation vector of the ball at `start` that leads from one pose (D,) to another."""
+    i, j, k = start, start + 1, start + 2
+    bw, bx, by, bz = quaternion(handed * before[i], handed * before[j], handed * before[k])
+    aw, ax, ay, az = quaternion(handed * after[i], handed * after[j], handed * after[k])
     w = aw * bw + ax * bx + ay * by + az * bz  # after * conjugate of before
     x = ax * bw - aw * bx + az * by - ay * bz
     y = ay * bw - aw * by + ax * bz - az * bx
@@ -97,7 +102,7 @@ def ball_vector(handed: float, before: Array, after: Array, out: Array) -> None:
     scale = 2.0 * handed if sine < 1e-12 else 2.0 * handed * np.arctan2(sine, abs(w)) / sine
     if w < 0.0:
         scale = -scale
-    out[0], out[1], out[2] = scale * x, scale * y, scale * z
+    return scale * x, scale * y, scale * z
 
 
 @numba.njit(cache=True, nogil=True)

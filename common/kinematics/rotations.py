@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from common.compiling import numba
 
 Array = NDArray[np.float64]
+Angles = tuple[float, float, float]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -26,14 +27,20 @@ def fill_rotation(x: float, y: float, z: float, angle: float, out: Array) -> Non
 @numba.njit(cache=True, nogil=True)
 def euler_matrix(angles: Array) -> Array:
     """Rx(a) Ry(b) Rz(c) as (3, 3)."""
-    ca, sa = np.cos(angles[0]), np.sin(angles[0])
-    cb, sb = np.cos(angles[1]), np.sin(angles[1])
-    cc, sc = np.cos(angles[2]), np.sin(angles[2])
     out = np.empty((3, 3))
+    fill_euler_matrix(angles[0], angles[1], angles[2], out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_euler_matrix(a: float, b: float, c: float, out: Array) -> None:
+    """Fill out (3, 3) with Rx(a) Ry(b) Rz(c)."""
+    ca, sa = np.cos(a), np.sin(a)
+    cb, sb = np.cos(b), np.sin(b)
+    cc, sc = np.cos(c), np.sin(c)
     out[0, 0], out[0, 1], out[0, 2] = cb * cc, -cb * sc, sb
     out[1, 0], out[1, 1], out[1, 2] = ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb
     out[2, 0], out[2, 1], out[2, 2] = sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb
-    return out
 
 
 @numba.njit(cache=True, nogil=True)
@@ -44,58 +51,60 @@ def unwrap_near(angle: float, reference: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def euler_angles(rotation: Array, reference: Array) -> Array:
-    """Angles (3,) of Rx Ry Rz nearest to `reference` (3,) among the two branches and full turns."""
+def euler_angles(rotation: Array, reference: Array | Angles) -> Angles:
+    """Angles of Rx Ry Rz nearest to `reference` (3,) among the two branches and full turns."""
     sb = min(1.0, max(-1.0, rotation[0, 2]))
-    best = np.empty(3)
     if abs(sb) > 1.0 - 1e-12:  # Rx and Rz turn about the same line: keep the third angle
-        best[2] = reference[2]
-        best[1] = unwrap_near(np.arcsin(sb), reference[1])
         both = np.arctan2(rotation[2, 1], rotation[1, 1])
-        best[0] = unwrap_near(both - np.sign(sb) * best[2], reference[0])
-        return best
+        return (
+            unwrap_near(both - np.sign(sb) * reference[2], reference[0]),
+            unwrap_near(np.arcsin(sb), reference[1]),
+            reference[2],
+        )
     a = np.arctan2(-rotation[1, 2], rotation[2, 2])
     c = np.arctan2(-rotation[0, 1], rotation[0, 0])
     b = np.arcsin(sb)
-    nearest = np.inf
+    best, nearest = (a, b, c), np.inf
     for branch in range(2):
         x = unwrap_near(a + branch * np.pi, reference[0])
         y = unwrap_near(b if branch == 0 else np.pi - b, reference[1])
         z = unwrap_near(c + branch * np.pi, reference[2])
         distance = (x - reference[0]) ** 2 + (y - reference[1]) ** 2 + (z - reference[2]) ** 2
         if distance < nearest:
-            nearest = distance
-            best[0], best[1], best[2] = x, y, z
+            best, nearest = (x, y, z), distance
     return best
 
 
 @numba.njit(cache=True, nogil=True)
-def rotation_vector(rotation: Array) -> Array:
-    """Rotation vector (3,) of a rotation matrix, by way of the unit quaternion."""
-    trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
-    quaternion = np.empty(4)  # x, y, z, w
-    quaternion[0], quaternion[1], quaternion[2] = rotation[0, 0], rotation[1, 1], rotation[2, 2]
-    quaternion[3] = trace
-    k = np.argmax(quaternion)
-    if k == 3:
-        quaternion[3] = 1.0 + trace
-        quaternion[0] = rotation[2, 1] - rotation[1, 2]
-        quaternion[1] = rotation[0, 2] - rotation[2, 0]
-        quaternion[2] = rotation[1, 0] - rotation[0, 1]
+def rotation_vector(rotation: Array) -> tuple[float, float, float]:
+    """Rotation vector of a rotation matrix, by way of the quaternion, from its largest component."""
+    xx, yy, zz = rotation[0, 0], rotation[1, 1], rotation[2, 2]
+    trace = xx + yy + zz
+    across_x, across_y, across_z = (
+        rotation[2, 1] - rotation[1, 2],
+        rotation[0, 2] - rotation[2, 0],
+        rotation[1, 0] - rotation[0, 1],
+    )
+    xy, yz, zx = (
+        rotation[1, 0] + rotation[0, 1],
+        rotation[2, 1] + rotation[1, 2],
+        rotation[0, 2] + rotation[2, 0],
+    )
+    if trace > max(xx, yy, zz):
+        w, x, y, z = 1.0 + trace, across_x, across_y, across_z
+    elif xx >= max(yy, zz):
+        w, x, y, z = across_x, 1.0 + 2.0 * xx - trace, xy, zx
+    elif yy >= zz:
+        w, x, y, z = across_y, xy, 1.0 + 2.0 * yy - trace, yz
     else:
-        i, j = (k + 1) % 3, (k + 2) % 3
-        quaternion[k] = 1.0 + 2.0 * rotation[k, k] - trace
-        quaternion[i] = rotation[i, k] + rotation[k, i]
-        quaternion[j] = rotation[j, k] + rotation[k, j]
-        quaternion[3] = rotation[j, i] - rotation[i, j]
-    sine_squared = quaternion[0] ** 2 + quaternion[1] ** 2 + quaternion[2] ** 2
-    length = np.sqrt(sine_squared + quaternion[3] ** 2)
-    if quaternion[3] < 0.0:
+        w, x, y, z = across_z, zx, yz, 1.0 + 2.0 * zz - trace
+    sine_squared = x * x + y * y + z * z
+    length = np.sqrt(sine_squared + w * w)
+    if w < 0.0:
         length = -length
     sine = np.sqrt(sine_squared) / abs(length)
-    scale = 2.0 / length if sine < 1e-12 else 2.0 * np.arctan2(sine, quaternion[3] / length) / sine / length
-    vector: Array = scale * quaternion[:3]
-    return vector
+    scale = 2.0 / length if sine < 1e-12 else 2.0 * np.arctan2(sine, w / length) / sine / length
+    return scale * x, scale * y, scale * z
 
 
 @numba.njit(cache=True, nogil=True)
@@ -113,21 +122,21 @@ def quaternion(a: float, b: float, c: float) -> tuple[float, float, float, float
 
 
 @numba.njit(cache=True, nogil=True)
-def handedness(axes: Array) -> float:
-    """1 for right-handed orthonormal axes (3, 3); -1 for left-handed ones, where angles turn back."""
+def handedness(axes: Array, start: int) -> float:
+    """1 where the three axes of (D, 3) from `start` on are right-handed; -1, where angles turn back."""
+    x, y, z = start, start + 1, start + 2
     volume = (
-        (axes[0, 1] * axes[1, 2] - axes[0, 2] * axes[1, 1]) * axes[2, 0]
-        + (axes[0, 2] * axes[1, 0] - axes[0, 0] * axes[1, 2]) * axes[2, 1]
-        + (axes[0, 0] * axes[1, 1] - axes[0, 1] * axes[1, 0]) * axes[2, 2]
+        (axes[x, 1] * axes[y, 2] - axes[x, 2] * axes[y, 1]) * axes[z, 0]
+        + (axes[x, 2] * axes[y, 0] - axes[x, 0] * axes[y, 2]) * axes[z, 1]
+        + (axes[x, 0] * axes[y, 1] - axes[x, 1] * axes[y, 0]) * axes[z, 2]
     )
     return 1.0 if volume > 0.0 else -1.0
 
 
 @numba.njit(cache=True, nogil=True)
-def matrix_product(one: Array, other: Array) -> Array:
-    """one @ other, (3, 3): so small that a library's call costs more than the product."""
-    out = np.empty((3, 3))
+def multiply_by(one: Array, other: Array) -> None:
+    """one = one @ other in place, (3, 3): so small that a library's call costs more than the product."""
     for a in range(3):
+        x, y, z = one[a, 0], one[a, 1], one[a, 2]
         for b in range(3):
-            out[a, b] = one[a, 0] * other[0, b] + one[a, 1] * other[1, b] + one[a, 2] * other[2, b]
-    return out
+            one[a, b] = x * other[0, b] + y * other[1, b] + z * other[2, b]

@@ -51,7 +51,7 @@ def join_indistinct(
     """Fill chosen and group (N,) as `merge_indistinct` gives them; the number of representatives."""
     count, step, handed = 0, np.empty(poses.shape[1]), np.empty(len(balls))
     for b in range(len(balls)):
-        handed[b] = handedness(axes[balls[b] : balls[b] + 3])
+        handed[b] = handedness(axes, balls[b])
     for n in order:
         group[n] = count
         for m in range(count):
@@ -78,7 +78,7 @@ def is_indistinct(
         step[i] = pose[i] - origin[i]
     for i in range(len(step)):
         if ball < len(balls) and i == balls[ball]:
-            ball_vector(handed[ball], origin[i : i + 3], pose[i : i + 3], step[i:])
+            step[i], step[i + 1], step[i + 2] = ball_vector(handed[ball], origin, pose, i)
             ball += 1
         for j in range(i):
             step[i] -= root[place + j] * step[j]

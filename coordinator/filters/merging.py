@@ -83,11 +83,8 @@ def is_near(pose: Array, other: Array, angle: float, hinges: Indices, axes: Arra
     for j in hinges:
         if not abs(other[j] - pose[j]) < angle:
             return False
-    turn = np.empty(3)
     for start in balls:
-        ball_vector(
-            handedness(axes[start : start + 3]), pose[start : start + 3], other[start : start + 3], turn
-        )
-        if not np.max(np.abs(turn)) < angle:
+        x, y, z = ball_vector(handedness(axes, start), pose, other, start)
+        if not (abs(x) < angle and abs(y) < angle and abs(z) < angle):
             return False
     return True

@@ -29,6 +29,7 @@ class Skeleton(NamedTuple):
     balls: NDArray[np.int64]  # (B,)
     link_dofs: NDArray[np.int64]  # (L,)
     root: NDArray[np.bool_]  # (D,) which of them place the body in the world
+    single: NDArray[np.bool_]  # (D,) which of them are not part of a ball
 
 
 class Surface(NamedTuple):
@@ -67,6 +68,7 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         model.balls,
         model.link_dofs,
         np.array([name in ROOT_DOFS for name in model.dof_names]),
+        ~np.isin(np.arange(len(model.kinds)), model.balls[:, None] + np.arange(3)),
     )
     surface = Surface(
         np.ascontiguousarray(model.vertices[order]),

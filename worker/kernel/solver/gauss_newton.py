@@ -84,8 +84,8 @@ def over_relax(skeleton: Skeleton, before: Array, share: float, pose: Array) -> 
     """Over-relax: move pose (D,) on in place by a share of the motion that led there from `before`."""
     step = pose - before
     for start in skeleton.balls:
-        handed = handedness(skeleton.axes[start : start + 3])
-        ball_vector(handed, before[start : start + 3], pose[start : start + 3], step[start:])
+        handed = handedness(skeleton.axes, start)
+        step[start], step[start + 1], step[start + 2] = ball_vector(handed, before, pose, start)
     apply_step(skeleton.axes, skeleton.balls, share * step, pose)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from common.kinematics.rotations import euler_matrix, handedness, rotation_vector
+from common.kinematics.rotations import euler_matrix, fill_euler_matrix, handedness, rotation_vector
 from worker.kernel.surface import Skeleton
 
 Array = NDArray[np.float64]
@@ -35,11 +35,15 @@ def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
 @numba.njit(cache=True, nogil=True)
 def away_from_rest(skeleton: Skeleton, pose: Array) -> Array:
     """How far each angle of pose (D,) is from rest; of a ball, its rotation vector; of the root, nothing."""
-    away = pose.copy()
+    away, turned = pose.copy(), np.empty((3, 3))
     for start in skeleton.balls:
-        handed = handedness(skeleton.axes[start : start + 3])
-        away[start : start + 3] = handed * rotation_vector(euler_matrix(handed * pose[start : start + 3]))
-    away[skeleton.root] = 0.0
+        handed = handedness(skeleton.axes, start)
+        fill_euler_matrix(handed * pose[start], handed * pose[start + 1], handed * pose[start + 2], turned)
+        x, y, z = rotation_vector(turned)
+        away[start], away[start + 1], away[start + 2] = handed * x, handed * y, handed * z
+    for j in range(len(pose)):
+        if skeleton.root[j]:
+            away[j] = 0.0
     return away
 
 
@@ -77,9 +81,7 @@ def add_limit_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Arr
     excess = np.empty(3)
     for start in skeleton.balls:
         if fill_excess(skeleton, pose, start, excess):
-            rates = np.linalg.inv(
-                euler_rates(pose[start : start + 3], handedness(skeleton.axes[start : start + 3]))
-            )
+            rates = np.linalg.inv(euler_rates(pose[start : start + 3], handedness(skeleton.axes, start)))
             for a in range(3):
                 if excess[a] != 0.0:
                     for b in range(3):
@@ -103,11 +105,10 @@ def euler_rates(angles: Array, handed: float) -> Array:
 @numba.njit(cache=True, nogil=True)
 def hold_active_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array) -> None:
     """Take out of the equations the single axes at a limit whose gradient leads beyond it (active set)."""
-    single = single_axes(skeleton)
     for j in range(len(pose)):
         low = pose[j] <= skeleton.limits[j, 0] and gradient[j] > 0.0
         high = pose[j] >= skeleton.limits[j, 1] and gradient[j] < 0.0
-        if single[j] and (low or high):
+        if skeleton.single[j] and (low or high):
             gram[j, :] = 0.0
             gram[:, j] = 0.0
             gram[j, j] = 1.0
@@ -117,16 +118,6 @@ def hold_active_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: A
 @numba.njit(cache=True, nogil=True)
 def clamp_to_limits(skeleton: Skeleton, pose: Array) -> None:
     """Clamp the single axes of pose (D,) to their limits, in place."""
-    single = single_axes(skeleton)
     for j in range(len(pose)):
-        if single[j]:
+        if skeleton.single[j]:
             pose[j] = min(max(pose[j], skeleton.limits[j, 0]), skeleton.limits[j, 1])
-
-
-@numba.njit(cache=True, nogil=True)
-def single_axes(skeleton: Skeleton) -> NDArray[np.bool_]:
-    """Which degrees of freedom (D,) are not part of a ball."""
-    single = np.ones(len(skeleton.parents), dtype=np.bool_)
-    for start in skeleton.balls:
-        single[start : start + 3] = False
-    return single
