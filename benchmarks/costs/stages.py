@@ -70,7 +70,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         clock.lap("closest points")
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         clock.lap("moments")
-        minimise(skeleton, pose, solver, workspace.equations)
+        minimise(skeleton, pose, workspace.transforms, solver, workspace.equations)
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)
             clamp_to_limits(skeleton, pose)

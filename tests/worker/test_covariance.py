@@ -63,7 +63,7 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
         find_correspondences(visible, 0, surface, packed, parameters, workspace)
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         once = solver_parameters(parameters, packed.count)._replace(iterations=1)
-        minimise(skeleton, moved, once, workspace.equations)
+        minimise(skeleton, moved, workspace.transforms, once, workspace.equations)
     triangle = np.empty(triangle_size(len(pose)), np.float32)
     fill_covariance_root(skeleton, packed.count, parameters, workspace.equations, triangle)
     root = lower_triangular(triangle[None], len(pose))[0]

@@ -231,7 +231,8 @@ def test_minimising_matches(name: str) -> None:
             LIMIT_SHARE * POINTS,
             steps.gauss_newton_iterations,
         )
-        minimise(skeleton, pose, solver, summed_up(model, factors))
+        transforms = np.concatenate([dof_transforms(model, pose[None])[0], np.eye(4)[None, :3]])
+        minimise(skeleton, pose, transforms, solver, summed_up(model, factors))
         assert np.abs(pose - start).max() > 0.05
         np.testing.assert_allclose(pose, plain_path.minimise(model, factors, POINTS, settings), atol=1e-7)
 

@@ -50,7 +50,7 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
     find_correspondences(visible, 0, surface, packed, parameters, workspace)
     accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
-    equations.reference[:] = workspace.transforms[:-1]
+    equations.reference[:] = equations.moved[:] = workspace.transforms[:-1]
     fill_equations(skeleton, pose, solver_parameters(parameters, packed.count), equations)
     scale = of.settings.likelihood_scale**2
     return -equations.gradient / (packed.count * scale), hold(of.model, pose, of.subject, of.settings)

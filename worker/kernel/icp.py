@@ -100,7 +100,7 @@ def refine_particle(
         before[:] = pose
         last_count = find_correspondences(visible, last_count, surface, observed, parameters, workspace)  # 4c
         accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
-        minimise(skeleton, pose, solver, workspace.equations)  # 4d
+        minimise(skeleton, pose, transforms, solver, workspace.equations)  # 4d
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)
             clamp_to_limits(skeleton, pose)

@@ -38,16 +38,19 @@ class SolverParameters(NamedTuple):
 
 
 @numba.njit(cache=True, nogil=True)
-def minimise(skeleton: Skeleton, pose: Array, solver: SolverParameters, equations: NormalEquations) -> None:
+def minimise(
+    skeleton: Skeleton, pose: Array, transforms: Array, solver: SolverParameters, equations: NormalEquations
+) -> None:
     """Move pose (D,) in place to the minimum of Eq. 3 by damped Gauss-Newton steps (Eq. 4).
 
-    The equations' moments and crosses are in the camera frame at the pose given.
+    The equations' moments and crosses are in the camera frame at the pose given, where transforms
+    (D + 1, 3, 4) are T_camera_rest.
     """
-    step = equations.step
-    forward_kinematics(
-        skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.reference
-    )
-    for _ in range(solver.iterations):
+    reference, moved, step = equations.reference, equations.moved, equations.step
+    reference[:] = moved[:] = transforms[:-1]
+    for k in range(solver.iterations):
+        if k > 0:
+            forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, moved)
         fill_equations(skeleton, pose, solver, equations)
         equations.information[:] = equations.gram
         for j in range(len(pose)):
@@ -67,11 +70,9 @@ def fill_equations(
 ) -> None:
     """Fill equations.gram and .gradient at pose (D,), to which the body has moved since the sums were taken.
 
-    Where they were taken the gradient is that of half the posterior's cost, of as many points as there are.
+    There equations.moved is T_camera_rest. Where they were taken the gradient is that of half the posterior's
+    cost, of as many points as there are.
     """
-    forward_kinematics(
-        skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, equations.moved
-    )
     subtree_moments(skeleton, equations)
     normal_equations(skeleton, solver.metric, equations)
     if solver.stiffness > 0.0:

@@ -153,13 +153,13 @@ def subtree_moments(skeleton: Skeleton, equations: NormalEquations) -> None:
     subtree_m, subtree_c = equations.subtree_m, equations.subtree_c
     subtree_m[:] = 0.0
     subtree_c[:] = 0.0
-    g, half = np.zeros((4, 4)), np.empty((4, 4))
+    g, half = np.eye(4), np.empty((4, 4))
     for s in range(len(skeleton.link_dofs)):
         j = skeleton.link_dofs[s]
         if j < 0 or moments[s, 3, 3] == 0.0:
             continue
-        relative_motion(equations.reference[j], equations.moved[j], g)
-        multiply(g, moments[s], half)
+        relative_motion(equations.reference, equations.moved, j, g)
+        multiply(g, moments, s, half)
         for a in range(4):
             for b in range(4):
                 for c in range(4):
@@ -182,28 +182,30 @@ def add_to_parent(subtree_m: Array, subtree_c: Array, j: int, parent: int) -> No
 
 
 @numba.njit(cache=True, nogil=True)
-def relative_motion(before: Array, after: Array, g: Array) -> None:
-    """g (4, 4) = after o before^-1 for rigid transforms (3, 4)."""
+def relative_motion(before: Array, after: Array, j: int, g: Array) -> None:
+    """g[:3] (3, 4) = after[j] o before[j]^-1 for rigid transforms (D, 3, 4)."""
     for a in range(3):
         for b in range(3):
-            g[a, b] = after[a, 0] * before[b, 0] + after[a, 1] * before[b, 1] + after[a, 2] * before[b, 2]
-        g[a, 3] = after[a, 3]
+            g[a, b] = (
+                after[j, a, 0] * before[j, b, 0]
+                + after[j, a, 1] * before[j, b, 1]
+                + after[j, a, 2] * before[j, b, 2]
+            )
+        g[a, 3] = after[j, a, 3]
         for b in range(3):
-            g[a, 3] -= g[a, b] * before[b, 3]
-    g[3, :] = 0.0
-    g[3, 3] = 1.0
+            g[a, 3] -= g[a, b] * before[j, b, 3]
 
 
 @numba.njit(cache=True, nogil=True)
-def multiply(one: Array, other: Array, out: Array) -> None:
-    """out = one @ other, (4, 4)."""
+def multiply(one: Array, others: Array, s: int, out: Array) -> None:
+    """out = one @ others[s], (4, 4)."""
     for a in range(4):
         for b in range(4):
             out[a, b] = (
-                one[a, 0] * other[0, b]
-                + one[a, 1] * other[1, b]
-                + one[a, 2] * other[2, b]
-                + one[a, 3] * other[3, b]
+                one[a, 0] * others[s, 0, b]
+                + one[a, 1] * others[s, 1, b]
+                + one[a, 2] * others[s, 2, b]
+                + one[a, 3] * others[s, 3, b]
             )
 
 
