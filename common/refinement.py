@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,11 +45,21 @@ class Refined:
 
     def _each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Refined:
         """What becomes of every array that there is."""
-        arrays = (getattr(self, f.name) for f in fields(Refined))
-        return Refined(*(None if array is None else change(array) for array in arrays))  # type: ignore[arg-type]
+        roots = self.covariance_roots
+        return Refined(
+            change(self.poses),
+            change(self.log_likelihood),
+            change(self.residual),
+            None if roots is None else change(roots),
+        )
 
 
 def concatenate(parts: list[Refined]) -> Refined:
     """Join batches, of the same arrays, in the order given."""
-    columns = ([getattr(p, f.name) for p in parts] for f in fields(Refined))
-    return Refined(*(None if each[0] is None else np.concatenate(each) for each in columns))  # type: ignore[arg-type]
+    roots = [part.covariance_roots for part in parts if part.covariance_roots is not None]
+    return Refined(
+        np.concatenate([part.poses for part in parts]),
+        np.concatenate([part.log_likelihood for part in parts]),
+        np.concatenate([part.residual for part in parts]),
+        np.concatenate(roots) if roots else None,
+    )
