@@ -29,10 +29,11 @@ from coordinator.pool.dispatch.events import (
     WorkerJoined,
     WorkerLeft,
 )
+from coordinator.pool.dispatch.hearing import REQUEST_TIMEOUT
 from coordinator.pool.dispatch.scheduler import Scheduler
 from coordinator.pool.refinement import Refinement
 from coordinator.pool.replies import Reply, read_refusal
-from coordinator.pool.worker_registry import REQUEST_TIMEOUT, WorkerRegistry
+from coordinator.pool.worker_registry import WorkerRegistry
 
 TICK = 0.1  # seconds between looks at the clock and at the local workers
 NOBODY_ANSWERS = (

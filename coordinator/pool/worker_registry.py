@@ -7,10 +7,9 @@ from collections.abc import Callable
 from common.protocol import keys
 from common.transport.bus import Bus
 from common.transport.requests import Asker
+from coordinator.pool.dispatch.hearing import REQUEST_TIMEOUT
 from coordinator.pool.local_workers import LocalWorkers
 from coordinator.pool.no_worker_timeout import NoWorkerTimeout
-
-REQUEST_TIMEOUT = 30.0  # seconds; only a worker that lives and hangs takes so long
 
 
 class WorkerRegistry:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from coordinator.pool.dispatch.events import Silence
 from coordinator.pool.dispatch.workload import Flight
 
-SILENT = 20.0  # seconds; a request that ends later without a result has met the bus's own timeout
+REQUEST_TIMEOUT = 30.0  # seconds; only a worker that lives and hangs takes so long
+SILENT = REQUEST_TIMEOUT * 2.0 / 3.0  # a request that ends later without a result has met that timeout
 
 
 @dataclass(slots=True)
