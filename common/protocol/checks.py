@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from common.body import ROTATION, TRANSLATION
 from common.bounds import (
+    LARGEST_DEVIATION,
     LARGEST_LENGTH,
     LARGEST_LOG_LIKELIHOOD,
     LARGEST_PIXEL,
@@ -24,7 +25,6 @@ from common.bounds import (
     MAX_SIZES,
     POSITIVE_SETTINGS,
     SMALLEST_POSITIVE,
-    WIDEST,
     most_covariances,
 )
 from common.camera import Intrinsics
@@ -100,10 +100,12 @@ def check_covariance_roots(roots: NDArray[np.float32], dofs: int) -> None:
     if not roots[:, rows + np.arange(dofs)].min(initial=1.0) > 0.0:  # nor for a NaN
         check_finite("the reply's covariance_roots", roots)
         raise ProtocolError("the reply's covariance_roots have a diagonal that is not above zero")
-    widest = np.sqrt(np.add.reduceat(np.square(roots, dtype=np.float64), rows, axis=1).max(initial=0.0))
-    if not widest <= WIDEST:
+    largest = np.sqrt(np.add.reduceat(np.square(roots, dtype=np.float64), rows, axis=1).max(initial=0.0))
+    if not largest <= LARGEST_DEVIATION:
         check_finite("the reply's covariance_roots", roots)
-        raise ProtocolError(f"the reply's covariance has a deviation of {widest:g}, expected {WIDEST:g}")
+        raise ProtocolError(
+            f"the reply's covariance has a deviation of {largest:g}, expected {LARGEST_DEVIATION:g}"
+        )
 
 
 def check_reply(poses: tuple[int, ...]) -> None:

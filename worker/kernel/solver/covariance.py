@@ -38,15 +38,15 @@ def fill_covariance_root(
     for k in range(len(parents)):
         for j in range(k + 1):
             gram[k, j] = scale * equations.information[k, j]
-        gram[k, k] += 1.0 / widest(skeleton.kinds[k]) ** 2
+        gram[k, k] += 1.0 / prior_deviation(skeleton.kinds[k]) ** 2
     factorise_ltl(parents, gram)
     invert_lower(parents, gram)
     place = 0
     for i in range(len(parents)):
-        known = is_known(gram, i, widest(skeleton.kinds[i]))
+        known = is_known(gram, i, prior_deviation(skeleton.kinds[i]))
         for j in range(i):
             triangle[place + j] = gram[i, j] if known else 0.0
-        triangle[place + i] = gram[i, i] if known else widest(skeleton.kinds[i])
+        triangle[place + i] = gram[i, i] if known else prior_deviation(skeleton.kinds[i])
         place += i + 1
 
 
@@ -59,8 +59,8 @@ def scale_of(parameters: KernelParameters, points: int) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def widest(kind: int) -> float:
-    """Standard deviation of a degree of freedom that nothing determines."""
+def prior_deviation(kind: int) -> float:
+    """Of the weak prior: the standard deviation of a degree of freedom that nothing determines."""
     return SLIDE if kind == 0 else TURN
 
 
