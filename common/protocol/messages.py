@@ -78,7 +78,7 @@ class RefineRequest:
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
     of_sizes: OfSizes | None = None
-    covariance: bool = False  # whether it is asked for with every particle
+    covariance: bool = False  # whether each particle's is asked for: a worker gives it then, and only then
 
     def batch(self, start: int, stop: int) -> RefineRequest:
         """The request for particles start..stop-1."""
