@@ -19,19 +19,19 @@ from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
 from coordinator.filters.methods import apply_method
-from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.inference import Answer, Inference, Situation
+from coordinator.tracking.observing.company import has_company
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.lookout import CutOut, Lookout
-from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
+from coordinator.tracking.observing.sensor_noise import assume_noise
 from coordinator.tracking.observing.sighting import distance_of, see
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Reported, report
 from coordinator.tracking.rival import decide
-from coordinator.tracking.search.company import has_company
+from coordinator.tracking.search.finder import Finder
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.verdict import FEWEST
 from coordinator.tracking.search.watch import GIVEN, Watch
@@ -71,11 +71,8 @@ class Tracker:
     ) -> None:
         self._refiner = refiner
         self._settings = settings = apply_method(settings)
-        self._bodies = bodies
-        self._given = start is not None
-        self._choosy = choosy
+        self._minds_company = bodies.people and not choosy
         self._start = no_start(bodies) if start is None else given_start(start, bodies)
-        self._seeker = Seeker(bodies, refiner, settings, choosy=choosy)
         self._size = PersonSize(bodies)
         drawn = None if state is None else state.checkpoint.generator
         self._rng = np.random.default_rng(settings.seed) if drawn is None else load_generator(drawn)
@@ -89,6 +86,8 @@ class Tracker:
         self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
         self._inference = Inference(refiner, settings, self._size, self._rng)
+        seeker, given = Seeker(bodies, refiner, settings, choosy=choosy), start is not None
+        self._finder = Finder(seeker, self._inference, self._size, settings, given=given)
         if state is not None:
             self._resume(state)
 
@@ -149,9 +148,7 @@ class Tracker:
 
     def prepare(self) -> None:
         """Make what a first search and the person's size need, where they are looked for."""
-        if not self._given:
-            self._seeker.prepare()
-            self._size.prepare()
+        self._finder.prepare()
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame, or look for it."""
@@ -172,9 +169,9 @@ class Tracker:
         if self._belief is None or subject is None:
             return Submitted(cut.frame, None, shows, None, cut.clock)
         self._mind_company(cut, self._belief, first=first)
-        situation = Situation(self._start, self._belief, self._watch, self.rules)
+        situation = self._situation(self._belief)
         with cut.clock.stage("draw"):
-            sighting = see(subject, self._time_s, self._known_step(cut.frame))
+            sighting = see(subject, self._time_s, self._known_step(self._belief, cut.frame))
             proposal = self._inference.draw(self.model, self._belief, sighting)
         with cut.clock.stage("refine"):
             request = self._inference.submit(situation, proposal, subject, first=first)
@@ -212,7 +209,8 @@ class Tracker:
     def _look_about(self, cut: CutOut) -> CutOut:
         """The frame with whoever is seen elsewhere, if next to nothing is where the body was."""
         points = self._settings.points
-        if self._belief is None or not self._recovers or cut.pixels >= self._watch.fewest(points):
+        enough = cut.pixels >= self._watch.fewest(points)
+        if self._belief is None or enough or not self._finder.recovers(self._start):
             return cut
         elsewhere = self._lookout.find_anybody(cut, self.last_seen, min(FEWEST, points))
         if elsewhere is not cut:
@@ -225,35 +223,17 @@ class Tracker:
             self._refiner.publish(subject)
             self._distance = distance_of(subject)
         with cut.clock.stage("search"):
-            if self._belief is None:
-                self._find(subject, cut.isolated.view.planes)
-            elif self._watch.checks and self._recovers:
-                last, lost = self._belief.reported, self._watch.seeks
-                return self._seeker.find_again(subject, self._start, self.rules, last, lost=lost)
-        return None
+            if self._belief is not None:
+                return self._finder.find_again(subject, self._situation(self._belief))
+            begun = self._finder.begin(subject, cut.isolated.view.planes, self._start, self._watch)
+            self._start, self._belief, self._watch = begun.start, begun.belief, begun.watch
+            return None
 
     def _mind_company(self, cut: CutOut, belief: Belief, *, first: bool) -> None:
         """Note who else stands there, when the body was found or when something is unexplained."""
-        asks = self._bodies.people and not self._choosy and (first or self._watch.unexplained > 0)
+        asks = self._minds_company and (first or self._watch.unexplained > 0)
         if asks and has_company(cut.isolated.view, PosedBody(self.model, belief.reported).surface):
             self._watch = self._watch.accompanied()
-
-    def _find(self, subject: SubjectFrame, planes: Planes) -> None:
-        """Begin where the body is given or found, if what is found can be believed."""
-        noise = measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
-        if self._given:
-            self._start = replace(self._start, noise=noise)
-            self._belief = self._inference.begin(self.model, self._start.pose)
-            return
-        finding, self._watch = self._seeker.begin(subject, noise, planes, self._watch)
-        if finding is not None:
-            self._start, self._belief = finding.start, self._inference.begin_with(finding)
-            if self._settings.measure_person:
-                self._start = self._size.guess(self._start)
-
-    @property
-    def _recovers(self) -> bool:
-        return self._settings.recover and self._seeker.can_find_again(self._start)
 
     def _lose(self, submitted: Submitted) -> Status:
         """Nothing of the body was seen: hypotheses stay where they are."""
@@ -266,7 +246,7 @@ class Tracker:
 
     def _believe(self, answer: Answer, subject: SubjectFrame, rival: Finding | None) -> None:
         """Take in what a frame says of the pose, and of the person's size if that pose is believed."""
-        situation = Situation(self._start, answer.belief, self._watch, self.rules)
+        situation = self._situation(answer.belief)
         self._belief, watch = decide(situation, rival, self._inference.begin_with)
         self._watch = watch.shown(subject.pixels)
         if self._belief is answer.belief:
@@ -282,12 +262,16 @@ class Tracker:
 
         That frame is cut out before this one is collected, so it is what is known before this one.
         """
-        if self._belief is None or (self._watch.seeks and self._recovers):
+        if self._belief is None or (self._watch.seeks and self._finder.recovers(self._start)):
             return None
         return self._belief.reported
 
-    def _known_step(self, frame: DepthFrame) -> Array | None:
+    def _known_step(self, belief: Belief, frame: DepthFrame) -> Array | None:
         """What encoders say of the motion (D,) since the frame before."""
-        if self._known is None or self._belief is None:
+        if self._known is None:
             return None
-        return self._known.step(self.model, self._belief.reported, self._time_s, frame.time_s)
+        return self._known.step(self.model, belief.reported, self._time_s, frame.time_s)
+
+    def _situation(self, belief: Belief) -> Situation:
+        """A belief, and all that it is seen with."""
+        return Situation(self._start, belief, self._watch, self.rules)

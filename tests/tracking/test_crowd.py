@@ -17,9 +17,9 @@ from coordinator.scene.cutting import cut_out
 from coordinator.scene.nearness import surround
 from coordinator.scene.scene import Scene
 from coordinator.scene.sharing import share
+from coordinator.tracking.observing.company import has_company
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import follow_all
-from coordinator.tracking.search.company import has_company
 from coordinator.tracking.search.verdict import UNEXPLAINED, Verdict
 from coordinator.tracking.search.watch import Watch
 from gepf.direct import DirectRefiner

@@ -17,9 +17,9 @@ from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
 from coordinator.scene.sharing import share, within
 from coordinator.scene.view import SceneView
+from coordinator.tracking.observing.company import EXPLAINED
 from coordinator.tracking.observing.isolation import PosedBody
 from coordinator.tracking.observing.subject import subject_of
-from coordinator.tracking.search.company import EXPLAINED
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
