@@ -28,10 +28,10 @@ from coordinator.filters.exploration import (
     choose_kinds,
     perturb,
 )
-from coordinator.filters.indistinct import merge_indistinct
 from coordinator.filters.limbs.hiding import find_hidden
 from coordinator.filters.limbs.layout import view_limbs
 from coordinator.filters.limbs.reaching import find_reaches
+from coordinator.filters.mahalanobis import merge_by_mahalanobis
 from coordinator.filters.merging import merge
 from coordinator.filters.motion import draw_noise, propagate
 from coordinator.filters.proposal import Proposal
@@ -98,7 +98,7 @@ def update(
         angle = np.deg2rad(settings.merge_angle_deg)
         chosen, group = merge(model, after.poses, after.log_likelihood, angle)  # 6
     else:
-        chosen, group = merge_indistinct(model, after.poses, after.log_likelihood, roots)
+        chosen, group = merge_by_mahalanobis(model, after.poses, after.log_likelihood, roots)
     parents = ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     covariances = estimate_covariances(  # 7

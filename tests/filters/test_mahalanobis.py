@@ -18,7 +18,7 @@ from common.settings import preset
 from common.triangles import lower_triangular, triangle_size
 from coordinator.filters.covariance import TARGET_WORTH, estimate_covariances, shrink
 from coordinator.filters.gradient_enhanced import begin, propose, update
-from coordinator.filters.indistinct import VALLEY, merge_indistinct
+from coordinator.filters.mahalanobis import VALLEY, merge_by_mahalanobis
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import NOTHING_SEEN
 
@@ -54,7 +54,7 @@ def test_what_is_not_observable_merges_and_what_is_does_not() -> None:
     twisted, turned = np.array([np.radians(25.0), 0.0]), np.array([0.0, np.radians(4.0)])
     poses = np.stack([np.zeros(2), twisted, turned])
     roots = roots_of(*[(np.radians(29.0), np.radians(0.8))] * 3)
-    chosen, group = merge_indistinct(hinges(), poses, np.array([0.0, -1.0, -2.0]), roots)
+    chosen, group = merge_by_mahalanobis(hinges(), poses, np.array([0.0, -1.0, -2.0]), roots)
     assert chosen.tolist() == [0, 2]
     assert group.tolist() == [0, 0, 1]
 
@@ -63,7 +63,7 @@ def test_the_likeliest_says_how_far_its_valley_reaches() -> None:
     """Two hinges 3 degrees apart: one hypothesis if the likelier is unsure, two if it is sure."""
     poses, sure, unsure = np.radians([[0.0, 0.0], [3.0, 0.0]]), (0.005, 0.005), (0.1, 0.1)
     for likelihood, hypotheses in (([0.0, -1.0], 2), ([-1.0, 0.0], 1)):
-        chosen, _ = merge_indistinct(hinges(), poses, np.array(likelihood), roots_of(sure, unsure))
+        chosen, _ = merge_by_mahalanobis(hinges(), poses, np.array(likelihood), roots_of(sure, unsure))
         assert len(chosen) == hypotheses
 
 
@@ -73,7 +73,7 @@ def test_groups_are_those_of_the_mahalanobis_distance(seed: int, count: int) -> 
     rng, model = np.random.default_rng(seed), puppet()
     poses = retract(model, np.tile(rng.normal(size=19), (count, 1)), 0.1 * rng.normal(size=(count, 19)))
     likelihood, roots = rng.normal(size=count), random_roots(rng, count, 19)
-    chosen, group = merge_indistinct(model, poses, likelihood, roots)
+    chosen, group = merge_by_mahalanobis(model, poses, likelihood, roots)
     lower = lower_triangular(roots, 19)
     expected: list[int] = []
     for n in np.argsort(-likelihood):

@@ -18,7 +18,7 @@ Triangles = NDArray[np.float32]  # (N, D (D + 1) / 2)
 VALLEY = 2.0 / 3.0  # of a variance in each degree of freedom, in the mean, by which a valley ends
 
 
-def merge_indistinct(
+def merge_by_mahalanobis(
     model: BodyModel, poses: Array, log_likelihood: Array, roots: Triangles
 ) -> tuple[Indices, Indices]:
     """Group refined particles (N, D) whose squared Mahalanobis distance is below VALLEY times D.
@@ -34,12 +34,12 @@ def merge_indistinct(
     """
     order = np.argsort(-log_likelihood, kind="stable")
     chosen, group = np.empty_like(order), np.empty_like(order)
-    count = join_indistinct(order, contiguous(poses), roots, model.axes, model.balls, chosen, group)
+    count = join_by_mahalanobis(order, contiguous(poses), roots, model.axes, model.balls, chosen, group)
     return chosen[:count], group
 
 
 @numba.njit(cache=True, nogil=True)
-def join_indistinct(
+def join_by_mahalanobis(
     order: Indices,
     poses: Array,
     roots: Triangles,
@@ -48,14 +48,14 @@ def join_indistinct(
     chosen: Indices,
     group: Indices,
 ) -> int:
-    """Fill chosen and group (N,) as `merge_indistinct` gives them; the number of representatives."""
+    """Fill chosen and group (N,) as `merge_by_mahalanobis` gives them; the number of representatives."""
     count, step, handed = 0, np.empty(poses.shape[1]), np.empty(len(balls))
     for b in range(len(balls)):
         handed[b] = handedness(axes, balls[b])
     for n in order:
         group[n] = count
         for m in range(count):
-            if is_indistinct(poses[chosen[m]], poses[n], roots[chosen[m]], balls, handed, step):
+            if is_in_valley(poses[chosen[m]], poses[n], roots[chosen[m]], balls, handed, step):
                 group[n] = m
                 break
         if group[n] == count:
@@ -65,7 +65,7 @@ def join_indistinct(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def is_indistinct(
+def is_in_valley(
     origin: Array, pose: Array, root: NDArray[np.float32], balls: Indices, handed: Array, step: Array
 ) -> bool:
     """Whether a pose (D,) lies in the valley of another one, whose covariance has this root (D (D + 1) / 2,).
