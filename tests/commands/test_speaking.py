@@ -78,7 +78,7 @@ def test_every_command_says_that_a_killed_run_can_be_gone_on_with(
     endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Of a run that was really killed: exit code 2, and what to do."""
-    write_small_sequence(tmp_path / "seq", 100)
+    write_small_sequence(tmp_path / "seq", 300)
     run = tmp_path / "killed"
     process = start(coordinate, tmp_path / "seq", run, endpoint, "--workers", "1", log=tmp_path / "log")
     wait_until(lambda: (run / "frames.log").exists() and (run / "frames.log").stat().st_size > 0, 300.0)
