@@ -151,6 +151,12 @@ def serve(
     log.info("loading, before connecting to %s; the first time this takes a minute", identity.at.name)
     kernel = load()
     gc.freeze()  # a garbage collection would look through all of it, 0.1 s each
+    while serve_session(identity, kernel, quiet=quiet):
+        log.warning("nobody is at %s any more, though linked; connecting anew", identity.at.name)
+
+
+def serve_session(identity: Identity, kernel: Kernel[Any], *, quiet: bool) -> bool:
+    """Connect and serve; True if that is to be done again, as the link has proved dead."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal
     with connect_to(identity.at) as bus:
@@ -162,6 +168,7 @@ def serve(
         log.info("%s serves %s with %s", identity.name, identity.at.name, counted(kernel.lanes, "lane"))
         with StatusLine(service.activity.line, quiet=quiet):
             service.run()
+    return service.abandoned
 
 
 def load_kernel(lanes: int = 1) -> Kernel[Any]:

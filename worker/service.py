@@ -34,6 +34,7 @@ from common.sizes import Body, Sized, Sizes
 from common.transport.bus import Bus
 from common.transport.requests import Request, Requests
 from worker.activity import Activity
+from worker.dead_link import DeadLink
 from worker.fair_queue import FairQueue
 from worker.store import Memory, RunMemory
 
@@ -97,10 +98,12 @@ class Service(Generic[O]):
         self._queue: FairQueue[Batch] = FairQueue()
         self._ended_runs: SimpleQueue[str] = SimpleQueue()
         self._requests: Requests | None = None
+        self._dead_link = DeadLink(bus)
         self._stopped = False
+        self.abandoned = False  # nobody is at the other end: a new session is needed
 
     def run(self) -> None:
-        """Announce the worker and serve requests until `stop` is called or the session ends."""
+        """Announce the worker; serve until `stop` is called, the session ends or its link proves dead."""
         self._bus.follow_frames(keys.ANY_RUN_FRAMES, self._keep_frame)
         self._bus.watch(keys.ANY_RUN_ALIVE, self._notice_run)
         self._requests = self._bus.requests(keys.worker_refine(self._name))
@@ -125,14 +128,20 @@ class Service(Generic[O]):
     def _next(self, requests: Requests) -> Batch | None:
         """The next batch of the queue; None when there will be no more."""
         wait = False
-        while not self._stopped and (arrived := requests.receive(wait=wait)) is not None:
+        while self._goes_on() and (arrived := requests.receive(wait=wait)) is not None:
             for request in arrived:
+                self._dead_link.hear()
                 self._admit(request)
             self._drop_ended_runs()
             if self._queue:
                 return self._queue.take()
             wait = not self._observe_ahead()
         return None
+
+    def _goes_on(self) -> bool:
+        """Whether there may be more requests."""
+        self.abandoned = not self._stopped and self._dead_link.is_found()
+        return not (self._stopped or self.abandoned)
 
     def _observe_ahead(self) -> bool:
         """Observe a frame that came before its requests; False if there is none."""
@@ -203,9 +212,10 @@ class Service(Generic[O]):
 
     def _notice_run(self, key: str, alive: bool) -> None:
         """Forget a run when its coordinator is gone; called from a thread of the bus."""
+        run = keys.run_of(key)
         if not alive:
-            self._memory.forget(keys.run_of(key))
-            self._ended_runs.put(keys.run_of(key))
+            self._memory.forget(run)
+            self._ended_runs.put(run)
 
     def _observe(self, request: RefineRequest) -> O:
         return self._kernel.observe(decode_frame(self._find_frame(request)))

@@ -14,11 +14,19 @@ ANY_WORKER_ALIVE = "gepf/worker/*/alive"
 ANY_WORKER_LANES = "gepf/worker/*/lanes/*"
 ANY_RUN_FRAMES = "gepf/run/*/frame"
 ANY_RUN_ALIVE = "gepf/run/*/alive"
+ANY_RUN_PRESENT = "gepf/run/*/present"
 
 # For access rules: a wildcard does not stand for what begins with @, where late joiners find history.
 HISTORY = "gepf/run/*/frame/@adv/**"
 ALL = ("gepf/**", HISTORY)
-READABLE = (ANY_RUN_ALIVE, "gepf/run/*/frame", "gepf/run/*/frame/*", "gepf/run/*/model/*", HISTORY)
+READABLE = (
+    ANY_RUN_ALIVE,
+    ANY_RUN_PRESENT,
+    "gepf/run/*/frame",
+    "gepf/run/*/frame/*",
+    "gepf/run/*/model/*",
+    HISTORY,
+)
 
 
 def check_name(kind: str, name: str) -> str:
@@ -84,6 +92,11 @@ def worker_of(key: str) -> str:
 def run_alive(run: str) -> str:
     """Liveliness token of one run, for as long as its coordinator is there."""
     return f"gepf/run/{run}/alive"
+
+
+def run_present(run: str) -> str:
+    """Queryable that answers with nothing: the token of a run that is gone may stay where a link does."""
+    return f"gepf/run/{run}/present"
 
 
 def run_frames(run: str) -> str:

@@ -145,6 +145,11 @@ class Bus(Closing):
         with mapped("watching links"):
             self._declared.append(self._session.info.declare_link_events_listener(change, history=True))
 
+    def meets_coordinator(self) -> bool:
+        """Whether a coordinator is at the end of a link, and not only routers."""
+        with mapped("looking at links"):
+            return any(there.whatami == zenoh.WhatAmI.PEER for there in self._session.info.transports())
+
     def is_linked(self, within: float) -> bool:
         """Whether anybody is connected, or comes to be within a time (seconds)."""
         deadline = time.monotonic() + within

@@ -39,6 +39,7 @@ class Publication:
         self._models: dict[str, bytes] = {}  # by hash
         bus.serve(keys.run_frame(run, "*"), self._find_frame)
         bus.serve(keys.run_model(run, "*"), self._find_model)
+        bus.serve(keys.run_present(run), lambda _: b"")
         self._publisher = bus.publish_frames(keys.run_frames(run))
 
     def put(self, subject: SubjectFrame) -> None:
