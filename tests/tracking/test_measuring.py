@@ -219,6 +219,16 @@ def test_bent_frames_count_alike_whatever_their_order() -> None:
     assert np.log(1.7 / found[0][0]) == pytest.approx(0.015 / 20.0, rel=0.5)
 
 
+def test_bent_frames_do_not_lead_each_other_away() -> None:
+    """Each says 5 % less than it is asked about: a hundred of them together less than that, not ever less."""
+    told = Shown(np.array([-50.0]), np.array([1000.0]), BENT, bent=True)
+    measured = Measured.guessed(1.7, 1.07, bent=True)
+    for n in range(100):
+        measured = measured.after(told, 0.1 * n)
+    assert 0.95 * 1.7 < measured.size[0] < 0.98 * 1.7
+    assert measured.about[0] == 1.7
+
+
 def test_bent_frames_say_as_much_of_girth_as_they_weigh() -> None:
     """Their common error is one of stature: of the 5 % that a hundred of them ask for, they bring most."""
     told = Shown(np.array([0.0, 5.0]), np.array([1000.0, 100.0]), BENT, bent=True)

@@ -152,13 +152,16 @@ class Measured:
         return replace(self, time_s=time_s)
 
     def after(self, shown: Shown, time_s: float) -> Self:
-        """With what a frame says that was asked."""
+        """With what a frame says that was asked.
+
+        A bent one changes no size that is asked about: asked about less, it says less again.
+        """
         asked = slice(len(shown.slope))
         said, weight = np.zeros(2), np.zeros(2)
         said[asked] = shown.weight * np.clip(shown.asks_for(self.about), *LIMITS[:, asked])
         weight[asked] = shown.weight
         known = replace(self._adding(said, weight, bent=shown.bent), frames=self.frames + 1, time_s=time_s)
-        return known.asking_anew() if known.is_far else known
+        return known.asking_anew() if known.is_far and not shown.bent else known
 
     def _adding(self, said: Array, weight: Array, *, bent: bool) -> Self:
         if not bent:
