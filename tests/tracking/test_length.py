@@ -20,7 +20,7 @@ from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.starting.length import measure_length
 from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
 from coordinator.tracking.starting.start import Start
-from coordinator.tracking.starting.uprightness import is_bent
+from coordinator.tracking.starting.uprightness import stance_of
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
 
@@ -94,8 +94,8 @@ def test_stature_follows_from_length() -> None:
     start = Start(MODEL, name_pose(MODEL, POSTURE), STATURE, 1.0)
     stature = stature_by_length(start, start.pose, subject_in(POSTURE))
     assert stature == pytest.approx(np.log(STATURE), abs=0.045)
-    assert not is_bent(MODEL, start.pose)
-    assert is_bent(MODEL, name_pose(MODEL, squat))
+    assert not stance_of(MODEL, start.pose).bent
+    assert stance_of(MODEL, name_pose(MODEL, squat)).bent
 
 
 def test_who_sits_with_legs_that_do_not_move_is_not_taken_for_short() -> None:
@@ -104,7 +104,7 @@ def test_who_sits_with_legs_that_do_not_move_is_not_taken_for_short() -> None:
     bodies = choose_bodies((*ROOT_DOFS, "r_shoulder_flexion", "l_shoulder_flexion"), "default")
     model, pose = bodies.tracked(STATURE, 1.0, sitting)
     start, subject = Start(model, pose, STATURE, 1.0, sitting), subject_in(sitting)
-    assert not is_bent(model, pose)
+    assert not stance_of(model, pose).bent
     shown = stature_by_length(start, pose, subject)
     assert shown is not None
     assert shown < np.log(0.9 * STATURE)

@@ -40,7 +40,7 @@ from coordinator.tracking.starting.measuring import (
 )
 from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
 from coordinator.tracking.starting.start import Start
-from coordinator.tracking.starting.uprightness import BENT, has_raised, uprightness, weigh_frame
+from coordinator.tracking.starting.uprightness import BENT, Stance, stance_of
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
@@ -255,10 +255,10 @@ def test_who_is_found_bent_guesses_as_a_bent_frame() -> None:
 def test_raised_arms_count_less() -> None:
     """A hand above its shoulder, of who stands and of who bends forwards; not one held out or hanging."""
     model = start_of(1.75, 1.0).model
-    assert not has_raised(model, name_pose(model, {}))
-    assert not has_raised(model, name_pose(model, {"r_shoulder_abduct": 1.3}))
-    assert has_raised(model, name_pose(model, {"r_shoulder_abduct": 2.2}))
-    assert has_raised(model, name_pose(model, {"l_shoulder_flexion": 2.5, "root_rx": 1.2}))
+    assert not stance_of(model, name_pose(model, {})).raised
+    assert not stance_of(model, name_pose(model, {"r_shoulder_abduct": 1.3})).raised
+    assert stance_of(model, name_pose(model, {"r_shoulder_abduct": 2.2})).raised
+    assert stance_of(model, name_pose(model, {"l_shoulder_flexion": 2.5, "root_rx": 1.2})).raised
 
 
 def test_a_body_stays_that_differs_by_a_millimetre() -> None:
@@ -270,16 +270,18 @@ def test_a_body_stays_that_differs_by_a_millimetre() -> None:
 
 
 def test_bent_and_badly_explained_frames_count_less() -> None:
-    """In full: upright and explained; an arm overhead is no matter, a squat is."""
+    """In full: upright, hands down, explained; an arm overhead bends nobody, but counts a fifth."""
     model = start_of(1.75, 1.0).model
-    assert uprightness(model, name_pose(model, {"r_shoulder_flexion": 2.5})) == pytest.approx(1.0)
+    overhead = stance_of(model, name_pose(model, {"r_shoulder_flexion": 2.5}))
+    assert overhead.upright == pytest.approx(1.0)
     squat = {f"{side}_{joint}_flexion": 1.6 for side in "rl" for joint in ("hip", "knee")}
-    bent = uprightness(model, name_pose(model, squat))
-    assert bent < 0.85
-    assert weigh_frame(1.0, -5.0) == 1.0
-    assert weigh_frame(bent, -5.0) < 0.1
-    assert weigh_frame(1.0, -20.0) == pytest.approx(0.5)
-    assert type(weigh_frame(1.0, np.float64(-20.0))) is float  # or the run could not be recorded
+    bent, straight = stance_of(model, name_pose(model, squat)), Stance(1.0, raised=False)
+    assert bent.upright < 0.85
+    assert straight.weigh(-5.0) == 1.0
+    assert bent.weigh(-5.0) < 0.1
+    assert straight.weigh(-20.0) == pytest.approx(0.5)
+    assert overhead.weigh(-5.0) == pytest.approx(0.2)
+    assert type(straight.weigh(np.float64(-20.0))) is float  # or the run could not be recorded
 
 
 @pytest.mark.parametrize(("length", "within"), [(False, 0.015), (True, 0.02)])

@@ -17,7 +17,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import BETWEEN, Bodies, size_of
 from coordinator.tracking.starting.measuring import Measured, Shown
 from coordinator.tracking.starting.start import Start
-from coordinator.tracking.starting.uprightness import is_bent, weigh_pose
+from coordinator.tracking.starting.uprightness import stance_of
 
 Array = NDArray[np.float64]
 Measures = tuple[float, float]  # stature in metres, and girth
@@ -79,8 +79,8 @@ class Question:
             return None
         here, (up, down) = float(fits[0]), fits[1:].reshape(-1, 2).T
         slope, curvature = (up - down) / (2.0 * STEP), (2.0 * here - up - down) / STEP**2
-        pose = refined.poses[0]
-        return Shown(slope, curvature, weigh_pose(model, pose, here), bent=is_bent(model, pose))
+        stance = stance_of(model, refined.poses[0])
+        return Shown(slope, curvature, stance.weigh(here), bent=stance.bent)
 
 
 class Asker:

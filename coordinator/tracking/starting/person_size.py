@@ -16,7 +16,7 @@ from coordinator.tracking.starting.asking import Asker, Question
 from coordinator.tracking.starting.length import SHOWN, measure_length
 from coordinator.tracking.starting.measuring import Measured
 from coordinator.tracking.starting.start import USUAL_MEASURES, Start
-from coordinator.tracking.starting.uprightness import is_bent, uprightness
+from coordinator.tracking.starting.uprightness import stance_of
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class PersonSize:
         """
         if not self._asker.can_ask(start):
             return start
-        bent = is_bent(start.model, start.pose)
+        bent = stance_of(start.model, start.pose).bent
         self.measured = Measured.guessed(start.stature, start.girth, bent=bent)
         return self.resume(start)
 
@@ -58,9 +58,9 @@ class PersonSize:
     def ask(self, start: Start, pose: Array, time_s: float, rules: RefineSettings) -> Question | None:
         """What to ask a frame in which the body is about in this pose (D,); None if its time has not come."""
         known = self.measured
-        if known is None or rules.is_soft or not any(known.asks(time_s, bent=bent) for bent in (False, True)):
+        if known is None or rules.is_soft:
             return None
-        if not known.asks(time_s, bent=is_bent(start.model, pose)):
+        if not known.asks(time_s, bent=stance_of(start.model, pose).bent):
             return None
         return self._asker.ask(start, known, pose, rules)
 
@@ -74,8 +74,7 @@ class PersonSize:
         if shown is None:
             self.measured = known.passed(time_s)
             return
-        bent = self._is_held_bent(start) or is_bent(start.model, pose)
-        stature = None if bent else stature_by_length(start, pose, subject)
+        stature = None if self._is_held_bent(start) else stature_by_length(start, pose, subject)
         self.measured = known.after(replace(shown, by_length=stature), time_s)
 
     def give(self, start: Start) -> Start:
@@ -97,13 +96,15 @@ def is_held_bent(start: Start, bodies: Bodies) -> bool:
     if not start.held:
         return False
     whole = bodies.full(*USUAL_MEASURES)
-    return is_bent(whole, name_pose(whole, start.held))
+    return stance_of(whole, name_pose(whole, start.held)).bent
 
 
 def stature_by_length(start: Start, pose: Array, subject: SubjectFrame) -> float | None:
     """Log stature (m) of who is as long as a frame shows, in a pose (D,); None where it does not.
 
-    Who leans or bends a little is straightened: by as much as the model is shorter than at rest.
+    Who leans or bends a little is straightened, by as much as the model is shorter than at rest; of who is
+    bent the length says nothing.
     """
-    length = measure_length(start.model, pose, subject)
-    return None if length is None else float(np.log(length / (SHOWN * uprightness(start.model, pose))))
+    stance = stance_of(start.model, pose)
+    length = None if stance.bent else measure_length(start.model, pose, subject)
+    return None if length is None else float(np.log(length / (SHOWN * stance.upright)))

@@ -5,6 +5,8 @@ Whoever stands upright shows it: a frame counts less the more the body is bent, 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,12 +21,37 @@ RAISED = 0.2  # weight of a frame in which a hand is above its shoulder
 EXPLAINED = -10.0  # log likelihood from which on a frame counts in full
 
 
-def uprightness(model: BodyModel, pose: Array) -> float:
-    """How far the head is from the farther ankle in a pose (D,), as a share of what it is at rest."""
+class Stance(NamedTuple):
+    """What a pose shows of a person's stature."""
+
+    upright: float  # from the head to the farther ankle, as a share of what it is at rest
+    raised: bool  # whether a hand is above its shoulder
+
+    @property
+    def bent(self) -> bool:
+        """Whether it shows next to nothing."""
+        return self.upright <= UPRIGHT[0]
+
+    def weigh(self, log_likelihood: float) -> float:
+        """What a frame counts that shows it: 1 if upright, hands down and well explained."""
+        bent, straight = UPRIGHT
+        share = float(np.clip((self.upright - bent) / (straight - bent), BENT, 1.0))
+        share *= float(min(1.0, EXPLAINED / min(log_likelihood, EXPLAINED)))
+        return RAISED * share if self.raised else share
+
+
+def stance_of(model: BodyModel, pose: Array) -> Stance:
+    """How a person stands in a pose (D,)."""
+    joints = joint_positions(model, np.stack([np.zeros_like(pose), pose]))
+    rest, now = lengths(model, joints)
+    return Stance(float(now / rest), has_raised(model, joints[1]))
+
+
+def lengths(model: BodyModel, joints: Array) -> Array:
+    """How far the head is from the farther ankle (N,), metres, by joints (N, J, 3)."""
     head, *ankles = ends_of(model)
-    posed = joint_positions(model, np.stack([np.zeros_like(pose), pose]))
-    rest, now = np.linalg.norm(posed[:, ankles] - posed[:, head, None], axis=-1).max(axis=-1)
-    return float(now / rest)
+    farther: Array = np.linalg.norm(joints[:, ankles] - joints[:, head, None], axis=-1).max(axis=-1)
+    return farther
 
 
 def ends_of(model: BodyModel) -> list[int]:
@@ -32,27 +59,12 @@ def ends_of(model: BodyModel) -> list[int]:
     return [model.joint_names.index(name) for name in ("head", "left_ankle", "right_ankle")]
 
 
-def is_bent(model: BodyModel, pose: Array) -> bool:
-    """Whether a body in a pose (D,) shows next to nothing of its stature."""
-    return uprightness(model, pose) <= UPRIGHT[0]
+def has_raised(model: BodyModel, joints: Array) -> bool:
+    """Whether a hand is above its shoulder along the trunk, by joints (J, 3).
 
-
-def has_raised(model: BodyModel, pose: Array) -> bool:
-    """Whether a hand is above its shoulder, along the trunk: shoulders rise with arms, by no joint here."""
-    joints = dict(zip(model.joint_names, joint_positions(model, pose[None])[0], strict=True))
-    trunk = joints["neck"] - joints["pelvis"]
-    over = [joints[f"{side}_wrist"] - joints[f"{side}_shoulder"] for side in ("left", "right")]
+    Shoulders rise with arms then, by no joint of the model.
+    """
+    at = dict(zip(model.joint_names, joints, strict=True))
+    trunk = at["neck"] - at["pelvis"]
+    over = [at[f"{side}_wrist"] - at[f"{side}_shoulder"] for side in ("left", "right")]
     return any(offset @ trunk > 0.0 for offset in over)
-
-
-def weigh_pose(model: BodyModel, pose: Array, log_likelihood: float) -> float:
-    """What a frame counts that shows a body in a pose (D,)."""
-    raised = RAISED if has_raised(model, pose) else 1.0
-    return raised * weigh_frame(uprightness(model, pose), log_likelihood)
-
-
-def weigh_frame(upright: float, log_likelihood: float) -> float:
-    """What a frame counts, hands down: 1 for one that shows an upright body and is well explained."""
-    bent, straight = UPRIGHT
-    share = float(np.clip((upright - bent) / (straight - bent), BENT, 1.0))
-    return float(share * min(1.0, EXPLAINED / min(log_likelihood, EXPLAINED)))
