@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.certainty.gather import Gathered
-from coordinator.tracking.certainty.assessment import HIDDEN, LONE, add_left_over, recall
+from coordinator.tracking.certainty.assessment import Functions, is_hidden, limit, recall
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.certainty.evidence import CLUES
 
@@ -25,35 +25,16 @@ STILL = 1e-6  # a step that ends the fit
 MOST_OFF = 5.0  # deviations that a joint is off at the most, in a step of the fit
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Functions:
-    """The least and the most of each clue (K,), and an intercept and weights (K,) for each function."""
-
-    low: Array
-    high: Array
-    probability: tuple[float, Array]
-    deviation: tuple[float, Array]
-    unseen: float = 0.0  # added to the log deviation of hidden joints, for people that were not fitted
-
-    def judge(self, one: Gathered) -> Array:
-        """Log odds and log deviation (F, J, 2) of a recording's joints, as the tracker has them."""
-        within = averaged(one, self.low, self.high)
-        both = (self.probability, self.deviation)
-        fitted = np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
-        hidden = np.stack([np.zeros(one.evidence.shape[:2]), is_hidden(one.evidence)], axis=-1)
-        return fitted + over_time(given_of(one) + self.unseen * hidden, one.interval)
+def judge(one: Gathered, functions: Functions) -> Array:
+    """Log odds and log deviation (F, J, 2) of a recording's joints, as the tracker would have them."""
+    return over_time(functions.judge(one.evidence, lone=one.lone), one.interval)
 
 
 def given_of(one: Gathered) -> Array:
-    """What log odds and log deviation (F, J, 2) have that is not fitted."""
-    given: Array = add_left_over(one.evidence) + np.array([LONE * one.lone, 0.0])
-    return given
-
-
-def is_hidden(evidence: Array) -> NDArray[np.bool_]:
-    """Of which joints (...) less than half is shown, by evidence (..., K)."""
-    hidden: NDArray[np.bool_] = evidence[..., CLUES.index("shown")] < HIDDEN
-    return hidden
+    """What log odds and log deviation (F, J, 2) have that is not fitted: what functions of no weight say."""
+    nothing = np.zeros(len(CLUES))
+    none = Functions(nothing, nothing, (0.0, nothing), (0.0, nothing))
+    return none.judge(one.evidence, lone=one.lone)
 
 
 def distances(gathered: Sequence[Gathered]) -> list[Array]:
@@ -67,7 +48,7 @@ def distances(gathered: Sequence[Gathered]) -> list[Array]:
 
 def averaged(one: Gathered, low: Array, high: Array) -> Array:
     """The evidence (F, J, K) within limits, averaged over the frames before."""
-    return over_time(np.clip(one.evidence, low, high), one.interval)
+    return over_time(limit(one.evidence, low, high), one.interval)
 
 
 def over_time(values: Array, intervals: Array) -> Array:
@@ -109,7 +90,7 @@ def fit_unseen(gathered: Sequence[Gathered]) -> float:
         mine = [one for one in gathered if one.person == person]
         for one, off in zip(mine, distances(mine), strict=True):
             at, hidden = one.holds & is_hidden(one.evidence), is_hidden(one.evidence).astype(np.float64)
-            log_ratio = np.log(off + 1e-9) - functions.judge(one)[..., 1]
+            log_ratio = np.log(off + 1e-9) - judge(one, functions)[..., 1]
             parts.append(np.stack([log_ratio[at], over_time(hidden, one.interval)[at]], axis=1))
     log_ratio, share = np.concatenate(parts).T
     enough = [100.0 * np.mean(log_ratio < step * share) >= ONE_DEVIATION for step in UNSEEN_STEPS]

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from benchmarks.certainty.fitting import Functions, fit, halfway
+from benchmarks.certainty.fitting import fit, halfway
 from benchmarks.certainty.gather import Gathered, gather
 from benchmarks.certainty.recordings import find_hard, find_rendered, render_demo
 from benchmarks.certainty.scores import Score, score, score_table
@@ -27,8 +27,7 @@ from benchmarks.tracking import prepare
 from common.errors import InputError
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.configuration.versions import versions
-from coordinator.tracking.certainty.assessment import table
-from coordinator.tracking.certainty.fitted import DEVIATION, PROBABILITY, UNSEEN
+from coordinator.tracking.certainty.assessment import built_in
 
 FIT_SUBJECTS = (1, 2)
 
@@ -101,12 +100,6 @@ def measure_all(choice: Choice, name: str, scored: Sequence[Recording], every: S
         chosen = (list(every), choice.cut, list(choice.changes), choice.seeds)
         keep(Report(*chosen, versions(), machine(), scores), choice.out)
     return 1 if crashes else 0
-
-
-def built_in() -> Functions:
-    """What the tracker goes by."""
-    low, high, probability, deviation = table()
-    return Functions(low, high, (PROBABILITY, probability), (DEVIATION, deviation), UNSEEN)
 
 
 def apart(gathered: Sequence[Gathered]) -> list[tuple[str, list[Gathered], list[Gathered]]]:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from benchmarks.certainty.fitting import Functions, distances
+from benchmarks.certainty.fitting import distances, judge
 from benchmarks.certainty.gather import Gathered
+from coordinator.tracking.certainty.assessment import Functions
 from coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED
 
 Array = NDArray[np.float64]
@@ -46,7 +47,7 @@ class Score(msgspec.Struct, frozen=True):
 
 def score(name: str, gathered: Sequence[Gathered], functions: Functions) -> Score:
     """Hold what the functions say against how far joints are off, where the reference holds."""
-    verdicts, off = [functions.judge(one) for one in gathered], distances(gathered)
+    verdicts, off = [judge(one, functions) for one in gathered], distances(gathered)
     holds = [one.holds for one in gathered]
     log_odds, log_deviation = np.concatenate([v[h] for v, h in zip(verdicts, holds, strict=True)]).T
     away = np.concatenate([d[h] for d, h in zip(off, holds, strict=True)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks.certainty.fitting import Functions
+from coordinator.tracking.certainty.assessment import Functions
 from coordinator.tracking.certainty.evidence import CLUES
 
 FILE = Path("coordinator") / "tracking" / "certainty" / "fitted.py"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.kinematics import joint_positions
-from coordinator.tracking.certainty.assessment import conclude, judge_evidence, recall
+from coordinator.tracking.certainty.assessment import built_in, conclude, recall
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import RECORDED, UNKNOWN, Estimate
@@ -80,6 +80,6 @@ def assess(
         return unknown_certainty(len(model.joint_names)), None
     evidence = weigh_evidence(model, pose, hypotheses, weights, tracked.sighted)
     before = tracked.state.checkpoint.verdict
-    now = judge_evidence(evidence, lone=tracked.sighted.lone)
+    now = built_in().judge(evidence, lone=tracked.sighted.lone)
     verdict = recall(now, before, tracked.sighted.interval)
     return conclude(evidence, verdict), verdict

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.certainty.cutting import cut_below, row_between
-from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway
+from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway, judge
 from benchmarks.certainty.gather import Gathered
-from benchmarks.certainty.measure import built_in
 from benchmarks.certainty.scores import score
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from coordinator.tracking.certainty.assessment import judge_evidence
 from coordinator.tracking.certainty.evidence import CLUES
 
 FRAMES, JOINTS = 4_000, 6
@@ -49,7 +47,7 @@ def test_the_fit_holds_on_data_that_it_has_not_seen() -> None:
     for side in (found.seen, found.hidden):
         assert side.within_one == pytest.approx(68.0, abs=4.0)
         assert side.within_two == pytest.approx(95.0, abs=3.0)
-    chance = 1.0 / (1.0 + np.exp(-functions.judge(fresh)[..., 0]))
+    chance = 1.0 / (1.0 + np.exp(-judge(fresh, functions)[..., 0]))
     off = distances([fresh])[0] > 0.15
     assert chance.mean() == pytest.approx(off.mean(), abs=0.02)
     shares = [off[(chance > low) & (chance < low + 0.1)].mean() for low in (0.0, 0.1, 0.2, 0.3)]
@@ -66,7 +64,7 @@ def test_hidden_joints_of_people_who_were_not_fitted_are_said_to_be_farther_off(
     assert fit([near]).unseen == 0.0
     within = []
     for one, other in ((near, far), (far, near)):
-        judged = replace(fit_functions([other]), unseen=found).judge(one)[..., 1]
+        judged = judge(one, replace(fit_functions([other]), unseen=found))[..., 1]
         within.append((distances([one])[0] < np.exp(judged))[one.evidence[..., 0] < 0.5])
     assert np.mean(within[0].tolist() + within[1].tolist()) == pytest.approx(0.683, abs=0.01)
 
@@ -91,7 +89,7 @@ def test_rendered_people_do_not_set_the_rate_at_which_joints_of_people_are_off()
     alone, beside = fit([person]), fit([person, *sound])
     off = distances([person])[0] > 0.15
     for functions in (alone, beside):
-        chance = 1.0 / (1.0 + np.exp(-functions.judge(person)[..., 0]))
+        chance = 1.0 / (1.0 + np.exp(-judge(person, functions)[..., 0]))
         assert chance.mean() == pytest.approx(off.mean(), rel=0.05)
 
 
@@ -102,9 +100,9 @@ def test_half_way_to_a_fit_lies_the_mean_of_the_odds_and_the_deviation_of_before
     before, now = fit([near]), replace(fit([far]), unseen=0.4)
     within = replace(near, evidence=0.9 * near.evidence)
     (odds, deviation), (others, other_deviation) = (
-        np.moveaxis(one.judge(within), -1, 0) for one in (before, now)
+        np.moveaxis(judge(within, one), -1, 0) for one in (before, now)
     )
-    found = halfway(before, now).judge(within)
+    found = judge(within, halfway(before, now))
     np.testing.assert_allclose(found[..., 0], 0.5 * (odds + others))
     np.testing.assert_allclose(found[..., 1], deviation)
     assert not np.allclose(odds, others, atol=0.1)
@@ -149,11 +147,3 @@ def test_a_picture_ends_between_knees_and_hips() -> None:
     cut = cut_below(DepthFrame(3, 0.1, depth, 1000.0, camera), 140)
     assert np.array_equal(cut.depth, depth[:140])
     assert (cut.intrinsics.height, cut.intrinsics.cy, cut.number) == (140, 120.0, 3)
-
-
-@pytest.mark.parametrize("lone", [False, True])
-def test_the_benchmark_judges_as_the_tracker_does(*, lone: bool) -> None:
-    """Log odds and deviations of a frame with nothing before it, of many particles and of a lone one."""
-    one = replace(drawn(9), lone=lone)
-    first = replace(one, evidence=one.evidence[:1], interval=one.interval[:1])
-    np.testing.assert_allclose(built_in().judge(first)[0], judge_evidence(first.evidence[0], lone=lone))

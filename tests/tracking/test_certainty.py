@@ -17,7 +17,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.certainty.assessment import LONE, conclude, judge_evidence, recall
+from coordinator.tracking.certainty.assessment import LONE, built_in, conclude, recall
 from coordinator.tracking.certainty.certainty import FLAGGED, PROBABLE, SUSPECTED, Certainty
 from coordinator.tracking.certainty.evidence import CLUES, Sighted, weigh_evidence
 from coordinator.tracking.certainty.regions import regions_of
@@ -66,7 +66,7 @@ def evidence_of(values: dict[str, float], subject: SubjectFrame) -> Array:
 def certainty_of(values: dict[str, float], subject: SubjectFrame) -> Certainty:
     """What follows from it."""
     evidence = evidence_of(values, subject)
-    return conclude(evidence, judge_evidence(evidence))
+    return conclude(evidence, built_in().judge(evidence))
 
 
 def shown_by_rendering(pose: Array) -> Array:
@@ -143,7 +143,7 @@ def test_rivals_make_a_joint_unsure() -> None:
 
     def certainty(weights: list[float]) -> Certainty:
         evidence = weigh_evidence(body(), pose, np.stack([pose, other]), np.array(weights), sighted)
-        return conclude(evidence, judge_evidence(evidence))
+        return conclude(evidence, built_in().judge(evidence))
 
     even, odd = certainty([0.5, 0.5]), certainty([0.99, 0.01])
     assert even.off_probability[wrist] > odd.off_probability[wrist]
@@ -156,7 +156,7 @@ def test_a_lone_particle_is_not_sure_because_it_is_alone() -> None:
     pose = pose_of(STANDING)
     sighted = Sighted(seen_as("standing"), pose, 1.0 / 30.0, 1.0)
     agreed, alone = (
-        conclude(evidence, judge_evidence(evidence, lone=each.lone))
+        conclude(evidence, built_in().judge(evidence, lone=each.lone))
         for each in (sighted, replace(sighted, lone=True))
         for evidence in [weigh_evidence(body(), pose, pose[None], np.ones(1), each)]
     )
@@ -167,7 +167,7 @@ def test_a_lone_particle_is_not_sure_because_it_is_alone() -> None:
 def test_what_a_lone_particle_says_counts_less_at_the_same_evidence() -> None:
     """By LONE of log odds; how far off a joint is, if it is, stays as it is."""
     evidence = np.zeros((3, len(CLUES)))
-    more = judge_evidence(evidence, lone=True) - judge_evidence(evidence)
+    more = built_in().judge(evidence, lone=True) - built_in().judge(evidence)
     np.testing.assert_allclose(more, [[LONE, 0.0]] * 3)
     assert LONE > 0.0
 
@@ -186,7 +186,7 @@ def test_evidence_that_is_beyond_all_measure_counts_as_its_limit() -> None:
     """Infinite and missing clues leave probabilities between 0 and 1, and deviations finite."""
     for value in (np.inf, -np.inf, np.nan, 1e300):
         evidence = np.full((2, len(CLUES)), value)
-        found = conclude(evidence, judge_evidence(evidence))
+        found = conclude(evidence, built_in().judge(evidence))
         assert np.all((found.off_probability > 0.0) & (found.off_probability < 1.0))
         assert np.all(np.isfinite(found.deviation))
 

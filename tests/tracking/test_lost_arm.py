@@ -14,7 +14,7 @@ from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import MOVING, arm
 from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.tracking.certainty.assessment import conclude, judge_evidence
+from coordinator.tracking.certainty.assessment import built_in, conclude
 from coordinator.tracking.certainty.certainty import FLAGGED, Certainty
 from coordinator.tracking.certainty.evidence import Sighted, limbs_of, weigh_evidence
 from coordinator.tracking.observing.sensor_noise import SensorNoise
@@ -49,7 +49,7 @@ def certainty_of(pose: Array) -> Certainty:
     model, _, subject = scene()
     sighted = Sighted(subject, pose, 1.0 / 25.0, NOISE.lateral / NOISE.depth, lone=True)
     evidence = weigh_evidence(model, pose, pose[None], np.ones(1), sighted)
-    return conclude(evidence, judge_evidence(evidence, lone=True))
+    return conclude(evidence, built_in().judge(evidence, lone=True))
 
 
 def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -45,18 +46,42 @@ def conclude(evidence: Array, verdict: Array) -> Certainty:
     return Certainty(evidence[:, 0].copy(), 1.0 / (1.0 + np.exp(-verdict[:, 0])), np.exp(verdict[:, 1]))
 
 
-def judge_evidence(evidence: Array, *, lone: bool = False) -> Array:
-    """Log odds that joints are off, and the logarithm of their deviation (J, 2), from evidence (J, K).
+@dataclass(frozen=True, slots=True, eq=False)
+class Functions:
+    """The least and the most of each clue (K,), and an intercept and weights (K,) for each function."""
 
-    lone: whether a single particle was drawn.
-    """
-    _, _, off, deviation = table()
-    within = limit(evidence)
-    fitted = np.stack([PROBABILITY + within @ off, DEVIATION + within @ deviation], axis=-1)
-    hidden = ~(evidence[..., SHOWN] >= HIDDEN)
-    fitted[..., 0] += LONE * lone
-    fitted[..., 1] += UNSEEN * hidden
-    return fitted + add_left_over(evidence)
+    low: Array
+    high: Array
+    probability: tuple[float, Array]  # log odds that a joint is off
+    deviation: tuple[float, Array]  # logarithm of how far, metres
+    unseen: float = 0.0  # added to it for hidden joints, of people that were not fitted
+
+    def judge(self, evidence: Array, *, lone: bool = False) -> Array:
+        """Log odds that joints are off, and the logarithm of how far (..., 2), from evidence (..., K).
+
+        lone: whether a single particle was drawn.
+        """
+        within = limit(evidence, self.low, self.high)
+        both = (self.probability, self.deviation)
+        judged = np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
+        judged[..., 0] += LONE * lone
+        judged[..., 1] += self.unseen * is_hidden(evidence)
+        return judged + add_left_over(evidence)
+
+
+@cache
+def built_in() -> Functions:
+    """What the tracker goes by."""
+    table = np.array([FITTED[clue] for clue in CLUES])
+    table.setflags(write=False)
+    low, high, probability, deviation = table.T
+    return Functions(low, high, (PROBABILITY, probability), (DEVIATION, deviation), UNSEEN)
+
+
+def is_hidden(evidence: Array) -> NDArray[np.bool_]:
+    """Of which joints (...) less than half is shown, by evidence (..., K)."""
+    hidden: NDArray[np.bool_] = ~(evidence[..., SHOWN] >= HIDDEN)
+    return hidden
 
 
 def add_left_over(evidence: Array) -> Array:
@@ -66,9 +91,8 @@ def add_left_over(evidence: Array) -> Array:
     return added
 
 
-def limit(evidence: Array) -> Array:
-    """Evidence (..., K) within what the functions were fitted to: what goes beyond counts as its limit."""
-    low, high, _, _ = table()
+def limit(evidence: Array, low: Array, high: Array) -> Array:
+    """Evidence (..., K) within what functions were fitted to (K,): what goes beyond counts as its limit."""
     within: Array = np.clip(np.nan_to_num(evidence), low, high)
     return within
 
@@ -79,11 +103,3 @@ def recall(now: Array, before: Array | None, interval: float) -> Array:
         return now
     kept = math.exp(-interval / MEMORY)
     return kept * before + (1.0 - kept) * now
-
-
-@cache
-def table() -> Array:
-    """The least and the most of each clue, and its weights, (4, K)."""
-    functions = np.array([FITTED[clue] for clue in CLUES]).T
-    functions.setflags(write=False)
-    return functions
