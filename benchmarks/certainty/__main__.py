@@ -17,6 +17,8 @@ from pathlib import Path
 
 from benchmarks.command_line import add_changes, add_data, add_processes, measured, one_thread_each
 
+EVERY = [1, 2, 3]  # n-th of 30 frames a second
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, keep the numbers where asked."""
@@ -35,13 +37,22 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--fit", action="store_true", help="fit anew on subjects 1 and 2 and rendered people")
     add("--subjects", nargs="+", type=int, default=[3, 4], help="default: 3 4, of whom nothing was fitted")
     add("--demo", type=int, metavar="N", help="N rendered people of gepf demo in place of the subjects")
-    add("--every", nargs="+", type=int, default=[1, 2, 3], metavar="N", help="of 30 frames a second")
+    add(
+        "--every",
+        nargs="+",
+        type=int,
+        metavar="N",
+        help="of 30 frames a second; default: 1 2 3. Of the demo's 10: 1",
+    )
     add("--cut", type=float, metavar="SHARE", help="pictures end so far up from the knees to the hips")
     add_changes(parser)
     add("--seeds", type=int, default=3, metavar="N", help="default: 3")
     add_processes(parser)
     add("--out", type=Path, metavar="FILE", help="keep the numbers here")
-    return parser.parse_args(arguments)
+    chosen = parser.parse_args(arguments)
+    if chosen.every is None:
+        chosen.every = EVERY if chosen.demo is None else [1]
+    return chosen
 
 
 if __name__ == "__main__":

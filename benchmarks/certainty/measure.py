@@ -64,26 +64,28 @@ def measure(choice: Choice) -> int:
     """Exit code: 1 if a recording crashed. InputError for what makes no sense."""
     if choice.fit and choice.cut is not None:
         raise InputError("give --fit or --cut: what the tracker goes by is fitted to whole pictures")
+    if choice.fit and choice.demo is not None:
+        raise InputError("give --fit or --demo: what is fitted is scored on recorded people")
     with TemporaryDirectory() as folder:
         return measure_all(choice, *recordings_of(choice, Path(folder)))
 
 
-def recordings_of(choice: Choice, folder: Path) -> tuple[str, list[Recording], Sequence[int]]:
-    """What is scored: its name, its recordings, and of which every n-th frame."""
+def recordings_of(choice: Choice, folder: Path) -> tuple[str, list[Recording]]:
+    """What is scored: its name and its recordings."""
     if choice.demo is None:
         name = f"subjects {' '.join(map(str, choice.subjects))}"
-        return name, find_hard(choice.data, choice.subjects), choice.every
-    return f"{choice.demo} people of gepf demo", render_demo(folder, choice.demo), [1]
+        return name, find_hard(choice.data, choice.subjects)
+    return f"{choice.demo} people of gepf demo", render_demo(folder, choice.demo)
 
 
-def measure_all(choice: Choice, name: str, scored: Sequence[Recording], every: Sequence[int]) -> int:
+def measure_all(choice: Choice, name: str, scored: Sequence[Recording]) -> int:
     """Exit code: 1 if a recording crashed."""
     console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     console.print("loading kernels and bodies")
     bodies, crashes, scores, functions = prepare(), list[str](), list[Score](), built_in()
     if choice.fit:
-        real = track_all(find_hard(choice.data, FIT_SUBJECTS), choice.every, choice, bodies, crashes)
-        rendered = track_all(find_rendered(choice.data), choice.every, choice, bodies, crashes)
+        real = track_all(find_hard(choice.data, FIT_SUBJECTS), choice, bodies, crashes)
+        rendered = track_all(find_rendered(choice.data), choice, bodies, crashes)
         functions = halfway(functions, fit([*real, *rendered]))
         write_functions(functions, ROOT / FILE)
         scores.append(score("fitted: subjects 1 2", real, functions))
@@ -91,13 +93,13 @@ def measure_all(choice: Choice, name: str, scored: Sequence[Recording], every: S
             score(f"rendered, held apart: {name}", part, fit([*real, *rest]))
             for name, part, rest in apart(rendered)
         ]
-    found = track_all(scored, every, choice, bodies, crashes)
+    found = track_all(scored, choice, bodies, crashes)
     scores.append(score(name, found, functions))
     for line in crashes:
         console.print(line)
     Console(width=None if sys.stdout.isatty() else WIDTH).print(score_table(scores))
     if choice.out is not None:
-        chosen = (list(every), choice.cut, list(choice.changes), choice.seeds)
+        chosen = (list(choice.every), choice.cut, list(choice.changes), choice.seeds)
         keep(Report(*chosen, versions(), machine(), scores), choice.out)
     return 1 if crashes else 0
 
@@ -116,11 +118,11 @@ def apart(gathered: Sequence[Gathered]) -> list[tuple[str, list[Gathered], list[
 
 
 def track_all(
-    recordings: Sequence[Recording], every: Sequence[int], choice: Choice, bodies: Bodies, crashes: list[str]
+    recordings: Sequence[Recording], choice: Choice, bodies: Bodies, crashes: list[str]
 ) -> list[Gathered]:
     """All recordings, frame rates and seeds, each in a process of its own."""
     settings = settings_with(choice.changes, None)
-    jobs = [(r, n, seed) for seed in range(choice.seeds) for n in every for r in recordings]
+    jobs = [(r, n, seed) for seed in range(choice.seeds) for n in choice.every for r in recordings]
 
     def run(job: tuple[Recording, int, int]) -> Gathered:
         recording, n, seed = job

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.certainty.__main__ import main, parse
 from benchmarks.certainty.cutting import cut_below, row_between
 from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway, judge
 from benchmarks.certainty.gather import Gathered
@@ -147,3 +148,14 @@ def test_a_picture_ends_between_knees_and_hips() -> None:
     cut = cut_below(DepthFrame(3, 0.1, depth, 1000.0, camera), 140)
     assert np.array_equal(cut.depth, depth[:140])
     assert (cut.intrinsics.height, cut.intrinsics.cy, cut.number) == (140, 120.0, 3)
+
+
+def test_every_frame_of_the_demo_is_looked_at_unless_others_are_asked_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """It has 10 a second; and nothing is fitted beside it."""
+    assert parse([]).every == [1, 2, 3]
+    assert parse(["--demo", "2"]).every == [1]
+    assert parse(["--demo", "2", "--every", "2"]).every == [2]
+    assert main(["--fit", "--demo", "2"]) == 2
+    assert "--demo" in capsys.readouterr().err
