@@ -20,8 +20,9 @@ from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.recorder import Recorder
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.tracker import Tracker
+from tests.support.asked import Asked
 from tests.support.refined import sure
-from tests.support.stand_ins import Asked, Ready, StandIn
+from tests.support.stand_ins import Ready, StandIn
 
 SCATTER = 0.03  # radians and metres by which the pretended descent ends apart, so that there is work to merge
 

@@ -11,14 +11,10 @@ import sys
 import threading
 import time
 
-import numpy as np
-from numpy.typing import NDArray
-
 from common.frame import SubjectFrame
 from common.refinement import Refined
-from common.settings import RefineSettings
-from common.sizes import Body
 from common.transport.opening import open_worker
+from tests.support.asked import Asked, refining
 from tests.support.refined import unmoved
 from worker.service import Kernel, Service
 
@@ -29,20 +25,13 @@ def waiting(seconds: float, lanes: int) -> Kernel[None]:
     def observe(subject: SubjectFrame) -> None:
         del subject
 
-    def refine(
-        body: Body,
-        observation: None,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-    ) -> Refined:
-        del body, observation, settings
+    def answer(asked: Asked, seen: None) -> Refined:
+        del seen
         if seconds > 0.0:
-            time.sleep(seconds * math.ceil(len(poses) / lanes))
-        return unmoved(poses, covariance=covariance)
+            time.sleep(seconds * math.ceil(len(asked.poses) / lanes))
+        return unmoved(asked.poses, covariance=asked.covariance)
 
-    return Kernel(observe, refine, lanes)
+    return Kernel(observe, refining(answer), lanes)
 
 
 def serve(endpoint: str, name: str, kernel: Kernel[None]) -> None:

@@ -18,7 +18,8 @@ from common.refinement import Refined
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.processes.instant_worker import KERNEL, observe, refine
+from tests.support.asked import Asked, refining
+from tests.support.processes.instant_worker import KERNEL, answer, observe
 from tests.support.processes.programs import wait_until
 from tests.support.processes.serving import (
     MODEL,
@@ -31,7 +32,6 @@ from tests.support.processes.serving import (
     refined_bytes,
     running,
 )
-from tests.support.stand_ins import Asked, refining
 from worker.fair_queue import MOST, FairQueue
 from worker.service import Kernel, Service
 from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
@@ -144,7 +144,7 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
     def held(asked: Asked, seen: float) -> Refined:
         served.append(round(1000 * (seen - 2.0)))
         may_go_on.wait(60.0)
-        return refine(asked.body, seen, asked.poses, asked.settings, covariance=asked.covariance)
+        return answer(asked, seen)
 
     options = Pool(workers=0, connect=endpoint, worker_timeout=60.0)
     with (

@@ -31,12 +31,12 @@ from coordinator.cli import main
 from coordinator.results.recording.recorded import read_log
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
+from tests.support.asked import Asked, refining
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import started, wait_until
 from tests.support.processes.serving import MODEL, pool, serving
 from tests.support.processes.threads import in_thread
 from tests.support.refined import unmoved
-from tests.support.stand_ins import Asked, refining
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
 

@@ -1,11 +1,9 @@
-"""What takes the place of workers for a tracker, and of their kernel: only the answer has to be said."""
+"""What takes the place of workers for a tracker: only the answer has to be said."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,39 +13,9 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.tracking.refiner import Pending, Refiner
+from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner
-from worker.service import Refine
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Asked:
-    """What one request asks for."""
-
-    body: Body
-    poses: NDArray[np.float64]  # (N, D)
-    settings: RefineSettings
-    covariance: bool
-
-    def of(self, refiner: Refiner) -> Pending:
-        """The same, asked of somebody else."""
-        return refiner.submit(self.body, self.poses, self.settings, covariance=self.covariance)
-
-
-def refining(answer: Callable[[Asked, Any], Refined]) -> Refine[Any]:
-    """A worker's kernel that gives this answer to what is asked, and to what it has observed."""
-
-    def refine(
-        body: Body,
-        seen: object,
-        poses: NDArray[np.float64],
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-    ) -> Refined:
-        return answer(Asked(body, poses, settings, covariance), seen)
-
-    return refine
+from tests.support.asked import Asked
 
 
 @dataclass(frozen=True, slots=True, eq=False)

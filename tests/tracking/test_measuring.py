@@ -43,9 +43,10 @@ from coordinator.tracking.starting.start import Start
 from coordinator.tracking.starting.uprightness import BENT, Stance, stance_of
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
+from tests.support.asked import Asked
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
 from tests.support.processes.still_workers import StillWorkers
-from tests.support.stand_ins import Asked, Direct, Ready
+from tests.support.stand_ins import Direct, Ready
 
 BODIES = choose_bodies(None, "default")
 RULES = preset("default").refine

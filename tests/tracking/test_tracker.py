@@ -34,6 +34,7 @@ from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import explain_leaps, find_leaps, judge
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
+from tests.support.asked import Asked
 from tests.support.people import (
     CAMERA,
     SETTINGS,
@@ -45,7 +46,7 @@ from tests.support.people import (
     tracker,
 )
 from tests.support.rooms import in_a_room
-from tests.support.stand_ins import Asked, Direct, Listening
+from tests.support.stand_ins import Direct, Listening
 
 Array = NDArray[np.float64]
 

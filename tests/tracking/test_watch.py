@@ -20,8 +20,9 @@ from coordinator.tracking.search.watch import AGAIN, CHECKS, DOUBTFUL, EVERY, Wa
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
+from tests.support.asked import Asked
 from tests.support.people import SETTINGS, STANDING, known, shown
-from tests.support.stand_ins import Asked, Direct
+from tests.support.stand_ins import Direct
 
 Array = NDArray[np.float64]
 

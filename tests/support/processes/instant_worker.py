@@ -9,13 +9,12 @@ from functools import partial
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from common.frame import SubjectFrame
 from common.refinement import Refined
-from common.settings import RefineSettings
-from common.sizes import Body, parts_of
+from common.sizes import parts_of
 from common.transport.credentials import read_credentials
+from tests.support.asked import Asked, refining
 from worker.cli import (
     Connect,
     LanesOption,
@@ -37,29 +36,23 @@ def observe(subject: SubjectFrame) -> float:
     return float(subject.frame.metres().ravel()[subject.picked].mean())
 
 
-def refine(
-    body: Body,
-    observation: float,
-    poses: NDArray[np.float64],
-    settings: RefineSettings,
-    lanes: int = 1,
-    *,
-    covariance: bool = False,
-) -> Refined:
+def answer(asked: Asked, observation: float, lanes: int = 1) -> Refined:
     """Something that depends on all that a result may depend on, particle by particle."""
+    poses = asked.poses
     time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * math.ceil(len(poses) / lanes))
-    moved = np.sin(poses * settings.damping + observation)
-    for model, start, stop in parts_of(body, len(poses)):
+    moved = np.sin(poses * asked.settings.damping + observation)
+    for model, start, stop in parts_of(asked.body, len(poses)):
         moved[start:stop] += model.vertices.sum()
     roots = np.abs(np.sin(moved[:, :1])) * np.tri(moved.shape[1])[np.tri(moved.shape[1]) > 0.0]
     return Refined(
         moved,
         -np.abs(moved).sum(axis=1),
         np.abs(moved - poses).mean(axis=1),
-        (0.1 * roots).astype(np.float32) if covariance else None,
+        (0.1 * roots).astype(np.float32) if asked.covariance else None,
     )
 
 
+refine = refining(answer)
 KERNEL = Kernel(observe, refine)
 
 
@@ -78,7 +71,7 @@ def work(
     def job() -> None:
         identity = choose_identity(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
         count = choose_lanes(lanes)
-        serve(identity, lambda: Kernel(observe, partial(refine, lanes=count), count), tied=tied)
+        serve(identity, lambda: Kernel(observe, refining(partial(answer, lanes=count)), count), tied=tied)
 
     exit_with(job)
 

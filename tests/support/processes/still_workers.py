@@ -22,8 +22,9 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
+from tests.support.asked import Asked
 from tests.support.refined import unmoved
-from tests.support.stand_ins import Asked, Ready, StandIn
+from tests.support.stand_ins import Ready, StandIn
 
 CAMERA = {
     "width": 64,
