@@ -143,7 +143,7 @@ class Seeker:
     ) -> Finding:
         """The body that is known and was seen in pose `last` (D,), wherever it is now.
 
-        Who is not lost and stands upright is not looked for lying or upside down.
+        Who is not lost and still the same way up as at the start is looked for that way up alone.
         """
         ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
         if not lost and self._bodies.people and way_up(start.model, last) == start.way_up:
