@@ -34,7 +34,7 @@ from tests.support.stand_ins import Listening
 Array = NDArray[np.float64]
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
-BRACKET = Path(__file__).parents[2] / "examples" / "bracket.urdf"
+BRACKET = Path(__file__).parents[3] / "examples" / "bracket.urdf"
 NOISELESS = preset("default").refine
 KNEELING = {
     "root_tz": 2.6, "root_ty": 0.2, "root_ry": 2.6, "r_shoulder_flexion": 2.7, "l_shoulder_abduct": 1.3,

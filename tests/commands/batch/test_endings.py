@@ -19,7 +19,7 @@ from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start, work_instantly
 from tests.support.small_sequence import write_small_sequence
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 GEPF = (sys.executable, "-m", "coordinator.cli")
 FRAMES, NAMES = 100, ("a", "b", "c")
 

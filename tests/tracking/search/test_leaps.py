@@ -14,7 +14,7 @@ from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS
 
-WALKER = Path(__file__).parents[3] / "shared" / "data" / "real_rooms" / "ist_um"
+WALKER = Path(__file__).parents[4] / "shared" / "data" / "real_rooms" / "ist_um"
 FARTHER = {9: 3.0, 10: 3.3}  # metres, by frame: the walker was nearer two frames before
 
 

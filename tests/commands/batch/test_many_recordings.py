@@ -178,7 +178,7 @@ def test_a_task_of_slurm_takes_the_line_of_its_number(tmp_path: Path) -> None:
     (tmp_path / "gepf").write_text('#!/bin/sh\necho "$@"\n')
     (tmp_path / "gepf").chmod(0o755)
     (tmp_path / "list.txt").write_text("walks/slow\nwalks/fast.mat\n")
-    script = Path(__file__).parents[2] / "examples" / "slurm.sh"
+    script = Path(__file__).parents[3] / "examples" / "slurm.sh"
     numbers = {"SLURM_ARRAY_TASK_ID": "2", "SLURM_CPUS_PER_TASK": "8"}
     done = subprocess.run(
         ["bash", script, tmp_path / "list.txt", "runs"],

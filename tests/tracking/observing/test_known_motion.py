@@ -28,7 +28,7 @@ from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from tests.support.stand_ins import Direct
 
-ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"
+ARM = Path(__file__).parents[3] / "examples" / "arm7.urdf"
 EVERY, FRAMES = 48, 16
 SEEDS = range(3)
 OFFSET_DEG = 5.0  # of every encoder
