@@ -54,7 +54,11 @@ def track(context: typer.Context, options: TrackOptions) -> None:
 @app.command(rich_help_panel=PANEL)
 @grouped
 def fit(context: typer.Context, options: FitOptions) -> None:
-    """Measure a person in a few frames, for track --model: stature, girth and the lengths of limbs."""
+    """Measure a person in a few frames, for track --model: stature, girth and the lengths of limbs.
+
+    Not for accuracy: arms come out 5 % short, and two people who were tracked
+    by such files had 0.4 points fewer joints within 10 cm than without.
+    """
     show = on_stderr(quiet=options.quiet)
     with loading(show, f"measuring who is in {options.sequence}; loading"):
         from coordinator.commands.fit import run_fit
