@@ -2,7 +2,8 @@
 
 Bones follow the body's links; degrees of freedom between two links become the motion of one bone in
 another. All bones have the axes of the rest pose, turned so that y is up. A named joint of the body is the
-bone whose origin it is, or a bone of its own that never moves in its parent.
+bone whose origin it is, or a bone of its own that never moves in its parent. A joint that lies beside the
+point about which its bone turns, as a person's shoulder does, is that bone's origin, which then slides.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 
 WORLD = "world"
 SAME_PLACE_M = 1e-6
+NEAR_M = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,17 +98,31 @@ def share_a_point(model: BodyModel, dofs: tuple[int, ...]) -> bool:
 
 
 def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
-    """The bones with the body's joint names, and a bone more for each joint that is no bone's origin."""
-    names: dict[int, str] = {}
-    more: list[Bone] = []
-    for name, link, point in zip(model.joint_names, model.joint_links, model.joint_points, strict=True):
-        place, dof = CAMERA_TO_Y_UP @ point, int(model.link_dofs[link])
-        b = next(b for b, bone in enumerate(bones) if bone.dof == dof)
-        if b not in names and np.allclose(bones[b].origin, place, rtol=0.0, atol=SAME_PLACE_M):
-            names[b] = name
-        else:
-            more.append(Bone(name, b, dof, (), place, slides=False))
+    """The bones with the body's joint names and in their places, and one more for each joint near no bone."""
+    places = model.joint_points @ CAMERA_TO_Y_UP.T
+    of_joint = [bone_of(bones, int(dof)) for dof in model.link_dofs[model.joint_links]]
+    apart = [float(np.linalg.norm(bones[b].origin - places[j])) for j, b in enumerate(of_joint)]
+    named: dict[int, int] = {}
+    for j in sorted(range(len(apart)), key=lambda j: apart[j] > SAME_PLACE_M):
+        if apart[j] < NEAR_M:
+            named.setdefault(of_joint[j], j)
+    for b, j in named.items():
+        beside = apart[j] > SAME_PLACE_M
+        bones[b] = replace(
+            bones[b], origin=places[j] if beside else bones[b].origin, slides=bones[b].slides or beside
+        )
+    names = {b: model.joint_names[j] for b, j in named.items()}
+    more = [
+        Bone(name, of_joint[j], bones[of_joint[j]].dof, (), places[j], slides=False)
+        for j, name in enumerate(model.joint_names)
+        if named.get(of_joint[j]) != j
+    ]
     return (*(renamed(bone, names.get(b), model.joint_names) for b, bone in enumerate(bones)), *more)
+
+
+def bone_of(bones: list[Bone], dof: int) -> int:
+    """The bone that a degree of freedom is the last to move."""
+    return next(b for b, bone in enumerate(bones) if bone.dof == dof)
 
 
 def renamed(bone: Bone, name: str | None, joints: tuple[str, ...]) -> Bone:

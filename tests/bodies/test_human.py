@@ -40,6 +40,20 @@ def joints_at(model: BodyModel, angles: dict[str, float]) -> dict[str, Array]:
     return dict(zip(model.joint_names, joint_positions(model, posed(model, angles))[0], strict=True))
 
 
+def test_shoulders_move_with_the_arms_and_elbows_stay_on_their_circle(model: BodyModel) -> None:
+    """The joint lies on the line to the elbow, and goes forward and inward with the arm, by 3 to 4 cm."""
+    hanging, forward = joints_at(model, {}), joints_at(model, {"shoulder_flexion": 0.5 * np.pi})
+    for side in SIDES:
+        turns_about = model.points[model.dof(f"{SIDES[side]}_shoulder_flexion")]
+        for joints in (hanging, forward):
+            arm, part = joints[f"{side}_elbow"] - turns_about, joints[f"{side}_shoulder"] - turns_about
+            np.testing.assert_allclose(np.cross(arm, part), 0.0, atol=1e-9)
+            assert 0.03 < np.linalg.norm(part) < 0.04
+        went = forward[f"{side}_shoulder"] - hanging[f"{side}_shoulder"]
+        assert went @ FORWARD > 0.03
+        assert went @ UPWARD > 0.03
+
+
 def directed_edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """All three edges of each triangle, in its direction, (3T, 2)."""
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])

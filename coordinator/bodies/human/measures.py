@@ -33,7 +33,8 @@ FRACTIONS_OF_STATURE = {
 class Measures:
     """Lengths in metres; `girth` is a factor (1 for an average person in everyday clothes).
 
-    `trunk` reaches from the hip joints up to the shoulder joints; widths are between joint centres.
+    `trunk` reaches from the hip joints up to the points about which the arms turn in it, the upper arm from
+    there down to the elbow; widths are between such points.
     """
 
     stature: float

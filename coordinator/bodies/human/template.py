@@ -38,10 +38,13 @@ CELL = 0.0164
 _NAMED_JOINTS = {
     "pelvis": ("pelvis", "pelvis"), "neck": ("vt1", "vc7"), "head": ("skull", "head"),
     **{
-        f"{word}_{joint}": (f"{side}_{link}", f"{side}_{joint}")
+        f"{word}_{joint}": (f"{side}_{link}", f"{side}_{place}")
         for word, side in (("right", "r"), ("left", "l"))
-        for joint, link in (("shoulder", "upper_arm"), ("elbow", "forearm"), ("wrist", "hand"),
-                            ("hip", "thigh"), ("knee", "shank"), ("ankle", "talus"))
+        for joint, link, place in (
+            ("shoulder", "upper_arm", "glenohumeral"), ("elbow", "forearm", "elbow"),
+            ("wrist", "hand", "wrist"), ("hip", "thigh", "hip"), ("knee", "shank", "knee"),
+            ("ankle", "talus", "ankle"),
+        )
     },
 }  # fmt: skip
 """Output joint -> its link and its place in the skeleton."""
