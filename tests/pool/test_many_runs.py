@@ -179,7 +179,13 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
 
 
 def waiting_at(service: Service[Any]) -> int:
-    """Requests that have come to a worker and are not being served yet."""
+    """Requests that have come to a worker, which is busy, and are not being served yet.
+
+    What only wakes it is none, and is taken away: a frame that comes does so.
+    """
     assert service._requests is not None
-    queued = sum(map(len, service._queue._waiting.values()))
-    return queued + service._requests._arrivals._waiting.qsize()
+    arrivals = service._requests._arrivals._waiting
+    arrived = [query for query in (arrivals.get() for _ in range(arrivals.qsize())) if query is not None]
+    for query in arrived:
+        arrivals.put(query)
+    return sum(map(len, service._queue._waiting.values())) + len(arrived)
