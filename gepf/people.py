@@ -76,7 +76,7 @@ class PeopleTracker(Closing):
     @property
     def found(self) -> int:
         """How many people have been found so far: the first so many of each list of estimates."""
-        return sum(tracker.start.found for tracker in self._crowd.trackers)
+        return sum(each.start.found for each in self._crowd.followers)
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
         """Follow all into the next frame, as `Tracker.track` does; an estimate a person, found or not."""
@@ -105,9 +105,9 @@ class PeopleTracker(Closing):
         given = list(estimates)
         if not given or not self.found:
             raise InputError("there is nobody to save; give the estimates that `track` returned")
-        scene, folders = self._crowd.trackers[0].state.checkpoint.scene, list[Path]()
+        scene, folders = self._crowd.followers[0].state.checkpoint.scene, list[Path]()
         for place in range(self.found):
-            start = self._crowd.trackers[place].start
+            start = self._crowd.followers[place].start
             own = [frame[place] for frame in given]
             track = assemble(start.model, own, held=start.held, up=floor_up(scene))
             folders.append(person_folder(Path(folder), place + 1))
@@ -122,5 +122,5 @@ class PeopleTracker(Closing):
             prepare()
 
     def _named(self, estimates: list[PlainEstimate]) -> list[Estimate]:
-        starts = [tracker.start for tracker in self._crowd.trackers]
+        starts = [each.start for each in self._crowd.followers]
         return [named(e, s.model, s.held) for e, s in zip(estimates, starts, strict=True)]

@@ -18,9 +18,10 @@ from common.sizes import Body
 from coordinator.filters.belief import Belief
 from coordinator.filters.methods import METHODS
 from coordinator.filters.proposal import Proposal
-from coordinator.filters.sighting import Sighting
 from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.estimate import RECORDED
+from coordinator.tracking.observing.known_motion import KnownMotion
+from coordinator.tracking.observing.sighting import see
 from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.search.seeker import Finding
@@ -86,16 +87,23 @@ class Inference:
         settings: What to compute.
         size: Of the person, about which some frames are asked.
         rng: All that is drawn is drawn from it.
+        known: How joints move, as encoders report it.
     """
 
     def __init__(
-        self, refiner: Refiner, settings: Settings, size: PersonSize, rng: np.random.Generator
+        self,
+        refiner: Refiner,
+        settings: Settings,
+        size: PersonSize,
+        rng: np.random.Generator,
+        known: KnownMotion | None = None,
     ) -> None:
         self._refiner = refiner
         self._settings = settings
         self._method = METHODS[settings.method]
         self._size = size
         self._rng = rng
+        self._known = known
 
     def begin(self, model: BodyModel, pose: Array) -> Belief:
         """The belief in a pose (D,)."""
@@ -105,8 +113,14 @@ class Inference:
         """The belief in what was found."""
         return begin_with(self._method, finding.start.model, finding.standing, self._settings.filter)
 
-    def draw(self, model: BodyModel, belief: Belief, sighting: Sighting) -> Proposal[Any]:
-        """Particles for the next frame."""
+    def draw(
+        self, model: BodyModel, belief: Belief, subject: SubjectFrame, last_time_s: float | None
+    ) -> Proposal[Any]:
+        """Particles for the next frame, from a belief that is of this time."""
+        step, time_s = None, subject.frame.time_s
+        if self._known is not None:
+            step = self._known.step(model, belief.reported, last_time_s, time_s)
+        sighting = see(subject, last_time_s, step)
         return self._method.propose(model, belief, sighting, self._settings.filter, self._rng)
 
     def submit(

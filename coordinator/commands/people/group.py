@@ -104,9 +104,9 @@ def open_all_results(job: Job, refiner: Refiner) -> Iterator[list[LiveResults | 
 
 def put_all(results: Results, crowd: Crowd, outlets: Sequence[LiveResults | None]) -> None:
     """Publish a frame's estimates of all who are found."""
-    for (estimate, _), tracker, outlet in zip(results, crowd.trackers, outlets, strict=True):
-        if outlet is not None and tracker.start.found:
-            outlet.put(estimate, tracker.model, tracker.start.held)
+    for (estimate, _), follower, outlet in zip(results, crowd.followers, outlets, strict=True):
+        if outlet is not None and follower.start.found:
+            outlet.put(estimate, follower.model, follower.start.held)
 
 
 def advance(meter: FrameMeter, results: Results, note: str = "") -> None:

@@ -66,8 +66,8 @@ def track_newest(
         crowd = Crowd(refiner, job.settings, bodies, job.people, scope)
         for frame in leave_loaded_alone(from_first_seen(iter(frames), show.say)):
             results = [
-                (estimate, tracker.state)
-                for estimate, tracker in zip(crowd.track(frame), crowd.trackers, strict=True)
+                (estimate, follower.state)
+                for estimate, follower in zip(crowd.track(frame), crowd.followers, strict=True)
             ]
             put_all(results, crowd, outlets)
             advance(meter, results, f", {frames.counts.skipped} frames skipped")

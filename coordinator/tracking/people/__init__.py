@@ -1,1 +1,1 @@
-"""Several people at once: one scene and one pool, a tracker for each."""
+"""Several people at once: one scene and one pool, a follower for each."""

@@ -1,4 +1,4 @@
-"""Several people tracked at once: a tracker for each, over the same frames and workers.
+"""Several people tracked at once: a follower for each, over the same frames and workers.
 
 The first person is who was found first, and so on. Who is not found yet, or lost, is looked for among whoever
 is seen and not explained by the others.
@@ -18,6 +18,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.follower import Follower
 from coordinator.tracking.observing.isolation import Isolated
 from coordinator.tracking.observing.lookout import CutOut
 from coordinator.tracking.people.division import Divided, Division, Offer
@@ -26,7 +27,6 @@ from coordinator.tracking.reporting import Reported
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.step import Submitted, Tracked
 from coordinator.tracking.stopwatch import Stopwatch
-from coordinator.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Sight:
         self.offers.remove(offer)
 
     def cut(self, place: int) -> CutOut:
-        """What one person's tracker needs of the frame; what was learned of the room has the first one."""
+        """What one person's follower needs of the frame; what was learned of the room has the first one."""
         change = replace(self.divided.change, learned=NOTHING) if place else self.divided.change
         isolated = Isolated(self.subjects[place], self.divided.view, change)
         return CutOut(self.frame, isolated, self.clocks[place])
@@ -81,7 +81,9 @@ class Crowd:
         if states:
             self._division.recall(states[0].checkpoint.scene)
         past: Sequence[TrackerState | None] = states or [None] * people
-        self.trackers = tuple(Tracker(refiner, settings, bodies, state=state, choosy=True) for state in past)
+        self.followers = tuple(
+            Follower(refiner, settings, bodies, state=state, choosy=True) for state in past
+        )
 
     def track(self, frame: DepthFrame) -> list[Estimate]:
         """Follow all into the next frame, or look for them."""
@@ -92,49 +94,49 @@ class Crowd:
     @property
     def people(self) -> int:
         """How many are tracked at the most."""
-        return len(self.trackers)
+        return len(self.followers)
 
     def see(self, frame: DepthFrame) -> Sight:
         """What the next frame shows of whom; who is lost may be whoever is nearest to where that was."""
-        clocks = [Stopwatch() for _ in self.trackers]
+        clocks = [Stopwatch() for _ in self.followers]
         with clocks[0].stage("isolate"):
-            reach = [tracker.watch.reach for tracker in self.trackers]
-            divided = self._division.divide(frame, [each.expected for each in self.trackers], reach)
+            reach = [each.watch.reach for each in self.followers]
+            divided = self._division.divide(frame, [each.expected for each in self.followers], reach)
         sight = Sight(frame, divided, clocks, list(divided.subjects), list(divided.offers))
-        for place, tracker in enumerate(self.trackers):
-            if tracker.start.found and tracker.expected is None and sight.offers:
-                sight.give(place, nearest(sight.offers, tracker.last_seen))
+        for place, follower in enumerate(self.followers):
+            if follower.start.found and follower.expected is None and sight.offers:
+                sight.give(place, nearest(sight.offers, follower.last_seen))
         return sight
 
     def submit(self, place: int, sight: Sight) -> Submitted:
         """Let the workers refine one person's particles; `collect` has to follow before the next one's."""
-        tracker = self.trackers[place]
+        follower = self.followers[place]
         offer = self._whom_to_try(place, sight)
         if offer is not None:
             sight.give(place, offer)
-            tracker.hurry()
-        return tracker.submit_cut(sight.cut(place))
+            follower.hurry()
+        return follower.submit_cut(sight.cut(place))
 
     def send_ahead(self, place: int, sight: Sight) -> None:
         """Let the workers have the next person's part of a frame before its turn."""
         if place < self.people:
-            self.trackers[place].send_cut_ahead(sight.cut(place))
+            self.followers[place].send_cut_ahead(sight.cut(place))
 
     def collect(self, place: int, submitted: Submitted) -> Tracked:
         """Wait for one person's refined particles."""
-        return self.trackers[place].collect(submitted)
+        return self.followers[place].collect(submitted)
 
     def report(self, tracked: Sequence[Tracked]) -> list[Reported]:
         """What was found in a frame of which all were collected; before the next one is."""
-        return [tracker.report(each) for tracker, each in zip(self.trackers, tracked, strict=True)]
+        return [follower.report(each) for follower, each in zip(self.followers, tracked, strict=True)]
 
     def _whom_to_try(self, place: int, sight: Sight) -> Offer | None:
         """Who may be this person, if it is its turn to be found: all before it are."""
-        if self.trackers[place].start.found or not all(each.start.found for each in self.trackers[:place]):
+        if self.followers[place].start.found or not all(each.start.found for each in self.followers[:place]):
             return None
         if not sight.offers:
             return None
-        watch = self.trackers[place].watch
+        watch = self.followers[place].watch
         offer = sight.offers[watch.failures % len(sight.offers)]
         changed = abs(offer.subject.pixels - watch.tried) > CHANGED * watch.tried
         untried = watch.failures < len(sight.offers)

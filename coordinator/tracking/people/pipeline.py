@@ -1,4 +1,4 @@
-"""Frames in their order through several people's trackers, so that the workers seldom wait."""
+"""Frames in their order through several people's followers, so that the workers seldom wait."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_a_third_person_whom_nobody_sees_is_absent() -> None:
     following = crowd(3)
     for results in follow_all(following, first.frames[:3]):
         assert results[2][0].status in ("absent", "searching")
-    assert [tracker.start.found for tracker in following.trackers] == [True, True, False]
+    assert [each.start.found for each in following.followers] == [True, True, False]
 
 
 def test_an_empty_room_has_nobody() -> None:
