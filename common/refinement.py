@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
+"""Standard deviations, radians and metres, of the weak prior that every covariance of a pose has in it."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refined:

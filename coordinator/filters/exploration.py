@@ -28,7 +28,7 @@ SLIDE_DEVIATION = 0.02  # metres by which a joint that slides is perturbed, one 
 
 
 def choose_kinds(count: int, rng: np.random.Generator) -> Kinds:
-    """The kind (N,) of each particle; the first, drawn from the likeliest hypothesis, is predicted."""
+    """The kind (N,) of each particle; the first, drawn from the reported hypothesis, is predicted."""
     places = (rng.random() + GOLDEN * np.arange(count)) % 1.0
     kinds = np.minimum(np.searchsorted(np.cumsum(SHARES), places, side="right"), SPREAD)
     kinds[0] = PREDICTED

@@ -2,8 +2,9 @@
 
 Where the paper is silent: weights are the likelihoods of the merged hypotheses (it asks for equal weights
 within a group, not for their sum); a hypothesis moves on with the velocity that led from its ancestor to
-it; a lone particle keeps the covariance of its ancestor; the reported pose is the hypothesis that is
-likeliest given the frame and the motion from the last one.
+it; a lone particle keeps the covariance of its ancestor; what a frame does not show stays where motion
+leads it (preset `default`, see `holding`); the reported pose is the hypothesis that is likeliest given the
+frame and the motion from the last one.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
-from common.kinematics import difference
+from common.kinematics import difference, retract
 from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, likeliest_way_on
@@ -28,6 +29,7 @@ from coordinator.filters.exploration import (
     choose_kinds,
     perturb,
 )
+from coordinator.filters.holding import hold
 from coordinator.filters.limbs.hiding import find_hidden
 from coordinator.filters.limbs.layout import view_limbs
 from coordinator.filters.limbs.reaching import find_reaches
@@ -39,6 +41,7 @@ from coordinator.filters.resampling import systematic
 from coordinator.filters.sighting import Sighting
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 REDUCTION = 0.1  # share by which step 7 shrinks every covariance each frame
 FIRST_POSITION_DEVIATION = 0.02  # metres, of where a joint that slides begins
@@ -75,10 +78,11 @@ def propose(
 ) -> Proposal[Hypotheses]:
     """Steps 2 and 3: the particles of a frame, whose descent and likelihood are steps 4 and 5."""
     ancestors = draw(past, settings, rng)  # 2
-    explores = settings.explore and settings.particles > 1
-    move = explore if explores else scatter
-    particles = move(model, past, ancestors, sighting, settings, rng)  # 3
-    return Proposal(past, ancestors, particles, sighting.interval, covariance=explores)
+    if settings.explore and settings.particles > 1:
+        ancestors[0] = place_of_reported(past)
+        return explore(model, past, ancestors, sighting, settings, rng)  # 3
+    particles = scatter(model, past, ancestors, sighting, settings, rng)  # 3
+    return Proposal(past, ancestors, particles, sighting.interval)
 
 
 def update(
@@ -104,13 +108,17 @@ def update(
     covariances = estimate_covariances(  # 7
         model, before, poses, group, past.covariances[parents], REDUCTION
     )
+    origins = past.poses[parents] if proposal.origins is None else proposal.origins[answered[chosen]]
     if roots is not None:
         covariances = shrink(covariances, roots[chosen], group)
+        if proposal.expected is not None:
+            expected = proposal.expected[answered[chosen]]
+            poses = hold(model, poses, roots[chosen], expected, proposal.interval)
     return Hypotheses(
         poses=poses,
         log_weights=log_likelihood,
         residual=after.residual[chosen],
-        velocities=difference(model, past.poses[parents], poses) / proposal.interval,
+        velocities=difference(model, origins, poses) / proposal.interval,
         reported=likeliest_way_on(model, past.reported, poses, log_likelihood, proposal.interval),
         covariances=covariances,
     )
@@ -119,6 +127,11 @@ def update(
 def draw(past: Hypotheses, settings: FilterSettings, rng: np.random.Generator) -> NDArray[np.int64]:
     """Step 2: ancestors (N,) of the new particles."""
     return systematic(past.weights, settings.particles, rng)
+
+
+def place_of_reported(past: Hypotheses) -> int:
+    """Which of the hypotheses is the one that was reported."""
+    return int(np.argmin(np.abs(past.poses - past.reported).sum(axis=1)))
 
 
 def scatter(
@@ -146,8 +159,8 @@ def explore(
     sighting: Sighting,
     settings: FilterSettings,
     rng: np.random.Generator,
-) -> Array:
-    """Step 3 of preset `default`: particles (N, D) of several kinds, see `exploration`."""
+) -> Proposal[Hypotheses]:
+    """Step 3 of preset `default`: particles of several kinds, see `exploration`."""
     kinds = choose_kinds(len(ancestors), rng)
     motion = sighting.expect(past.velocities, settings.velocity_share)
     at_rest = sighting.expect(past.velocities, 0.0)
@@ -161,9 +174,20 @@ def explore(
     noise = draw_noise(past.covariances, ancestors, rng, kinds == SPREAD)
     noise = perturb(model, kinds, noise, rng)
     moving = np.where((kinds == RESTING)[:, None], at_rest[ancestors], motion[ancestors])
-    particles = propagate(model, past.poses[ancestors], moving, noise)
-    for which, ways in ((reaching, reaches), (thrown, hidden)):
-        if ways is not None:
-            for n, dofs, angles in zip(which, ways.dofs, ways.angles, strict=True):
-                particles[n, dofs] = angles
-    return particles
+    origins = past.poses[ancestors]
+    if hidden is not None:
+        set_limbs(origins, thrown, hidden.dofs, hidden.angles)
+        set_limbs(moving, thrown, hidden.dofs, [np.zeros(len(dofs)) for dofs in hidden.dofs])
+    expected = propagate(model, origins, moving, np.zeros_like(noise))
+    particles = retract(model, expected, noise)
+    if reaches is not None:
+        set_limbs(particles, reaching, reaches.dofs, reaches.angles)
+    return Proposal(
+        past, ancestors, particles, sighting.interval, covariance=True, origins=origins, expected=expected
+    )
+
+
+def set_limbs(poses: Array, which: Indices, dofs: list[Indices], values: list[Array]) -> None:
+    """Set limbs of poses (N, D) in place: of some of them, one limb each."""
+    for n, limb, value in zip(which, dofs, values, strict=True):
+        poses[n, limb] = value

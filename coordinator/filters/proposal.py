@@ -24,6 +24,10 @@ class Proposal(Generic[B]):
     interval: float  # seconds since the frame that `past` is about
     covariance: bool = field(default=False, kw_only=True)
     """Whether the update would know how sure each refined pose is."""
+    origins: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    """The poses (N, D) that they move on from, where these are not those of their ancestors."""
+    expected: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    """Where they would be (N, D) without noise, where that is asked for."""
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
         """Whether the workers are asked for it: not where depth is by far the noisiest, where it misleads."""

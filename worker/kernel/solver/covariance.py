@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
+from common.refinement import WEAK_SLIDE, WEAK_TURN
 from worker.kernel.packing import KernelParameters
 from worker.kernel.solver.gauss_newton import factorise_ltl
 from worker.kernel.solver.normal_equations import NormalEquations
 from worker.kernel.surface import Skeleton
 
 Array = NDArray[np.float64]
-
-TURN, SLIDE = np.radians(30.0), 0.05  # standard deviations of the weak prior, radians and metres
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -61,7 +60,7 @@ def scale_of(parameters: KernelParameters, points: int) -> float:
 @numba.njit(cache=True, nogil=True)
 def prior_deviation(kind: int) -> float:
     """Of the weak prior: the standard deviation of a degree of freedom that nothing determines."""
-    return SLIDE if kind == 0 else TURN
+    return WEAK_SLIDE if kind == 0 else WEAK_TURN
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,0 +1,63 @@
+"""Hypotheses held between what a frame shows of them and where motion leads them (preset `default`).
+
+The descent climbs what one frame says. Of a limb that it does not show that is the prior of joint angles
+alone, which takes it to rest within a few frames. So each hypothesis is set to where the posterior of both
+is greatest: the frame's, a Gaussian with the covariance that the descent found (less the weak prior that is
+in it), and motion's, a Gaussian about the pose that its ancestor was expected in. What is seen stays where
+it is seen, what is hidden where motion left it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.kinematics import difference, retract
+from common.refinement import WEAK_SLIDE, WEAK_TURN
+from common.triangles import lower_triangular
+from coordinator.filters.sighting import USUAL_INTERVAL
+
+Array = NDArray[np.float64]
+
+UNEXPECTED_TURN = float(
+    np.radians(15.0)
+)  # beside what is expected, in a usual interval: one standard deviation
+UNEXPECTED_SLIDE = WEAK_SLIDE  # metres, of a joint that slides
+
+
+def hold(
+    model: BodyModel, refined: Array, roots: NDArray[np.float32], expected: Array, interval: float
+) -> Array:
+    """The likeliest poses (M, D) given a frame and the motion of so many seconds before it.
+
+    With the covariance S = (L + W)^-1 of a refined pose, L what the frame says and W the weak prior's
+    precision, and P that of motion, the step from it is (I + S (P - W))^-1 S P times the way to where it
+    was expected: L need not be known. Where the base goes is left to the frame, and to the weak prior.
+
+    Args:
+        model: The body.
+        refined: Hypotheses (M, D) after their descent.
+        roots: Cholesky factors of their covariances, lower triangles (M, D (D + 1) / 2).
+        expected: Where they would be (M, D) had all gone on as it went.
+        interval: Seconds since then.
+    """
+    turning, base = model.kinds == ROTATION, np.isin(model.dof_names, ROOT_DOFS)
+    weak: Array = np.where(turning, WEAK_TURN, WEAK_SLIDE) ** -2.0
+    moves = np.where(turning, UNEXPECTED_TURN, UNEXPECTED_SLIDE) ** -2.0 * USUAL_INTERVAL / interval
+    motion: Array = np.where(base, weak, moves)
+    way: Array = np.where(base, 0.0, difference(model, refined, expected))
+    lower = lower_triangular(roots, len(weak))
+    covariance = lower @ lower.transpose(0, 2, 1)
+    pull = covariance @ (motion * way)[..., None]
+    matrix: Array = np.eye(len(weak)) + covariance * (motion - weak)
+    steps = np.asarray(np.linalg.solve(matrix, pull), dtype=np.float64)
+    return within_limits(model, retract(model, refined, steps[..., 0]))
+
+
+def within_limits(model: BodyModel, poses: Array) -> Array:
+    """Poses (M, D) whose single axes are within their limits, as the descent leaves them."""
+    single = np.ones(len(model.kinds), dtype=np.bool_)
+    single[(model.balls[:, None] + np.arange(3)).ravel()] = False
+    clamped: Array = np.where(single, np.clip(poses, *model.limits.T), poses)
+    return clamped

@@ -1,0 +1,90 @@
+"""Hypotheses are held where motion leads them, as far as a frame does not say otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.kinematics import difference
+from common.refinement import WEAK_SLIDE, WEAK_TURN
+from coordinator.filters.holding import UNEXPECTED_SLIDE, UNEXPECTED_TURN, hold
+from coordinator.filters.sighting import USUAL_INTERVAL
+from tests.support.bodies import puppet
+
+Array = NDArray[np.float64]
+
+MODEL = puppet()
+DOFS = len(MODEL.dof_names)
+BASE = np.isin(MODEL.dof_names, ROOT_DOFS)
+
+
+def deviations(model: BodyModel, turn: float, slide: float) -> Array:
+    """Of each degree of freedom (D,)."""
+    return np.where(model.kinds == ROTATION, turn, slide)
+
+
+def packed(covariance: Array) -> NDArray[np.float32]:
+    """Its Cholesky factor as it travels, (1, D (D + 1) / 2)."""
+    root = np.linalg.cholesky(covariance)
+    triangle: NDArray[np.float32] = root[np.tri(len(root), dtype=bool)][None].astype(np.float32)
+    return triangle
+
+
+def some_poses(rng: np.random.Generator) -> tuple[Array, Array]:
+    """A pose (1, D) well within its limits, and another one near it."""
+    low, high = np.clip(MODEL.limits, -0.5, 0.5).T
+    pose = 0.5 * (low + high)[None]
+    return pose, pose + 0.05 * rng.standard_normal(pose.shape)
+
+
+@pytest.mark.parametrize("interval", [1 / 60, 1 / 30, 0.1, 1.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval: float) -> None:
+    """In finite differences, the log posterior of both is level there; of the base nothing is expected."""
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((DOFS, DOFS))
+    shows = root.T @ root * 10.0 ** rng.uniform(-1, 3)
+    weak = deviations(MODEL, WEAK_TURN, WEAK_SLIDE) ** -2.0
+    motion = deviations(MODEL, UNEXPECTED_TURN, UNEXPECTED_SLIDE) ** -2.0 * USUAL_INTERVAL / interval
+    refined, expected = some_poses(rng)
+    way = difference(MODEL, refined, expected)[0]
+
+    def cost(step: Array) -> float:
+        off = np.where(BASE, 0.0, step - way)
+        of_base = np.where(BASE, step, 0.0)
+        return float(0.5 * (step @ shows @ step + off @ (motion * off) + of_base @ (weak * of_base)))
+
+    roots = packed(np.linalg.inv(shows + np.diag(weak)))
+    step = difference(MODEL, refined, hold(MODEL, refined, roots, expected, interval))[0]
+    small = 1e-4
+    slope = [(cost(step + small * e) - cost(step - small * e)) / (2 * small) for e in np.eye(DOFS)]
+    np.testing.assert_allclose(slope, 0.0, atol=1e-3 * np.abs(motion * way).max())
+
+
+def test_what_is_seen_stays_and_what_is_hidden_goes_where_it_was_expected() -> None:
+    """Half of the degrees of freedom are seen within 0.3 degrees or 1 mm, of the others nothing is known."""
+    refined, expected = some_poses(np.random.default_rng(0))
+    seen = np.arange(DOFS) % 2 == 0
+    seen[[b + k for b in MODEL.balls for k in range(3)]] = False
+    weak, sharp = deviations(MODEL, WEAK_TURN, WEAK_SLIDE), deviations(MODEL, np.radians(0.3), 0.001)
+    roots = packed(np.diag(np.where(seen, sharp, weak) ** 2))
+    held = hold(MODEL, refined, roots, expected, USUAL_INTERVAL)
+    hidden = ~seen & ~BASE
+    assert hidden.any()
+    np.testing.assert_allclose(held[0, hidden], expected[0, hidden], atol=1e-5)
+    np.testing.assert_allclose(held[0, ~hidden], refined[0, ~hidden], atol=1e-3 * 0.2)
+
+
+def test_nothing_is_held_beyond_its_limits() -> None:
+    """An elbow that was expected bent backwards is straight."""
+    refined, _ = some_poses(np.random.default_rng(0))
+    single = np.ones(DOFS, dtype=bool)
+    single[[b + k for b in MODEL.balls for k in range(3)]] = False
+    bounded = single & ~BASE & np.isfinite(MODEL.limits).all(axis=1)
+    assert bounded.any()
+    expected = np.where(bounded, MODEL.limits[:, 1] + 0.3, refined)
+    roots = packed(np.diag(deviations(MODEL, WEAK_TURN, WEAK_SLIDE) ** 2))
+    held = hold(MODEL, refined, roots, expected, USUAL_INTERVAL)
+    np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
