@@ -3,7 +3,8 @@
 Bones follow the body's links; degrees of freedom between two links become the motion of one bone in
 another. All bones have the axes of the rest pose, turned so that y is up. A named joint of the body is the
 bone whose origin it is, or a bone of its own that never moves in its parent. A joint that lies beside the
-point about which its bone turns, as a person's shoulder does, is that bone's origin, which then slides.
+point about which its bone turns, as a person's shoulder does, is that bone's origin, which then slides. A
+bone that never moves stays where it is.
 """
 
 from __future__ import annotations
@@ -104,8 +105,9 @@ def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
     apart = [float(np.linalg.norm(bones[b].origin - places[j])) for j, b in enumerate(of_joint)]
     named: dict[int, int] = {}
     for j in sorted(range(len(apart)), key=lambda j: apart[j] > SAME_PLACE_M):
-        if apart[j] < NEAR_M:
-            named.setdefault(of_joint[j], j)
+        b = of_joint[j]
+        if apart[j] < (NEAR_M if bones[b].dofs else SAME_PLACE_M):
+            named.setdefault(b, j)
     for b, j in named.items():
         beside = apart[j] > SAME_PLACE_M
         bones[b] = replace(

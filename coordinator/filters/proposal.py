@@ -30,5 +30,8 @@ class Proposal(Generic[B]):
     """Where they would be (N, D) without noise, where that is asked for."""
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
-        """Whether the workers are asked for it: not where depth is by far the noisiest, where it misleads."""
-        return self.covariance and not rules.is_soft
+        """Whether the workers are asked for it: not where depth is by far the noisiest, where it misleads.
+
+        Nor where particles do not descend: then it says nothing of the frame.
+        """
+        return self.covariance and not rules.is_soft and rules.icp_iterations > 0

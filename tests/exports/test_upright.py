@@ -24,7 +24,7 @@ from coordinator.scene.scope import Scope, up_in_picture
 from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.search.search import WAYS_UP, ways_from
 from coordinator.viewing.scene import layout
-from tests.support.bodies import person, puppet
+from tests.support.bodies import person, puppet, random_body
 from tests.support.export_readers import bvh_joints, c3d_points, world_matrices
 from tests.support.rooms import HEIGHT, Room
 from tests.support.runs import swing, write_run
@@ -141,16 +141,34 @@ def bap_values(path: Path, number: int) -> Array:
     return np.array(found)
 
 
-def test_a_robot_that_stands_still_is_turned_too(tmp_path: Path) -> None:
-    """The root of a body whose base does not move is turned once; its joints are where they were."""
-    model, turn = puppet(), CAMERAS["pitched"]
-    track = write_run(tmp_path / "run", model, swing(model, 4), up=turn @ np.array([0.0, -1.0, 0.0]))
+@pytest.mark.parametrize("apart", [0.0, 0.02])
+@pytest.mark.parametrize("body", ["puppet", *range(4)])
+def test_a_robot_that_stands_still_is_turned_too(tmp_path: Path, body: str | int, apart: float) -> None:
+    """The root of a body whose base does not move is turned once; its joints are where they were.
+
+    So they are where they lie a few centimetres beside what turns, or beside the base.
+    """
+    rng = np.random.default_rng(body if isinstance(body, int) else 0)
+    model = puppet() if body == "puppet" else random_body(rng)
+    if apart:
+        model = with_joints_beside(model, apart * rng.normal(size=(len(model.link_names), 3)))
+    track = write_run(
+        tmp_path / "run", model, swing(model, 4), up=CAMERAS["pitched"] @ np.array([0.0, -1.0, 0.0])
+    )
     for form in ("bvh", "glb"):
         export_run(tmp_path / "run", form, tmp_path / f"run.{form}")
     expected = track.joint_positions @ read_run(tmp_path / "run").to_y_up.T
     read = bvh_joints(tmp_path / "run.bvh", model.joint_names, 4) / 100.0
     assert np.abs(read - expected).max() < 1e-4
     assert np.abs(gltf_joints(tmp_path / "run.glb", model) - expected).max() < 1e-4
+
+
+def with_joints_beside(model: BodyModel, beside: Array) -> BodyModel:
+    """A joint on each link, so far (L, 3) from the point about which it turns; metres, at rest."""
+    about = np.where(model.link_dofs[:, None] < 0, 0.0, model.points[model.link_dofs])
+    names = tuple(f"joint_{link}" for link in range(len(about)))
+    links = np.arange(len(about), dtype=np.int64)
+    return dataclasses.replace(model, joint_names=names, joint_links=links, joint_points=about + beside)
 
 
 def test_the_viewer_s_eye_stands_upright(tmp_path: Path) -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import difference
-from common.refinement import WEAK_SLIDE, WEAK_TURN
+from common.refinement import WEAK_SLIDE, WEAK_TURN, Refined
+from common.settings import preset
+from coordinator.filters.gradient_enhanced import begin, propose, update
 from coordinator.filters.holding import UNEXPECTED_SLIDE, UNEXPECTED_TURN, hold
 from coordinator.filters.sighting import USUAL_INTERVAL
 from tests.support.bodies import puppet
+from tests.support.filtering import INTERVAL, NOTHING_SEEN
 
 Array = NDArray[np.float64]
 
@@ -88,3 +93,20 @@ def test_nothing_is_held_beyond_its_limits() -> None:
     roots = packed(np.diag(deviations(MODEL, WEAK_TURN, WEAK_SLIDE) ** 2))
     held = hold(MODEL, refined, roots, expected, USUAL_INTERVAL)
     np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
+
+
+def test_each_particle_that_was_answered_is_held_about_its_own_way_on() -> None:
+    """Whatever was not answered before it: where it was expected, and the velocity from where it set out."""
+    rng, settings = np.random.default_rng(0), preset("default").filter
+    drawn = propose(MODEL, begin(MODEL, np.zeros(DOFS), settings), NOTHING_SEEN, settings, rng)
+    origins, expected, poses = 0.1 * rng.standard_normal((3, *drawn.poses.shape))
+    proposal = replace(drawn, origins=origins, expected=expected)
+    likelihood = np.arange(len(poses), dtype=np.float64)
+    likelihood[::3] = np.nan
+    roots = np.tile(packed(np.diag(deviations(MODEL, 0.01, 0.001) ** 2)), (len(poses), 1))
+    after = Refined(poses, likelihood, np.full(len(poses), 0.01), roots)
+    found = update(MODEL, proposal, after, settings, rng)
+    order = after.answered[::-1]
+    held = hold(MODEL, poses[order], roots[order], expected[order], INTERVAL)
+    np.testing.assert_allclose(found.poses, held, atol=1e-12)
+    np.testing.assert_allclose(found.velocities, difference(MODEL, origins[order], held) / INTERVAL)

@@ -129,6 +129,15 @@ def test_preset_default_asks_for_it_and_a_lone_particle_or_the_paper_does_not() 
         assert proposal.covariance is asks
 
 
+def test_who_does_not_descend_does_not_ask_for_it() -> None:
+    """It would say nothing of the frame: all would be one hypothesis, held where motion leads it."""
+    model, rng = hinges(), np.random.default_rng(0)
+    proposal = propose(model, begin(model, np.zeros(2), DEFAULT), NOTHING_SEEN, DEFAULT, rng)
+    rules = preset("default").refine
+    assert proposal.asks_covariance(rules)
+    assert not proposal.asks_covariance(msgspec.structs.replace(rules, icp_iterations=0))
+
+
 @pytest.mark.parametrize("answered", [20, 7])
 def test_an_update_merges_and_spreads_by_it(answered: int) -> None:
     """Of those particles that were answered, in one valley: what the descent found, and Eq. 7 with it."""
