@@ -20,10 +20,8 @@ from coordinator.filters.sighting import USUAL_INTERVAL
 
 Array = NDArray[np.float64]
 
-UNEXPECTED_TURN = float(
-    np.radians(15.0)
-)  # beside what is expected, in a usual interval: one standard deviation
-UNEXPECTED_SLIDE = WEAK_SLIDE  # metres, of a joint that slides
+UNEXPECTED_TURN, UNEXPECTED_SLIDE = float(np.radians(15.0)), WEAK_SLIDE
+"""Standard deviations, radians and metres, of how joints move in a usual interval beside what is expected."""
 
 
 def hold(

@@ -27,7 +27,8 @@ def draw_noise(
 ) -> Array:
     """Gaussian noise (N, D), each with its ancestor's covariance (M, D, D), drawn in particle order.
 
-    Ancestors (N,) ascend. Particles that are not to be `spread` (N,) get none.
+    Ancestors (N,) are in any order; who follows a sibling costs least. Particles that are not to be `spread`
+    (N,) get none.
     """
     standard = rng.standard_normal((len(ancestors), covariances.shape[1]))
     spread = np.ones(len(ancestors), dtype=np.bool_) if spread is None else spread
