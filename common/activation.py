@@ -40,6 +40,7 @@ def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64])
         axes=axes,
         points=points,
         limits=model.limits[wanted],
+        rest_spreads=model.rest_spreads[wanted],
         balls=find_balls(kinds, parents, axes, points, surface_carriers(moved, skin_links, skin_weights)),
         link_names=tuple(model.link_names[int(np.argmax(merged == k))] for k in range(len(moved))),
         link_dofs=moved,

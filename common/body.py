@@ -21,6 +21,7 @@ from common.errors import InputError
 ROOT_DOFS = ("root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz")
 
 TRANSLATION, ROTATION = 0, 1
+LEAST_SPREAD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +30,9 @@ class BodyModel:
 
     A degree of freedom's parent comes before it. Three consecutive rotations about orthonormal axes
     through one point, with nothing else on the first two, make a *ball*; `balls` holds the index of the
-    first of each. `skin_weights` blend the links' transforms for each vertex (rows sum to 1, the dominant
-    link first).
+    first of each. `rest_spreads` are how far angles usually are from rest, in deviations of the prior; the
+    three of a ball have the same. `skin_weights` blend the links' transforms for each vertex (rows sum to 1,
+    the dominant link first).
     """
 
     name: str
@@ -40,6 +42,7 @@ class BodyModel:
     axes: NDArray[np.float64]  # (D, 3) unit
     points: NDArray[np.float64]  # (D, 3) on the axis
     limits: NDArray[np.float64]  # (D, 2) radians or metres, infinite where free
+    rest_spreads: NDArray[np.float64]  # (D,) of the prior's deviation
     balls: NDArray[np.int64]  # (B,)
     link_names: tuple[str, ...]  # (L,)
     link_dofs: NDArray[np.int64]  # (L,) the last degree of freedom that moves the link, -1 for none
@@ -95,9 +98,15 @@ def check(model: BodyModel) -> None:
     order = np.arange(count)
     if not (np.all(model.parents < order) and np.all(model.parents >= -1)):
         raise ValueError("a degree of freedom's parent must come before it")
-    for name in ("kinds", "parents", "axes", "points", "limits"):
+    for name in ("kinds", "parents", "axes", "points", "limits", "rest_spreads"):
         if len(getattr(model, name)) != count:
             raise ValueError(f"{name} must have one row for each of the {count} degrees of freedom")
+    if not np.all(model.rest_spreads >= LEAST_SPREAD):
+        raise ValueError(f"rest_spreads must be at least {LEAST_SPREAD}")
+    if np.any(
+        model.rest_spreads[model.balls[:, None] + np.arange(3)] != model.rest_spreads[model.balls, None]
+    ):
+        raise ValueError("the three angles of a ball must have one of rest_spreads")
     if len(model.link_dofs) != len(model.link_names) or np.any(model.link_dofs >= count):
         raise ValueError("every link must be moved by a degree of freedom of the model")
     if not np.allclose(np.linalg.norm(model.axes, axis=1), 1.0):

@@ -33,7 +33,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
     noise_lateral: float = 0.01  # and across it; closest points are sought in units of both
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
-    pose_deviation: float = 0.0  # of joint angles from rest, a prior; 0: none
+    pose_deviation: float = 0.0  # of joint angles from rest, a prior, times the body's rest_spreads; 0: none
 
     @property
     def independent_points(self) -> float:
@@ -80,7 +80,7 @@ PRESETS = {
         points=4_000,
         pace_iterations=2.0,
         refine=RefineSettings(
-            descent="accelerated", sensor="camera", likelihood_scale=0.004, pose_deviation=2.4
+            descent="accelerated", sensor="camera", likelihood_scale=0.004, pose_deviation=1.6
         ),
         filter=FilterSettings(velocity_share=0.75, explore=True),
     ),

@@ -36,6 +36,7 @@ def tiny_model() -> BodyModel:
         axes=np.tile(np.eye(3), (2, 1)),
         points=np.zeros((6, 3)),
         limits=np.tile([-np.inf, np.inf], (6, 1)),
+        rest_spreads=np.ones(6),
         balls=np.array([3], dtype=np.int64),
         link_names=("all",),
         link_dofs=np.array([5], dtype=np.int64),

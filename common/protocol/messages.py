@@ -49,6 +49,7 @@ MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
     "axes": ("<f8", ("D", 3)),
     "points": ("<f8", ("D", 3)),
     "limits": ("<f8", ("D", 2)),
+    "rest_spreads": ("<f8", ("D",)),
     "balls": ("<i8", ("B",)),
     "link_dofs": ("<i8", ("L",)),
     "vertices": ("<f8", ("V", 3)),

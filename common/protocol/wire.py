@@ -15,7 +15,7 @@ from common.protocol.arrays import Array
 from common.protocol.keys import NAME
 from common.settings import RefineSettings
 
-PROTOCOL = 7  # between coordinator and workers
+PROTOCOL = 8  # between coordinator and workers
 LIVE = 1  # of what cameras publish, which others write, too: docs/live.md
 MAX_BYTES = 64 * 2**20  # of one message
 MAX_REASON = 1_000  # characters

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -38,6 +40,28 @@ def posed(model: BodyModel, angles: dict[str, float]) -> Array:
 def joints_at(model: BodyModel, angles: dict[str, float]) -> dict[str, Array]:
     """Named joints (3,) in a pose."""
     return dict(zip(model.joint_names, joint_positions(model, posed(model, angles))[0], strict=True))
+
+
+def test_arms_are_held_least_to_rest_and_hips_most(model: BodyModel) -> None:
+    """Wider and narrower than all else, alike on both sides and about all axes of a joint."""
+    spreads = dict(zip(model.dof_names, model.rest_spreads.tolist(), strict=True))
+    for side in SIDES.values():
+        assert spreads[f"{side}_shoulder_flexion"] == spreads[f"{side}_elbow_flexion"] == 1.5
+        assert spreads[f"{side}_hip_twisting"] < spreads[f"{side}_knee_flexion"] < spreads["vl3_tilt"] == 1.0
+    assert {spreads[name] for name in model.dof_names if name.startswith("root")} == {1.0}
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan])
+def test_spreads_that_mean_nothing_are_refused(model: BodyModel, wrong: float) -> None:
+    """As are different ones about one ball's axes."""
+    spreads = model.rest_spreads.copy()
+    spreads[model.dof("l_knee_flexion")] = wrong
+    with pytest.raises(ValueError, match="rest_spreads must be at least"):
+        replace(model, rest_spreads=spreads)
+    spreads = model.rest_spreads.copy()
+    spreads[model.dof("l_hip_flexion")] = 1.0
+    with pytest.raises(ValueError, match="the three angles of a ball"):
+        replace(model, rest_spreads=spreads)
 
 
 def test_shoulders_move_with_the_arms_and_elbows_stay_on_their_circle(model: BodyModel) -> None:

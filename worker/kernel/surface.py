@@ -30,6 +30,7 @@ class Skeleton(NamedTuple):
     link_dofs: NDArray[np.int64]  # (L,)
     root: NDArray[np.bool_]  # (D,) which of them place the body in the world
     single: NDArray[np.bool_]  # (D,) which of them are not part of a ball
+    precisions: NDArray[np.float64]  # (D,) of the prior towards rest, 1 where usual; 0 of the root
 
 
 class Surface(NamedTuple):
@@ -59,6 +60,7 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     skin_links, skin_weights = weights_first(model.skin_links[order], model.skin_weights[order])
+    root = np.array([name in ROOT_DOFS for name in model.dof_names])
     skeleton = Skeleton(
         model.kinds,
         model.parents,
@@ -67,8 +69,9 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         model.limits,
         model.balls,
         model.link_dofs,
-        np.array([name in ROOT_DOFS for name in model.dof_names]),
+        root,
         ~np.isin(np.arange(len(model.kinds)), model.balls[:, None] + np.arange(3)),
+        np.where(root, 0.0, model.rest_spreads**-2.0),
     )
     surface = Surface(
         np.ascontiguousarray(model.vertices[order]),

@@ -64,6 +64,18 @@ _THUMB = {
     "3_flexion": (-15, 80),
 }
 
+_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125}
+"""How far joints are from rest, for a prior of 1.6 rad: arms go anywhere, legs are mostly straight.
+
+Arms: the paper's arm without noise, whose angles a narrower prior draws by 0.4 degrees. Hips and knees:
+subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 frames a second.
+"""
+
+
+def rest_spread(dof: str) -> float:
+    """How far a joint angle usually is from rest, as a share of the prior's deviation."""
+    return next((spread for joint, spread in _SPREADS.items() if f"_{joint}_" in dof), 1.0)
+
 
 def joint_range(dof: str) -> NDArray[np.float64]:
     """Lower and upper limit (2,) in radians, or in metres for the root; infinite where free."""

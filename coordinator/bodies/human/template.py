@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel, find_balls
 from common.kinematics import dof_transforms
 from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
-from coordinator.bodies.human.ranges import joint_range
+from coordinator.bodies.human.ranges import joint_range, rest_spread
 from coordinator.bodies.human.shape import ARMS_RAISED, LEGS_SPREAD, moved, shape_person
 from coordinator.bodies.human.skeleton import ARM_TILT, Skeleton, build_skeleton
 from coordinator.bodies.human.skinning import KEPT, skin_shares, strongest
@@ -115,6 +115,7 @@ def _without_skin(skeleton: Skeleton) -> BodyModel:
         axes=axes,
         points=points,
         limits=np.stack([joint_range(name) for name in names]),
+        rest_spreads=np.array([rest_spread(name) for name in names]),
         balls=find_balls(kinds, parents, axes, points, link_dofs),
         link_names=links,
         link_dofs=link_dofs,

@@ -60,6 +60,7 @@ def read_urdf(path: Path) -> BodyModel:
         parents=parents,
         axes=axes,
         points=points,
+        rest_spreads=np.ones(len(kinds)),
         limits=np.array([(-np.inf, np.inf)] * 6 + [limits_of(path, j) for j in moving]),
         balls=find_balls(kinds, parents, axes, points, surface_carriers(link_dofs, skin.links, skin.weights)),
         link_names=(base, *(j.child for j in moving)),

@@ -50,10 +50,6 @@ Array = NDArray[np.float64]
 ALIKE = 1.0  # difference of log likelihood up to which candidates explain a frame as well as each other
 ELSEWHERE = 0.2  # metres of a joint between poses that are told apart
 HEAD, PELVIS = "head", "pelvis"
-POSE_DEVIATION = 1.6
-"""Radians of joint angles from rest, of who is looked for: narrower than of who is tracked, as no frame
-before says how limbs are held. By 2.4 who sits at first is found with the legs elsewhere (subject 2's `a24`:
-81 % of joints in place of 90, three seeds)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +95,6 @@ class Seeker:
             preset("default").refine,
             noise_depth=settings.refine.noise_depth,
             noise_lateral=settings.refine.noise_lateral,
-            pose_deviation=POSE_DEVIATION,
         )
         self._ways_up = tuple(ways_of(settings.rotate_deg))
         self._fewest = min(FEWEST, settings.points)

@@ -133,7 +133,7 @@ def prior_costs(held: Held, poses: Array) -> Array:
     away = difference(model, np.zeros_like(poses), poses)
     away[:, [name in ROOT_DOFS for name in model.dof_names]] = 0.0
     stiffness = 0.0 if held.samples is not None else plain_path.rest_weight(settings)
-    cost = stiffness * np.sum(away**2, axis=1)
+    cost = stiffness * np.sum((away / model.rest_spreads) ** 2, axis=1)
     excess = poses - np.clip(poses, *model.limits.T)
     for start in model.balls:
         counts = np.abs(np.cos(poses[:, start + 1])) > 0.3

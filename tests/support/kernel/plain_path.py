@@ -283,7 +283,7 @@ def prior_cost(model: BodyModel, pose: Array, settings: RefineSettings) -> float
     """What a pose (D,) costs for each point, whatever is observed."""
     away = difference(model, np.zeros((1, len(pose))), pose[None])[0]
     away[[name in ROOT_DOFS for name in model.dof_names]] = 0.0
-    cost = rest_weight(settings) * float(away @ away)
+    cost = rest_weight(settings) * float(np.sum((away / model.rest_spreads) ** 2))
     excess = pose - np.clip(pose, *model.limits.T)
     for start in model.balls:
         if abs(np.cos(pose[start + 1])) > 0.3:
@@ -294,9 +294,10 @@ def prior_cost(model: BodyModel, pose: Array, settings: RefineSettings) -> float
 def add_rest_prior(
     model: BodyModel, pose: Array, stiffness: float, gram: Array, gradient: Array
 ) -> tuple[Array, Array]:
-    """Half the squared way from the rest pose, the root's aside, added to the equations."""
+    """Half the squared way from the rest pose in its spreads, the root's aside, added to the equations."""
     way = difference(model, np.zeros((1, len(pose))), pose[None])[0]
-    drawn = stiffness * np.array([name not in ROOT_DOFS for name in model.dof_names], dtype=np.float64)
+    joints = np.array([name not in ROOT_DOFS for name in model.dof_names], dtype=np.float64)
+    drawn = stiffness * joints / model.rest_spreads**2
     return gram + np.diag(drawn), gradient + drawn * way
 
 

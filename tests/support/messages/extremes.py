@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import ROOT_DOFS, BodyModel
+from common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
 from common.bounds import (
     LARGEST_LENGTH,
     LARGEST_POSE,
@@ -107,6 +107,13 @@ class Extremes:
         )
         return replace(tiny_model(), **self._one_of(changes))
 
+    def _spreads(self, dofs: int, balls: list[int]) -> NDArray[np.float64]:
+        """Positive, and one of each ball."""
+        spreads = np.exp(self._rng.uniform(np.log(LEAST_SPREAD), np.log(LARGEST_LENGTH), dofs))
+        for start in balls:
+            spreads[start : start + 3] = spreads[start]
+        return spreads
+
     def _model(self) -> BodyModel:
         dofs, vertices = self._one_of((1, 2, 3, 6, 6, 9, 20)), self._one_of((1, 3, 4, 10, 60))
         links, triangles = self._one_of((1, 2, 3)), self._one_of((0, 1, 4, 30, 100))
@@ -121,6 +128,7 @@ class Extremes:
             axes=self._axes(dofs),
             points=self._numbers((dofs, 3), LARGEST_LENGTH),
             limits=free if self._coin() else limits,
+            rest_spreads=self._spreads(dofs, first),
             balls=np.array(first, dtype=np.int64),
             link_names=tuple(f"link-{k}" for k in range(links)),
             link_dofs=self._rng.integers(-1, dofs, links),

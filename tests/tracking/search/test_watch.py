@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 
 from common.settings import RefineSettings
 from common.sizes import Body
-from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.recall import TURNS
 from coordinator.tracking.search.search import QUICK, WAYS_UP
-from coordinator.tracking.search.seeker import ELSEWHERE, POSE_DEVIATION, Finding, Seeker
+from coordinator.tracking.search.seeker import ELSEWHERE, Finding, Seeker
 from coordinator.tracking.search.verdict import Verdict
 from coordinator.tracking.search.watch import AGAIN, CHECKS, DOUBTFUL, EVERY, Watch
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
-from tests.support.asked import Asked
 from tests.support.people import SETTINGS, STANDING, known, shown
-from tests.support.stand_ins import Direct
 
 Array = NDArray[np.float64]
 
@@ -104,35 +101,3 @@ def test_who_stands_upright_and_is_not_lost_is_not_looked_for_lying(
         submitted.request.sighted.subject, tracker.start, tracker.rules, last, lost=lost
     )
     assert asked[0] == QUICK.candidates + TURNS + turned * QUICK.turned * (len(WAYS_UP) - 1)
-
-
-def test_poses_of_who_is_looked_for_are_held_to_be_more_usual() -> None:
-    """By a narrower prior of joint angles, until they are taken for the body that is tracked."""
-
-    class Noting(Direct):
-        """Notes the prior's width, request by request."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.widths: list[float] = []
-
-        def answer(self, asked: Asked) -> Pending:
-            """As ever."""
-            self.widths.append(asked.settings.pose_deviation)
-            return super().answer(asked)
-
-    refiner = Noting()
-    tracker = Tracker(refiner, SETTINGS, known(), STANDING)
-    submitted = tracker.submit(shown("standing").frames[0])
-    assert submitted.request is not None
-    refiner.widths.clear()
-    Seeker(known(), refiner, SETTINGS).find_again(
-        submitted.request.sighted.subject,
-        tracker.start,
-        tracker.rules,
-        submitted.request.sighted.past,
-        lost=True,
-    )
-    *searched, tracked = refiner.widths
-    assert set(searched) == {POSE_DEVIATION}
-    assert tracked == SETTINGS.refine.pose_deviation > POSE_DEVIATION

@@ -24,7 +24,7 @@ def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
     if rest_weight > 0.0:
         away = away_from_rest(skeleton, pose)
         for j in range(len(pose)):
-            cost += rest_weight * away[j] * away[j]
+            cost += rest_weight * skeleton.precisions[j] * away[j] * away[j]
     excess = np.empty(3)
     for start in skeleton.balls:
         if fill_excess(skeleton, pose, start, excess):
@@ -34,27 +34,24 @@ def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def away_from_rest(skeleton: Skeleton, pose: Array) -> Array:
-    """How far each angle of pose (D,) is from rest; of a ball, its rotation vector; of the root, nothing."""
+    """How far each angle of pose (D,) is from rest; of a ball, its rotation vector."""
     away, turned = pose.copy(), np.empty((3, 3))
     for start in skeleton.balls:
         handed = handedness(skeleton.axes, start)
         fill_euler_matrix(handed * pose[start], handed * pose[start + 1], handed * pose[start + 2], turned)
         x, y, z = rotation_vector(turned)
         away[start], away[start + 1], away[start + 2] = handed * x, handed * y, handed * z
-    for j in range(len(pose)):
-        if skeleton.root[j]:
-            away[j] = 0.0
     return away
 
 
 @numba.njit(cache=True, nogil=True)
 def add_rest_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
-    """Add half the squared angles of all joints but the root to the equations (rest prior)."""
+    """Add half the squared angles of all joints, by their precisions, to the equations (rest prior)."""
     away = away_from_rest(skeleton, pose)
     for j in range(len(pose)):
-        if not skeleton.root[j]:
-            gram[j, j] += stiffness
-            gradient[j] += stiffness * away[j]
+        stiff = stiffness * skeleton.precisions[j]
+        gram[j, j] += stiff
+        gradient[j] += stiff * away[j]
 
 
 @numba.njit(cache=True, nogil=True)
