@@ -174,7 +174,7 @@ def test_a_models_arrays_are_its_own_and_frozen() -> None:
     assert not np.any(model.vertices == 99.0)
     arrays = [getattr(model, field.name) for field in fields(model)]
     arrays = [array for array in arrays if isinstance(array, np.ndarray)]
-    assert len(arrays) == 13
+    assert len(arrays) == 14
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
