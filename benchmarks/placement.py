@@ -1,7 +1,7 @@
 """How much of what joints are off is how the reference places them: python -m benchmarks.placement.
 
-The camera's SDK has other joints than an anatomical body: its shoulders lie lower, its hips and ankles
-higher, and they move with the arms. A linear map from the tracked joints to the reference's, both in the
+The camera's SDK has other joints than an anatomical body: its hips and ankles lie higher, and they move with
+the limbs. A linear map from the tracked joints to the reference's, both in the
 frame of the trunk, is learned on subjects 1 and 2 and applied to 3 and 4: what is still off then is no matter
 of definition. 30 frames a second; lines on stdout. Exit code 1 if a recording crashed.
 """
