@@ -79,7 +79,7 @@ def measure(chosen: argparse.Namespace) -> int:
 def place(recording: Recording, bodies: Bodies) -> Placed:
     """Track a recording and put its joints beside the reference's."""
     frames = read_frames(recording)
-    tracker = Tracker(DirectRefiner(), settings_with([]), bodies, None)
+    tracker = Tracker(DirectRefiner(), settings_with([]), bodies)
     estimates, _ = follow(tracker, frames)
     numbers = np.array([estimate.frame for estimate in estimates])
     there, reference, holds = read_reference(recording.joints, frames).at(numbers)

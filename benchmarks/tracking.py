@@ -20,6 +20,7 @@ from coordinator.commands.track import choose_start
 from coordinator.results.summary import count_status
 from coordinator.sources import open_source
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.search.sizes import GIRTHS
 from coordinator.tracking.tracker import Tracker
@@ -55,7 +56,7 @@ def track(
     """Track all frames and compare; raises whatever goes wrong."""
     source = open_source(recording.depth)
     start = choose_start(None, source)
-    tracker = Tracker(DirectRefiner(), settings, bodies, start, isolation=isolation)
+    tracker = Tracker(DirectRefiner(), settings, bodies, Known(start), isolation)
     estimates, seconds = follow(tracker, source)
     return Tracked(
         comparison=compare(recording, tracker.model.joint_names, estimates),

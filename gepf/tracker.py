@@ -25,6 +25,7 @@ from coordinator.results.recording.recorded import assemble, certainty_of, floor
 from coordinator.results.recording.saving import save_run
 from coordinator.security.tls import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import prepare
 from coordinator.tracking.pace import keep_up
 from coordinator.tracking.pipeline import follow
@@ -81,7 +82,7 @@ class Tracker(Closing):
             given_start(given, bodies)  # checked before any worker starts
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)
-        self._made = partial(FrameTracker, refiner, bodies=bodies, start=given)
+        self._made = partial(FrameTracker, refiner, bodies=bodies, known=Known(given))
         self._tracker = self._made(settings)
 
     def close(self) -> None:

@@ -17,6 +17,7 @@ from benchmarks.tracking import follow
 from common.frame import DepthFrame
 from coordinator.bodies.tracked import Bodies
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.known import Known
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
@@ -63,7 +64,7 @@ def compare(
     first, state = begun
     settings = row.settings(seed)
     lone = settings.filter.particles == 1
-    tracker = Tracker(DirectRefiner(), settings, bodies, None, None if lone else state)
+    tracker = Tracker(DirectRefiner(), settings, bodies, Known(state=None if lone else state))
     estimates, seconds = follow(tracker, frames if lone else frames[1:])
     estimates = estimates if lone else [first, *estimates]
     return hold_against(

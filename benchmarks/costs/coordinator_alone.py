@@ -18,6 +18,7 @@ from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.recorder import Recorder
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.tracker import Tracker
 from tests.support.asked import Asked
@@ -56,7 +57,7 @@ def coordinator_stages(rounds: int) -> dict[str, Any]:
     """Medians of milliseconds by stage over so many frames, preset `default`."""
     case = standing(10_000, SensorNoise(), 0)
     frame = whole_image(case.subject)
-    tracker = Tracker(InstantRefiner(), preset("default"), choose_bodies(None, "default"), start=POSE)
+    tracker = Tracker(InstantRefiner(), preset("default"), choose_bodies(None, "default"), Known(POSE))
     laps: list[dict[str, float]] = []
     with (
         tempfile.TemporaryDirectory(prefix="gepf-") as folder,

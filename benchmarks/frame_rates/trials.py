@@ -36,7 +36,7 @@ class Compared:
 def track_thinned(recording: Recording, every: int, settings: Settings, bodies: Bodies) -> Compared:
     """Track every n-th frame, beginning with the first."""
     frames = read_frames(recording)
-    tracker = Tracker(DirectRefiner(), settings, bodies, None)
+    tracker = Tracker(DirectRefiner(), settings, bodies)
     estimates, seconds = follow(tracker, frames[::every])
     estimated = joints_of(estimates, tracker.model.joint_names)
     numbers = np.array([e.frame for e in estimates])

@@ -18,6 +18,7 @@ from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.known import Known
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 
@@ -53,7 +54,7 @@ def run(job: Job, footage: Footage) -> Run:
     bodies = choose_bodies(row.active, settings.preset)
     if not row.limits:
         bodies = Bodies(limitless, bodies.start_dofs, bodies.active)
-    tracker = Tracker(DirectRefiner(), settings, bodies, footage.start)
+    tracker = Tracker(DirectRefiner(), settings, bodies, Known(footage.start))
     estimates, ms = [], []
     for frame in footage.frames(row.noise, job.seed, row.frames):
         began = time.process_time()

@@ -29,6 +29,7 @@ from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.given import NOTHING, Given, parse_given
 from coordinator.sources.source import select_frames
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.starting.fitting import MEASURES, WHOLE_FIT, Fit, Fitter, Posed, Sweeps
@@ -105,7 +106,8 @@ def follow(
 ) -> tuple[Tracker, list[Posed]]:
     """Track, and keep some of the frames in which the person was seen well."""
     bodies = choose_bodies(None, job.settings.preset)
-    tracker = Tracker(refiner, job.settings, bodies, choose_start(job.init, source, HUMAN_DOFS))
+    known = Known(choose_start(job.init, source, HUMAN_DOFS))
+    tracker = Tracker(refiner, job.settings, bodies, known)
     isolation = Isolation(job.settings.points)
     seen = []
     with show.frames(len(numbers)) as meter:

@@ -38,6 +38,7 @@ from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
 from coordinator.sources.pictures.colour_folder import ColourFolder
 from coordinator.sources.source import select_frames
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.pipeline import follow
@@ -168,8 +169,8 @@ def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[Poole
     ):
         past = recorder.past.state if recorder.past else None
         isolation = Isolation(run.job.settings.points, run.scope)
-        known = KnownMotion(run.job.joint_states) if run.job.joint_states else None
-        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, past, isolation, known)
+        motion = KnownMotion(run.job.joint_states) if run.job.joint_states else None
+        tracker = Tracker(refiner, run.job.settings, run.bodies, Known(run.start, past, motion), isolation)
         frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
         for estimate, state in leave_loaded_alone(follow(tracker, frames)):
             meter.advance(estimate)

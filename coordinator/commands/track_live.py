@@ -26,6 +26,7 @@ from coordinator.results.recording.recorder import Recorder
 from coordinator.results.track import filled, read_track
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation, prepare
 from coordinator.tracking.pace import keep_up
 from coordinator.tracking.starting.start_file import read_start
@@ -110,7 +111,7 @@ def track_newest(run: LiveRun, meter: FrameMeter, show: Show, connect: Connect[L
     with connect(run.job.pool, show) as refiner, meter, open_results(run.job, refiner) as results:
         prepare()  # so that no frame has to wait for it
         isolation = Isolation(run.job.settings.points, run.scope)
-        tracker = Tracker(refiner, run.job.settings, run.bodies, run.start, isolation=isolation)
+        tracker = Tracker(refiner, run.job.settings, run.bodies, Known(run.start), isolation)
         tracker.prepare()
         refiner.listen(run.key, run.frames.receive)
         show.say(f"listening on {run.key}; the newest frame is tracked as soon as the workers are ready")

@@ -6,7 +6,6 @@ them to the workers; `collect` waits for them and updates the belief; `report` g
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -22,9 +21,9 @@ from coordinator.filters.methods import apply_method
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.inference import Answer, Inference, Situation
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.company import has_company
 from coordinator.tracking.observing.isolation import PosedBody
-from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.lookout import CutOut
 from coordinator.tracking.observing.sensor_noise import assume_noise
 from coordinator.tracking.observing.sighting import distance_of
@@ -35,8 +34,8 @@ from coordinator.tracking.search.finder import Finder
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.watch import GIVEN, Watch
 from coordinator.tracking.starting.person_size import PersonSize
-from coordinator.tracking.starting.start import Start, given_start, no_start
-from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
+from coordinator.tracking.starting.start import Start
+from coordinator.tracking.state import TrackerState, take_checkpoint
 from coordinator.tracking.step import Submitted, Tracked
 
 Array = NDArray[np.float64]
@@ -49,9 +48,7 @@ class Follower:
         refiner: Has particles refined, here or elsewhere.
         settings: What to compute. What makes their method holds whatever else they say.
         bodies: Gives the body that is tracked, by its measures.
-        start: Values of degrees of freedom in the first frame, metres and radians; None to find the body.
-        state: Go on from here, where another tracker of the same settings left off.
-        known: How joints move, as encoders report it.
+        known: What is known of it beside the frames; None for nothing.
         choosy: Wait for a frame that shows the body well, for some searches: it is not the only one there.
     """
 
@@ -60,31 +57,30 @@ class Follower:
         refiner: Refiner,
         settings: Settings,
         bodies: Bodies,
-        start: Mapping[str, float] | None = None,
-        state: TrackerState | None = None,
-        known: KnownMotion | None = None,
+        known: Known | None = None,
         *,
         choosy: bool = False,
     ) -> None:
+        known = known or Known()
+        given = known.start is not None
         self._refiner = refiner
         self._settings = settings = apply_method(settings)
         self._minds_company = bodies.people and not choosy
-        self._start = no_start(bodies) if start is None else given_start(start, bodies)
+        self._start = known.begin(bodies)
         self._size = PersonSize(bodies)
-        drawn = None if state is None else state.checkpoint.generator
-        self._rng = np.random.default_rng(settings.seed) if drawn is None else load_generator(drawn)
+        self._rng = known.generator(settings.seed)
         self._belief: Belief | None = None
-        self._watch = Watch() if start is None else GIVEN
-        self._around = None if start is None else self._start.pose  # (D,) near which the next frame shows it
+        self._watch = GIVEN if given else Watch()
+        self._around = self._start.pose if given else None  # (D,) near which the next frame shows it
         self._time_s: float | None = None  # of the last frame that showed something
         self._distance = 0.0  # metres, of what the frame at hand shows
         self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
-        self._inference = Inference(refiner, settings, self._size, self._rng, known)
-        seeker, given = Seeker(bodies, refiner, settings, choosy=choosy), start is not None
+        self._inference = Inference(refiner, settings, self._size, self._rng, known.motion)
+        seeker = Seeker(bodies, refiner, settings, choosy=choosy)
         self._finder = Finder(seeker, self._inference, self._size, settings, given=given)
-        if state is not None:
-            self._resume(state)
+        if known.state is not None:
+            self._resume(known.state)
 
     def _resume(self, state: TrackerState) -> None:
         """Know what was known."""

@@ -6,19 +6,16 @@ them and updates the belief; `report` gives the estimate. `track` does all three
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.follower import Follower
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation
-from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.lookout import CutOut, Lookout
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.verdict import FEWEST
-from coordinator.tracking.state import TrackerState
 from coordinator.tracking.step import Submitted
 
 
@@ -29,10 +26,8 @@ class Tracker(Follower):
         refiner: Has particles refined, here or elsewhere.
         settings: What to compute. What makes their method holds whatever else they say.
         bodies: Gives the body that is tracked, by its measures.
-        start: Values of degrees of freedom in the first frame, metres and radians; None to find the body.
-        state: Go on from here, where another tracker of the same settings left off.
+        known: What is known of it beside the frames; None for nothing.
         isolation: Cuts the body out of the frames; None for the usual way.
-        known: How joints move, as encoders report it.
     """
 
     def __init__(
@@ -40,16 +35,13 @@ class Tracker(Follower):
         refiner: Refiner,
         settings: Settings,
         bodies: Bodies,
-        start: Mapping[str, float] | None = None,
-        state: TrackerState | None = None,
+        known: Known | None = None,
         isolation: Isolation | None = None,
-        known: KnownMotion | None = None,
     ) -> None:
-        super().__init__(refiner, settings, bodies, start, state, known)
+        super().__init__(refiner, settings, bodies, known)
         self._fewest = min(FEWEST, settings.points)
         self._lookout = Lookout(isolation or Isolation(settings.points))
-        if state is not None:
-            self._lookout.recall(state.checkpoint.scene)
+        self._lookout.recall(self._scene)
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame, or look for it."""

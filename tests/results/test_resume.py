@@ -21,6 +21,7 @@ from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.log import Began, Entry, Record, append_records, read_records
 from coordinator.results.recording.recorded import read_log
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.known import Known
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import Checkpoint, TrackerState
@@ -57,24 +58,24 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     settings = choose_settings(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
-    whole = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    whole = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
     said = [as_bytes(estimate) for estimate, _ in follow(whole, frames)]
 
-    following = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    following = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
     for number, frame in enumerate(frames):
         estimate = following.track(frame)
         assert as_bytes(estimate) == said[number]
         state = through_a_file(following.state, estimate, tmp_path / "log")
-        following = Tracker(DirectRefiner(), settings, bodies(), None, state)
+        following = Tracker(DirectRefiner(), settings, bodies(), Known(state=state))
 
 
 def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
     """What is known of the scene is folded from the log: resumed after every frame, a run says the same."""
     settings = choose_settings("gepf", "default", 4, 400, seed=5)
     frames = [in_a_room(frame) for frame in shown("standing").frames]
-    calm = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    calm = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
     said = [as_bytes(estimate) for estimate, _ in follow(calm, frames)]
-    following = Tracker(DirectRefiner(), settings, bodies(), STANDING)
+    following = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
     with (tmp_path / "log").open("ab") as file:
         for number, frame in enumerate(frames):
             estimate = following.track(frame)
@@ -85,12 +86,12 @@ def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
             append_records(file.fileno(), [Began(state.start), entry])
             recorded = read_log(tmp_path / "log")
             assert recorded is not None
-            following = Tracker(DirectRefiner(), settings, bodies(), None, recorded.state)
+            following = Tracker(DirectRefiner(), settings, bodies(), Known(state=recorded.state))
 
 
 def test_all_that_a_tracker_changes_is_in_its_state() -> None:
     """Attributes that tracking changes are those that are recorded; a new one fails here."""
-    following = Tracker(DirectRefiner(), preset("default"), bodies(), STANDING)
+    following = Tracker(DirectRefiner(), preset("default"), bodies(), Known(STANDING))
     parts = {"": following, "size.": following._size}
     before = {(part, name): value for part, of in parts.items() for name, value in vars(of).items()}
     generator = json.dumps(following._rng.bit_generator.state)

@@ -19,6 +19,7 @@ from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.known import Known
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 
@@ -85,7 +86,7 @@ def known() -> Bodies:
 
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> Tracker:
     """A tracker of the known person, from a given start."""
-    return Tracker(DirectRefiner(), settings, known(), start)
+    return Tracker(DirectRefiner(), settings, known(), Known(start))
 
 
 def as_bytes(estimate: Estimate) -> list[bytes]:

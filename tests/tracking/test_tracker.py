@@ -25,6 +25,7 @@ from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.filters.methods import settings_for
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.subject import CLEARANCE, isolate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Pending
@@ -211,7 +212,7 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
     frames, refiner = list(shown("standing").frames), Watched()
     frames[2] = empty(2)  # nothing to be busy with: the frame before comes all the same
     states: list[TrackerState] = []
-    for estimate, state in follow(Tracker(refiner, FOLLOWING, known(), STANDING), frames):
+    for estimate, state in follow(Tracker(refiner, FOLLOWING, known(), Known(STANDING)), frames):
         refiner.events.append(f"told {estimate.frame}")
         states.append(state)
     assert refiner.events == [
@@ -252,14 +253,14 @@ def test_who_merges_by_covariance_asks_for_it(
     refine = msgspec.structs.replace(settings.refine, noise_depth=noise)
     settings = msgspec.structs.replace(settings, refine=refine, measure_person=False, recover=False)
     refiner = Listening()
-    Tracker(refiner, settings, known(), STANDING).track(shown("standing").frames[0])
+    Tracker(refiner, settings, known(), Known(STANDING)).track(shown("standing").frames[0])
     assert refiner.asked == {asked}
 
 
 def test_what_was_tracked_is_told_before_a_failure() -> None:
     """A frame that cannot be refined does not take the one before with it."""
     told: list[int] = []
-    failing = Tracker(Watched(fails_at=2), SETTINGS, known(), STANDING)
+    failing = Tracker(Watched(fails_at=2), SETTINGS, known(), Known(STANDING))
     with pytest.raises(RuntimeError, match="gone"):
         note(told, follow(failing, shown("standing").frames))
     assert told == [0, 1]

@@ -19,6 +19,7 @@ from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.follower import Follower
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolated
 from coordinator.tracking.observing.lookout import CutOut
 from coordinator.tracking.people.division import Divided, Division, Offer
@@ -82,7 +83,7 @@ class Crowd:
             self._division.recall(states[0].checkpoint.scene)
         past: Sequence[TrackerState | None] = states or [None] * people
         self.followers = tuple(
-            Follower(refiner, settings, bodies, state=state, choosy=True) for state in past
+            Follower(refiner, settings, bodies, Known(state=state), choosy=True) for state in past
         )
 
     def track(self, frame: DepthFrame) -> list[Estimate]:

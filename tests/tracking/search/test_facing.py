@@ -13,6 +13,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
+from coordinator.tracking.known import Known
 from coordinator.tracking.search.facing import TOLD_APART, across, both_ways, looks_alike, turned_round
 from coordinator.tracking.search.recall import recall
 from coordinator.tracking.search.stages import Standing
@@ -45,7 +46,7 @@ def test_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None:
     with DepthRenderer(CAMERA) as renderer:
         first, then = (renderer.depth(v, MODEL.triangles) for v in pose_vertices(MODEL, shown))
     pictures = [(first, truth[0])] * 2 + [(then, truth[1])] * 3
-    tracker, number = Tracker(DirectRefiner(), SETTINGS, known(), STANDING), 0
+    tracker, number = Tracker(DirectRefiner(), SETTINGS, known(), Known(STANDING)), 0
     for n, (picture, joints) in enumerate(pictures):
         if n == 2:
             for _ in range(3):

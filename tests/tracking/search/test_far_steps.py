@@ -11,6 +11,7 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.known import Known
 from coordinator.tracking.search.verdict import Verdict
 from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.tracker import Tracker
@@ -41,7 +42,7 @@ def stepping(posture: str) -> Shown:
 def test_who_steps_far_is_found_in_that_frame(posture: str) -> None:
     """Found there at once, though some of it is left near where the body was; and in the frame after it."""
     frames, joints = stepping(posture)
-    followed = Tracker(DirectRefiner(), SETTINGS, known(), STARTS[posture])
+    followed = Tracker(DirectRefiner(), SETTINGS, known(), Known(STARTS[posture]))
     for frame, truth in zip(frames, joints, strict=True):
         estimate = followed.track(frame)
         assert estimate.status in ("tracked", "ambiguous")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from common.settings import RefineSettings
 from common.sizes import Body
+from coordinator.tracking.known import Known
 from coordinator.tracking.search.recall import TURNS
 from coordinator.tracking.search.search import QUICK, WAYS_UP
 from coordinator.tracking.search.seeker import ELSEWHERE, Finding, Seeker
@@ -65,11 +66,11 @@ def test_the_same_posture_refined_is_not_found_anew(
 
     monkeypatch.setattr(Seeker, "find_again", likelier)
     frames, before = shown("standing").frames, CHECKS[0]
-    first = Tracker(DirectRefiner(), SETTINGS, known(), STANDING)
+    first = Tracker(DirectRefiner(), SETTINGS, known(), Known(STANDING))
     first.track(frames[0])
     checkpoint = replace(first.state.checkpoint, watch=Watch(tracked=before, seeks=lost))
     begun = TrackerState(first.state.start, checkpoint)
-    tracker = Tracker(DirectRefiner(), SETTINGS, known(), STANDING, state=begun)
+    tracker = Tracker(DirectRefiner(), SETTINGS, known(), Known(STANDING, begun))
     estimate = tracker.track(frames[1])
     assert estimate.status == "tracked"
     assert tracker.watch.tracked == (0 if anew else before + 1)
@@ -91,7 +92,7 @@ def test_who_stands_upright_and_is_not_lost_is_not_looked_for_lying(
         return submit(body, poses, settings, **also)
 
     monkeypatch.setattr(refiner, "submit", count)
-    tracker = Tracker(refiner, SETTINGS, known(), STANDING)
+    tracker = Tracker(refiner, SETTINGS, known(), Known(STANDING))
     submitted = tracker.submit(shown("standing").frames[0])
     assert submitted.request is not None
     last = submitted.request.sighted.past.copy()

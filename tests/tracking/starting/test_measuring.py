@@ -23,6 +23,7 @@ from coordinator.results.recording.log import Began, Entry, append_records
 from coordinator.results.recording.recorded import read_log
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.inference import Situation
+from coordinator.tracking.known import Known
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.seeker import Seeker
@@ -349,7 +350,7 @@ def test_the_tracker_measures_whom_it_finds_and_resumes_amid(tmp_path: Path) -> 
     for last in (1, 2, 4):
         recorded = read_log(tmp_path / f"{last}")
         assert recorded is not None
-        resumed = Tracker(DirectRefiner(), SETTINGS, BODIES, state=recorded.state)
+        resumed = Tracker(DirectRefiner(), SETTINGS, BODIES, Known(state=recorded.state))
         assert [as_bytes(resumed.track(frame)) for frame in frames[last + 1 :]] == said[last + 1 :]
 
 
@@ -378,7 +379,7 @@ def test_a_badly_explained_person_is_recorded_and_resumed(tmp_path: Path) -> Non
     assert measured.frames == len(frames)
     assert 1.5 < measured.weight[0] - GUESS[0] < 3.5  # one in full, three in part
     assert recorded is not None
-    resumed = Tracker(DirectRefiner(), SETTINGS, BODIES, state=recorded.state)
+    resumed = Tracker(DirectRefiner(), SETTINGS, BODIES, Known(state=recorded.state))
     assert as_bytes(resumed.track(frames[-1])) == as_bytes(estimates[-1])
 
 
