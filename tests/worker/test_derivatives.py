@@ -55,7 +55,7 @@ def test_jacobian_matrices_are_the_derivatives_of_points() -> None:
 def test_the_rest_prior_is_the_slope_of_its_cost() -> None:
     """Its J^T r is the derivative of half the squared way from rest, balls of either hand included."""
     model, pose = puppet(), bent()
-    joints = ~pack_model(model)[0].root
+    joints = pack_model(model)[0].precisions > 0.0
 
     def cost(at: Array) -> Array:
         way = difference(model, np.zeros((1, len(at))), at[None])[0]

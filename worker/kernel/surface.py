@@ -28,9 +28,8 @@ class Skeleton(NamedTuple):
     limits: NDArray[np.float64]  # (D, 2)
     balls: NDArray[np.int64]  # (B,)
     link_dofs: NDArray[np.int64]  # (L,)
-    root: NDArray[np.bool_]  # (D,) which of them place the body in the world
     single: NDArray[np.bool_]  # (D,) which of them are not part of a ball
-    precisions: NDArray[np.float64]  # (D,) of the prior towards rest, 1 where usual; 0 of the root
+    precisions: NDArray[np.float64]  # (D,) of the rest prior, 1 where usual; 0 of what places the body
 
 
 class Surface(NamedTuple):
@@ -69,7 +68,6 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         model.limits,
         model.balls,
         model.link_dofs,
-        root,
         ~np.isin(np.arange(len(model.kinds)), model.balls[:, None] + np.arange(3)),
         np.where(root, 0.0, model.rest_spreads**-2.0),
     )
