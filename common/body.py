@@ -78,6 +78,14 @@ class BodyModel:
                 digest.update(f"{field.name}{value!r}".encode())
         return digest.hexdigest()
 
+    @cached_property
+    def single(self) -> NDArray[np.bool_]:
+        """Which degrees of freedom (D,) are no part of a ball."""
+        single = np.ones(len(self.kinds), dtype=np.bool_)
+        single[self.balls[:, None] + np.arange(3)] = False
+        single.setflags(write=False)
+        return single
+
     def dof(self, name: str) -> int:
         """Index of a degree of freedom; InputError if there is none of that name."""
         if name not in self.dof_names:

@@ -9,13 +9,13 @@ import numpy as np
 
 from benchmarks.costs.standing import Case
 from common.kinematics.chain import forward_kinematics
+from common.kinematics.limits import clamp_to_limits
 from common.settings import RefineSettings
 from worker.kernel.icp import solver_parameters
 from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import pack_observation, pack_parameters
 from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.solver.gauss_newton import minimise, over_relax
-from worker.kernel.solver.priors import clamp_to_limits
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_surface, repose_visible, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
@@ -50,7 +50,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
     workspace = make_workspace(skeleton, surface, packed)
     pose, clock = case.start[0].copy(), Clock()
     solver = solver_parameters(parameters, packed.count)
-    clamp_to_limits(skeleton, pose)
+    clamp_to_limits(skeleton.single, skeleton.limits, pose)
     last_count, visible, before = 0, workspace.visibility.visible, pose.copy()
     for k in range(parameters.icp_iterations):
         clock.lap("")
@@ -73,7 +73,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
         minimise(skeleton, pose, workspace.transforms, solver, workspace.equations)
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)
-            clamp_to_limits(skeleton, pose)
+            clamp_to_limits(skeleton.single, skeleton.limits, pose)
         clock.lap("solve")
     evaluate(pose, last_count, skeleton, surface, packed, parameters, workspace)
     clock.lap("likelihood")

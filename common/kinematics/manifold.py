@@ -41,16 +41,6 @@ def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
     return steps
 
 
-def natural_angles(model: BodyModel, poses: Array) -> Array:
-    """The same poses (N, D), each ball's angles on the branch that leaves its limits less.
-
-    Rx(a) Ry(b) Rz(c) is also Rx(a + pi) Ry(pi - b) Rz(c + pi). Where both are within the limits, angles stay.
-    """
-    natural = contiguous(poses)
-    choose_branch_each(model.balls, model.limits, natural)
-    return natural
-
-
 @numba.njit(cache=True, nogil=True)
 def apply_step(axes: Array, balls: Indices, step: Array, pose: Array) -> None:
     """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
@@ -103,29 +93,3 @@ def ball_vector(handed: float, before: Array, after: Array, start: int) -> tuple
     if w < 0.0:
         scale = -scale
     return scale * x, scale * y, scale * z
-
-
-@numba.njit(cache=True, nogil=True)
-def choose_branch_each(balls: Indices, limits: Array, poses: Array) -> None:
-    """`natural_angles` of poses (N, D) in place."""
-    near, best = np.empty(3), np.empty(3)
-    for n in range(len(poses)):
-        for start in balls:
-            angles, low, high = poses[n, start : start + 3], limits[start:, 0], limits[start:, 1]
-            best[:] = angles
-            for flip in range(2):
-                for a in range(3):
-                    turned = angles[a] if flip == 0 else np.pi + (-angles[a] if a == 1 else angles[a])
-                    near[a] = (turned + np.pi) % (2.0 * np.pi) - np.pi
-                if excess(near, low, high) < excess(best, low, high) - 1e-9:
-                    best[:] = near
-            angles[:] = best
-
-
-@numba.njit(cache=True, nogil=True)
-def excess(angles: Array, low: Array, high: Array) -> float:
-    """Sum of how far angles (3,) lie outside of their limits."""
-    total = 0.0
-    for a in range(3):
-        total += abs(angles[a] - min(max(angles[a], low[a]), high[a]))
-    return total

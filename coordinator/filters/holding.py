@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.kinematics import difference, retract
+from common.kinematics import difference, retract, within_limits
 from common.refinement import WEAK_SLIDE, WEAK_TURN
 from common.triangles import lower_triangular
 from coordinator.filters.sighting import USUAL_INTERVAL
@@ -51,11 +51,3 @@ def hold(
     matrix: Array = np.eye(len(weak)) + covariance * (motion - weak)
     steps = np.asarray(np.linalg.solve(matrix, pull), dtype=np.float64)
     return within_limits(model, retract(model, refined, steps[..., 0]))
-
-
-def within_limits(model: BodyModel, poses: Array) -> Array:
-    """Poses (M, D) whose single axes are within their limits, as the descent leaves them."""
-    single = np.ones(len(model.kinds), dtype=np.bool_)
-    single[(model.balls[:, None] + np.arange(3)).ravel()] = False
-    clamped: Array = np.where(single, np.clip(poses, *model.limits.T), poses)
-    return clamped

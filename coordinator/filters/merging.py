@@ -44,9 +44,7 @@ def merge(model: BodyModel, poses: Array, log_likelihood: Array, angle: float) -
 @lru_cache(maxsize=16)
 def find_hinges(model: BodyModel) -> Indices:
     """Degrees of freedom that turn and are no part of a ball."""
-    turning = model.kinds == ROTATION
-    turning[(model.balls[:, None] + np.arange(3)).ravel()] = False
-    return np.flatnonzero(turning)
+    return np.flatnonzero((model.kinds == ROTATION) & model.single)
 
 
 @numba.njit(cache=True, nogil=True)

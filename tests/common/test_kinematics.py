@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from common.kinematics import (
     dof_transforms,
     joint_positions,
     link_transforms,
-    natural_angles,
     pose_vertices,
     retract,
     step_axes,
@@ -271,25 +269,3 @@ def test_angles_do_not_jump() -> None:
         pose = moved
     assert travelled > 2.0 * np.pi
     assert calm > 3000
-
-
-@given(seeds)
-def test_natural_angles_are_the_same_rotations_nearer_to_the_limits(seed: int) -> None:
-    """Angles on the other branch, or turned around, come back into limits; the surface stays where it was."""
-    rng = np.random.default_rng(seed)
-    model = replace(puppet(), limits=np.tile([-1.5, 1.5], (19, 1)))
-    poses = rng.uniform(-1.4, 1.4, size=(4, 19))
-    flipped = poses.copy()
-    for start in model.balls:
-        flipped[:2, start : start + 3] = poses[:2, start : start + 3] * [1.0, -1.0, 1.0] + np.pi
-        flipped[2, start : start + 3] += 2.0 * np.pi * rng.integers(-1, 2, size=3)
-    found = natural_angles(model, flipped)
-    np.testing.assert_allclose(found, poses, atol=1e-9)
-    np.testing.assert_allclose(pose_vertices(model, found), pose_vertices(model, flipped), atol=1e-9)
-
-
-def test_where_both_are_within_limits_angles_stay() -> None:
-    """Without limits every branch is as good, and a body may turn around as often as it likes."""
-    model = replace(puppet(), limits=np.tile([-np.inf, np.inf], (19, 1)))
-    poses = np.random.default_rng(0).uniform(-9.0, 9.0, size=(5, 19))
-    np.testing.assert_array_equal(natural_angles(model, poses), poses)

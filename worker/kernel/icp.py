@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.bounds import LARGEST_POSE
 from common.compiling import numba
+from common.kinematics.limits import clamp_to_limits
 from worker.kernel.likelihood import evaluate
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.search.warm_start import find_correspondences
@@ -21,7 +22,7 @@ from worker.kernel.shared_counter import take_next
 from worker.kernel.soft.fisher_scoring import fisher_scoring_step
 from worker.kernel.solver.covariance import fill_covariance_root
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
-from worker.kernel.solver.priors import LIMIT_SHARE, clamp_to_limits
+from worker.kernel.solver.priors import LIMIT_SHARE
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import repose_visible, update_visibility
 from worker.kernel.weighting import accumulate_correspondences, metric_of
@@ -85,7 +86,7 @@ def refine_particle(
 ) -> tuple[float, float]:
     """Refine pose (D,) in place; returns its log likelihood and mean residual in metres."""
     solver = solver_parameters(parameters, observed.count)
-    clamp_to_limits(skeleton, pose)
+    clamp_to_limits(skeleton.single, skeleton.limits, pose)
     workspace.equations.information[:] = 0.0
     transforms, view = workspace.transforms, workspace.visibility
     last_count, visible, before = 0, view.visible, pose.copy()
@@ -103,7 +104,7 @@ def refine_particle(
         minimise(skeleton, pose, transforms, solver, workspace.equations)  # 4d
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)
-            clamp_to_limits(skeleton, pose)
+            clamp_to_limits(skeleton.single, skeleton.limits, pose)
     if parameters.soft:
         for _ in range(parameters.icp_iterations):
             fisher_scoring_step(pose, skeleton, surface, observed, parameters, workspace)

@@ -68,7 +68,7 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         model.limits,
         model.balls,
         model.link_dofs,
-        ~np.isin(np.arange(len(model.kinds)), model.balls[:, None] + np.arange(3)),
+        model.single,
         np.where(root, 0.0, model.rest_spreads**-2.0),
     )
     surface = Surface(

@@ -13,7 +13,7 @@ from common.activation import activate
 from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
-from common.kinematics import pose_vertices
+from common.kinematics import pose_vertices, within_limits
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
@@ -23,8 +23,6 @@ from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
-from worker.kernel.solver.priors import clamp_to_limits
-from worker.kernel.surface import pack_model
 
 Array = NDArray[np.float64]
 
@@ -82,7 +80,4 @@ def random_poses(of: PosteriorCase, count: int) -> Array:
     """Poses (count, D) around the truth, near and far; single axes within their limits, balls beyond, too."""
     rng, turning = np.random.default_rng(1), of.model.kinds == ROTATION
     spread = np.where(turning, FAR, NEAR) * rng.uniform(0.1, 1.0, size=(count, 1))
-    poses: Array = of.truth + spread * rng.normal(size=(count, len(of.truth)))
-    for pose in poses:
-        clamp_to_limits(pack_model(of.model)[0], pose)
-    return poses
+    return within_limits(of.model, of.truth + spread * rng.normal(size=(count, len(of.truth))))

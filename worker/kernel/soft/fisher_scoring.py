@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from common.kinematics.chain import forward_kinematics, motion_axes
+from common.kinematics.limits import clamp_to_limits
 from common.kinematics.manifold import apply_step
 from worker.kernel.observation import BLOCK
 from worker.kernel.packing import KernelParameters, PackedObservation
@@ -26,12 +27,7 @@ from worker.kernel.soft.responsibilities import (
 from worker.kernel.soft.samples import SampleGrid, sample
 from worker.kernel.solver.gauss_newton import solve_ltl
 from worker.kernel.solver.normal_equations import NormalEquations
-from worker.kernel.solver.priors import (
-    LIMIT_SHARE,
-    add_limit_prior,
-    clamp_to_limits,
-    hold_active_limits,
-)
+from worker.kernel.solver.priors import LIMIT_SHARE, add_limit_prior, hold_active_limits
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_surface
 from worker.kernel.workspace import Workspace
@@ -64,7 +60,7 @@ def fisher_scoring_step(
     solve_ltl(skeleton.parents, equations.gram, step)
     step *= min(1.0, LARGEST_STEP / max(np.max(np.abs(step)), 1e-9))
     apply_step(skeleton.axes, skeleton.balls, step, pose)
-    clamp_to_limits(skeleton, pose)
+    clamp_to_limits(skeleton.single, skeleton.limits, pose)
 
 
 @numba.njit(cache=True, nogil=True)

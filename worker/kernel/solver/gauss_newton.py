@@ -9,15 +9,11 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from common.kinematics.chain import forward_kinematics
+from common.kinematics.limits import clamp_to_limits
 from common.kinematics.manifold import apply_step, ball_vector
 from common.kinematics.rotations import handedness
 from worker.kernel.solver.normal_equations import NormalEquations, normal_equations, subtree_moments
-from worker.kernel.solver.priors import (
-    add_limit_prior,
-    add_rest_prior,
-    clamp_to_limits,
-    hold_active_limits,
-)
+from worker.kernel.solver.priors import add_limit_prior, add_rest_prior, hold_active_limits
 from worker.kernel.surface import Skeleton
 
 Array = NDArray[np.float64]
@@ -59,7 +55,7 @@ def minimise(
         step[:] = -equations.gradient
         solve_ltl(skeleton.parents, equations.gram, step)  # Eq. 4
         apply_step(skeleton.axes, skeleton.balls, step, pose)
-        clamp_to_limits(skeleton, pose)
+        clamp_to_limits(skeleton.single, skeleton.limits, pose)
         if np.max(np.abs(step)) < CONVERGED:
             break
 

@@ -110,11 +110,3 @@ def hold_active_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: A
             gram[:, j] = 0.0
             gram[j, j] = 1.0
             gradient[j] = 0.0
-
-
-@numba.njit(cache=True, nogil=True)
-def clamp_to_limits(skeleton: Skeleton, pose: Array) -> None:
-    """Clamp the single axes of pose (D,) to their limits, in place."""
-    for j in range(len(pose)):
-        if skeleton.single[j]:
-            pose[j] = min(max(pose[j], skeleton.limits[j, 0]), skeleton.limits[j, 1])
