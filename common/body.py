@@ -30,9 +30,9 @@ class BodyModel:
 
     A degree of freedom's parent comes before it. Three consecutive rotations about orthonormal axes
     through one point, with nothing else on the first two, make a *ball*; `balls` holds the index of the
-    first of each. `rest_spreads` are how far angles usually are from rest, in deviations of the prior; the
-    three of a ball have the same. `skin_weights` blend the links' transforms for each vertex (rows sum to 1,
-    the dominant link first).
+    first of each. `rest_spreads` are how far angles usually are from rest: the rest prior's deviations
+    in units of the setting `pose_deviation`, the same for the three of a ball. `skin_weights` blend the
+    links' transforms for each vertex (rows sum to 1, the dominant link first).
     """
 
     name: str
@@ -42,7 +42,7 @@ class BodyModel:
     axes: NDArray[np.float64]  # (D, 3) unit
     points: NDArray[np.float64]  # (D, 3) on the axis
     limits: NDArray[np.float64]  # (D, 2) radians or metres, infinite where free
-    rest_spreads: NDArray[np.float64]  # (D,) of the prior's deviation
+    rest_spreads: NDArray[np.float64]  # (D,) in units of pose_deviation
     balls: NDArray[np.int64]  # (B,)
     link_names: tuple[str, ...]  # (L,)
     link_dofs: NDArray[np.int64]  # (L,) the last degree of freedom that moves the link, -1 for none

@@ -33,7 +33,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
     noise_lateral: float = 0.01  # and across it; closest points are sought in units of both
     likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
-    pose_deviation: float = 0.0  # of joint angles from rest, a prior, times the body's rest_spreads; 0: none
+    pose_deviation: float = 0.0  # of joint angles from rest, a prior; the unit of rest_spreads; 0: none
 
     @property
     def independent_points(self) -> float:

@@ -29,7 +29,7 @@ class Skeleton(NamedTuple):
     balls: NDArray[np.int64]  # (B,)
     link_dofs: NDArray[np.int64]  # (L,)
     single: NDArray[np.bool_]  # (D,) which of them are not part of a ball
-    precisions: NDArray[np.float64]  # (D,) of the rest prior, 1 where usual; 0 of what places the body
+    precisions: NDArray[np.float64]  # (D,) rest_spreads^-2, of the rest prior; 0 of what places the body
 
 
 class Surface(NamedTuple):

@@ -64,8 +64,8 @@ _THUMB = {
     "3_flexion": (-15, 80),
 }
 
-_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125}
-"""How far joints are from rest, for a prior of 1.6 rad: arms go anywhere, legs are mostly straight.
+_REST_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125}
+"""Where they are not 1, for a `pose_deviation` of 1.6 rad: arms go anywhere, legs are mostly straight.
 
 Arms: the paper's arm without noise, whose angles a narrower prior draws by 0.4 degrees. Hips and knees:
 subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 frames a second.
@@ -73,28 +73,34 @@ subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 
 
 
 def rest_spread(dof: str) -> float:
-    """How far a joint angle usually is from rest, as a share of the prior's deviation."""
-    return next((spread for joint, spread in _SPREADS.items() if f"_{joint}_" in dof), 1.0)
+    """How far an angle usually is from rest: the rest prior's deviation in units of `pose_deviation`."""
+    side, joint, _ = _parts(dof)
+    return _REST_SPREADS.get(joint, 1.0) if side else 1.0
 
 
 def joint_range(dof: str) -> NDArray[np.float64]:
     """Lower and upper limit (2,) in radians, or in metres for the root; infinite where free."""
-    if dof.startswith("root_"):
+    side, joint, motion = _parts(dof)
+    if joint == "root":
         return np.array([-np.inf, np.inf])
-    return np.radians(_degrees(dof))
+    return np.radians(_limb_degrees(joint, motion) if side else _spine_degrees(joint, motion))
 
 
-def _degrees(dof: str) -> tuple[int, int]:
-    bone, _, motion = dof.partition("_")
-    if bone in ("l", "r"):
-        return _limb_degrees(motion)
-    if bone == "sacroiliac":
+def _parts(dof: str) -> tuple[str, str, str]:
+    """Side (nothing in the middle), joint and motion that a degree of freedom is named after."""
+    side = dof[0] if dof.startswith(("l_", "r_")) else ""
+    joint, _, motion = dof.removeprefix(f"{side}_").partition("_")
+    return side, joint, motion
+
+
+def _spine_degrees(joint: str, motion: str) -> tuple[int, int]:
+    if joint == "sacroiliac":
         return _SACROILIAC[motion]
-    return (_NECK if bone.startswith(("vc", "skull")) else _TRUNK)[motion]
+    return (_NECK if joint.startswith(("vc", "skull")) else _TRUNK)[motion]
 
 
-def _limb_degrees(name: str) -> tuple[int, int]:
-    if name in _LIMBS:
-        return _LIMBS[name]
-    finger = name.rstrip("_abcdefghijklmnopqrstuvwxyz")[:-1]
-    return (_THUMB if finger == "thumb" else _FINGERS)[name.removeprefix(finger)]
+def _limb_degrees(joint: str, motion: str) -> tuple[int, int]:
+    if f"{joint}_{motion}" in _LIMBS:
+        return _LIMBS[f"{joint}_{motion}"]
+    finger, number = joint[:-1], joint[-1]
+    return (_THUMB if finger == "thumb" else _FINGERS)[f"{number}_{motion}"]
