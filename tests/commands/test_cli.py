@@ -30,11 +30,6 @@ def summary_of(out: Path) -> dict[str, object]:
     return content
 
 
-def track_without_pictures(workers: StillWorkers, sequence: Path, out: Path, *options: str) -> int:
-    """The exit code of `gepf track`."""
-    return main(["track", str(sequence), "--out", str(out), "--no-pictures", *options], workers.connect)
-
-
 Tracked = Callable[..., tuple[Track, dict[str, object]]]
 
 
@@ -43,13 +38,7 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Tracked:
     """Track the sequence with options, and give what came out."""
 
     def run(*options: str) -> tuple[Track, dict[str, object]]:
-        assert (
-            main(
-                ["track", str(sequence), "--out", str(tmp_path / "out"), "--no-pictures", *options],
-                workers.connect,
-            )
-            == 0
-        )
+        assert workers.track(sequence, tmp_path / "out", *options) == 0
         return read_track(tmp_path / "out"), summary_of(tmp_path / "out")
 
     return run
@@ -256,7 +245,7 @@ def test_what_was_tracked_is_kept_however_a_run_ends(
 ) -> None:
     """Stopped by the user, the bus or a defect: two frames are there, and one line says why."""
     workers.fail_at, workers.failure = 2, failure
-    assert track_without_pictures(workers, sequence, tmp_path / "out") == code
+    assert workers.track(sequence, tmp_path / "out") == code
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == says
     assert lines[-2].startswith("ended early with 2 of 5 frames in ")
@@ -269,7 +258,7 @@ def test_a_run_that_ends_before_its_first_frame_leaves_nothing(
 ) -> None:
     """No folder, one line."""
     workers.fail_at, workers.failure = 0, BusError("nobody came")
-    assert track_without_pictures(workers, sequence, tmp_path / "out") == 1
+    assert workers.track(sequence, tmp_path / "out") == 1
     assert not (tmp_path / "out").exists()
     assert capsys.readouterr().err.splitlines()[-1] == "gepf: nobody came"
 
@@ -284,7 +273,7 @@ def test_debugging_shows_where_an_error_arose(
     """The trace comes before the line, and only if asked for."""
     monkeypatch.setenv("GEPF_DEBUG", "1")
     workers.fail_at, workers.failure = 0, RuntimeError("a defect")
-    assert track_without_pictures(workers, sequence, tmp_path / "out") == 1
+    assert workers.track(sequence, tmp_path / "out") == 1
     err = capsys.readouterr().err
     assert "Traceback" in err
     assert err.splitlines()[-1].startswith("gepf: RuntimeError: a defect")

@@ -21,6 +21,7 @@ from common.transport.opening import open_router, open_worker
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
 from tests.support.processes.programs import started, wait_until
 from tests.support.processes.threads import in_thread
+from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
 ROOT = Path(__file__).parents[2]
@@ -160,9 +161,8 @@ def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -
 )
 def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: str) -> None:
     """One line says what is wrong and what to give, before any port is opened."""
-    with pytest.raises(gepf.InputError, match=says) as caught:
+    with refused(says):
         mistake()
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("first", ["publisher", "tracker"])

@@ -13,7 +13,6 @@ from common.errors import NoWorkers
 from common.settings import preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies
-from coordinator.cli import main
 from coordinator.commands.options.choices import choose_settings
 from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool
@@ -108,12 +107,12 @@ def test_all_that_a_tracker_changes_is_in_its_state() -> None:
     assert isinstance(following.state.start, Start)
 
 
-OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3", "--no-pictures")
+OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3")
 
 
 def track(workers: StillWorkers, sequence: Path, out: Path, *options: str) -> int:
     """`gepf track` in this process."""
-    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *options], workers.connect)
+    return workers.track(sequence, out, *OPTIONS, *options)
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> list[str]:

@@ -15,6 +15,7 @@ from tests.support.people import SETTINGS, STANDING, shown
 from tests.support.processes.certificates import Folder
 from tests.support.processes.programs import started
 from tests.support.processes.secure import secure_worker
+from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
 KEY = "gepf/live/depth"
@@ -72,9 +73,8 @@ def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours
         (lambda: gepf.PeopleTracker(workers=pool, tls=tls), "^listen=.* is not encrypted"),
     ]
     for mistake, says in mistakes:
-        with pytest.raises(gepf.InputError, match=says) as caught:
+        with refused(says) as caught:
             mistake()
-        assert "\n" not in str(caught.value)
         assert "--" not in str(caught.value)
 
 

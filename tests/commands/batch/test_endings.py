@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,7 +16,7 @@ from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start, work_instantly
-from tests.support.small_sequence import write_small_sequence
+from tests.support.small_sequence import write_small_sequences
 
 ROOT = Path(__file__).parents[3]
 GEPF = (sys.executable, "-m", "coordinator.cli")
@@ -26,11 +25,10 @@ FRAMES, NAMES = 100, ("a", "b", "c")
 
 def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> None:
     """Exit code 130 within seconds, frames of those under way kept, and --resume does the rest of all."""
-    write_small_sequence(tmp_path / NAMES[0], FRAMES)
-    for name in NAMES[1:]:
-        shutil.copytree(tmp_path / NAMES[0], tmp_path / name)
+    recordings = [tmp_path / name for name in NAMES]
+    write_small_sequences(recordings, FRAMES)
     options = ["--out", str(tmp_path / "runs"), "--no-pictures", "--particles", "4", "--points", "200"]
-    command = ["track", *(str(tmp_path / name) for name in NAMES), *options, "--workers", "1"]
+    command = ["track", *map(str, recordings), *options, "--workers", "1"]
     log = tmp_path / "runs" / NAMES[0] / "frames.log"
     with subprocess.Popen(
         [*GEPF, *command],
@@ -60,8 +58,7 @@ def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
     """Two recordings through one TLS listener: who shows a certificate works for both."""
     made, place = make_folder(tmp_path / "certificates"), f"127.0.0.1:{free_port()}"
     recordings = [tmp_path / name for name in NAMES[:2]]
-    for recording in recordings:
-        write_small_sequence(recording, 4)
+    write_small_sequences(recordings, 4)
     options = [
         "--no-pictures",
         "--particles",
@@ -107,8 +104,7 @@ def test_a_batch_that_a_router_refuses_ends_with_the_reason(tmp_path: Path) -> N
     ours, theirs = (make_folder(tmp_path / name) for name in ("ours", "theirs"))
     place = f"tls/127.0.0.1:{free_port()}"
     recordings = [tmp_path / name for name in NAMES[:2]]
-    for recording in recordings:
-        write_small_sequence(recording, 2)
+    write_small_sequences(recordings, 2)
     shown = ["--workers", "0", "--connect", place, *theirs.options("coordinator")]
     command = [*GEPF, "track", *map(str, recordings), "--out", str(tmp_path / "runs"), *shown]
     with open_router([place], (), ours.routing):

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,23 @@ from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
 from tests.support.processes.programs import INSTANT
 from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+
+
+def copy_of(sequence: Path, name: str) -> Path:
+    """The same recording once more, beside it."""
+    return Path(shutil.copytree(sequence, sequence.with_name(name)))
+
+
+def write_truth(folder: Path) -> None:
+    """Where the pelvis was."""
+    positions = np.tile([0.0, 0.0, 2.0], (5, 1, 1))
+    np.savez(folder / "truth.npz", joint_names=np.array(["pelvis"]), joint_positions=positions)
+
+
+def small_job(recording: Path, out: Path, seed: int) -> Job:
+    """A `gepf track` that takes little time, by a worker that is there at once."""
+    settings = choose_settings("gepf", "default", 6, 300, seed)
+    return Job(recording, out, settings, Pool(2, worker_command=INSTANT), pictures=False)
 
 
 def test_a_list_and_seeds_give_a_run_each(tmp_path: Path) -> None:
@@ -71,21 +89,10 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     tmp_path: Path,
 ) -> None:
     """Real processes that share a worker; the table has a line for each, also for the one that is refused."""
-    pool = Pool(2, worker_command=INSTANT)
     names = ("first", "second", "damaged")
-    for name in names:
-        shutil.copytree(sequence, tmp_path / name)
-    (tmp_path / "damaged" / "depth" / "000000.png").write_bytes(b"no picture")
-    jobs = [
-        Job(
-            tmp_path / name,
-            tmp_path / "runs" / name,
-            choose_settings("gepf", "default", 6, 300, seed),
-            pool,
-            pictures=False,
-        )
-        for seed, name in enumerate(names)
-    ]
+    recordings = [copy_of(sequence, name) for name in names]
+    (recordings[-1] / "depth" / "000000.png").write_bytes(b"no picture")
+    jobs = [small_job(each, tmp_path / "runs" / each.name, seed) for seed, each in enumerate(recordings)]
     written = io.StringIO()
     show = show_on(Console(file=written, width=300))
     assert track_many(jobs, None, show) == 2
@@ -96,23 +103,11 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     assert "exit code 2" in refused
     assert "000000.png" in refused
     assert not (tmp_path / "runs" / "damaged").exists()
-    for seed, name in enumerate(names[:2]):
-        alone = Job(
-            tmp_path / name,
-            tmp_path / "alone" / name,
-            choose_settings("gepf", "default", 6, 300, seed),
-            pool,
-            pictures=False,
-        )
-        track_sequence(alone, show, connect_workers)
-        whole, single = (tmp_path / where / name / "track.npz" for where in ("runs", "alone"))
+    for job in jobs[:2]:
+        out = tmp_path / "alone" / job.out.name
+        track_sequence(replace(job, out=out), show, connect_workers)
+        whole, single = (folder / "track.npz" for folder in (job.out, out))
         assert whole.read_bytes() == single.read_bytes()
-
-
-def write_truth(folder: Path, joints: tuple[str, ...], positions: np.ndarray) -> Path:
-    """A truth file."""
-    np.savez(folder / "truth.npz", joint_names=np.array(joints), joint_positions=positions)
-    return folder / "truth.npz"
 
 
 @pytest.mark.usefixtures("no_traces")
@@ -124,14 +119,13 @@ def test_runs_are_compared_with_their_own_truths_alone(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """--csv has a line a run; a truth beside other frames than those that were tracked is refused."""
-    other = tmp_path / "other"
-    shutil.copytree(sequence, other)
+    other = copy_of(sequence, "other")
     shutil.copy(other / "depth" / "000003.png", other / "depth" / "000000.png")
     for folder in (sequence, other):
-        write_truth(folder, ("pelvis",), np.tile([0.0, 0.0, 2.0], (5, 1, 1)))
+        write_truth(folder)
     runs = [tmp_path / "a", tmp_path / "b"]
     for run in runs:
-        assert main(["track", str(sequence), "--out", str(run), "--no-pictures"], workers.connect) == 0
+        assert workers.track(sequence, run) == 0
     capsys.readouterr()
     asked = [*runs, runs[0]]  # one twice is two lines
     assert main(["evaluate", *map(str, asked), "--csv"]) == 0
@@ -156,12 +150,11 @@ def test_a_run_without_truth_is_left_out_of_the_table_and_named(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """The others are listed; where no run has a truth, that is the input's fault."""
-    known = tmp_path / "known"
-    shutil.copytree(sequence, known)
-    write_truth(known, ("pelvis",), np.tile([0.0, 0.0, 2.0], (5, 1, 1)))
+    known = copy_of(sequence, "known")
+    write_truth(known)
     runs = {known: tmp_path / "a", sequence: tmp_path / "b"}
     for recording, run in runs.items():
-        assert main(["track", str(recording), "--out", str(run), "--no-pictures"], workers.connect) == 0
+        assert workers.track(recording, run) == 0
     capsys.readouterr()
     assert main(["evaluate", str(runs[sequence]), str(runs[known]), "--csv"]) == 0
     _, *rows = capsys.readouterr().out.splitlines()

@@ -30,7 +30,7 @@ ENDED = (130, -signal.SIGINT)  # to a shell the same: `python -m` passes a signa
 def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
     """A finished run without pictures."""
     out = tmp_path / "run"
-    assert main(["track", str(sequence), "--out", str(out), "--no-pictures"], workers.connect) == 0
+    assert workers.track(sequence, out) == 0
     return out
 
 
@@ -68,7 +68,7 @@ def test_faults_of_json_name_the_entry(
         ("--model", '{"stature": [1.8]}', "stature is [1.8]; give a finite number"),
     ):
         file.write_text(content)
-        assert main(["track", str(sequence), "--out", str(out), option, str(file)], workers.connect) == 2
+        assert workers.track(sequence, out, option, str(file)) == 2
         assert says in capsys.readouterr().err
         assert not out.exists()
 
@@ -126,7 +126,7 @@ def test_results_of_a_part_of_a_run_are_said_to_be_that(
     """What ended early is exported all the same, with a warning."""
     workers.fail_at, workers.failure = 2, KeyboardInterrupt()
     out = tmp_path / "part"
-    assert main(["track", str(sequence), "--out", str(out)], workers.connect) == 130
+    assert workers.track(sequence, out) == 130
     assert main(["export", str(out), "--to", "csv", "--out", str(tmp_path / "part.csv")]) == 0
     assert "the same gepf track command with --resume goes on" in caplog.text
 
@@ -182,7 +182,7 @@ def test_a_run_without_pictures_says_how_to_draw_them(
 ) -> None:
     """--no-pictures; then gepf pictures draws, as a real process, with a bar, and says what it wrote."""
     tracked = tmp_path / "run"
-    assert main(["track", str(sequence), "--out", str(tracked), "--no-pictures"], workers.connect) == 0
+    assert workers.track(sequence, tracked) == 0
     assert f"gepf pictures {tracked} draws them" in capsys.readouterr().err
     assert not list(tracked.glob("*.gif"))
     done = in_a_terminal("pictures", str(tracked))

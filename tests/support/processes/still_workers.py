@@ -19,6 +19,7 @@ from common.kinematics import pose_vertices
 from common.sizes import parts_of
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
+from coordinator.cli import main
 from coordinator.commands.console.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
@@ -58,6 +59,10 @@ class StillWorkers(StandIn):
         assert all(dofs == len(part.model.dof_names) for part in parts_of(asked.body, count))
         assert asked.settings.noise_depth >= asked.settings.noise_lateral
         return Ready(unmoved(asked.poses, covariance=asked.covariance))
+
+    def track(self, sequence: Path, out: Path, *options: str) -> int:
+        """The exit code of `gepf track` by these, without pictures."""
+        return main(["track", str(sequence), "--out", str(out), "--no-pictures", *options], self.connect)
 
     @contextmanager
     def connect(self, pool: Pool, show: Show) -> Iterator[StillWorkers]:
