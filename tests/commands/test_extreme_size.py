@@ -20,7 +20,7 @@ from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.recorded import Recorded
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.starting.measuring import LARGEST, SMALLEST, Measured
+from coordinator.tracking.starting.measuring import LARGEST, SMALLEST, Measured, Shown
 from coordinator.tracking.starting.start import no_start
 from coordinator.tracking.state import TrackerState, take_checkpoint
 
@@ -48,7 +48,8 @@ def said_at_the_end(measured: Measured | None) -> tuple[str, str]:
 @pytest.mark.parametrize("size", [SMALLEST, LARGEST])
 def test_an_extreme_size_is_said(size: tuple[float, float]) -> None:
     """With the measures, and of several people whose they are."""
-    measured = Measured.guessed(size[0], 1.0)
+    upright = Shown(np.zeros(1), np.array([1000.0]), 10.0)
+    measured = Measured.guessed(size[0], 1.0).after(upright, 0.0)
     one, several = said_at_the_end(measured)
     assert f"the body came out {size[0]:.2f} m tall" in one
     assert f"person 2: the body came out {size[0]:.2f} m tall" in several

@@ -5,8 +5,8 @@ refined anew. Slope and curvature of the log likelihood in the logarithm of a me
 frame asks for; what is known is the mean over frames, by how much each tells (`uprightness`). How curved a
 frame's likelihood is says little of how right it is, so it does not count. Where a frame shows head and
 soles, two fifths of its word on stature are how far they are apart: its errors have little in common with
-those of all other points. Hypotheses keep their poses when the body changes. The sizes that frames are asked
-about stay the same until the person turns out to be of quite another one.
+those of all other points. Hypotheses keep their poses when the body changes. Frames are asked about the size
+that is known, and their words are drawn to it: what was said about another one counts less.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ from coordinator.tracking.starting.uprightness import BENT
 
 Array = NDArray[np.float64]
 
-USUAL_GIRTH = 1.07
-GUESS = np.array([0.1, 0.35])  # frames that the first guess of stature counts as, and the usual girth
+USUAL = (1.69, 1.07)  # stature, men's and women's mean (ANSUR II), and girth
+PRIOR = np.array([BENT, 0.35])  # frames that these count as: who sits shows as little as people differ by
+GUESS = 0.1  # frames that the first guess of stature counts as
 INTERVAL = 0.095  # seconds between frames that are asked, at the least
 RARER = 12  # frames after which they are twice as far apart, again and again
 CHANGES = 3  # frames after which the body changes
 LEAST_CHANGE = np.array([0.0015, 0.005])  # of stature and girth, as a share: a new body has to be laid out
-FAR = 0.02  # share by which the size may be off those that frames are asked about
-KEPT = 0.2  # share of the weight of what frames said that were asked about quite another stature
+FAR = np.array([0.01, 0.03])  # by which a body's stature and girth are so far off that it changes at once
+BELIEVED = 0.01  # share by which a stature may be off the one that a frame was asked about to count half
 EXTREME = 0.01  # share by which a size may be off the limits and still be at them
 LEAST_CURVATURE = np.array([300.0, 30.0])  # of a frame
 LENGTH_SHARE = 0.4  # of a frame's word on stature that its length has, where it is seen
@@ -85,12 +86,13 @@ class Measured:
 
     @classmethod
     def guessed(cls, stature: float, girth: float, *, bent: bool = False) -> Self:
-        """Before any frame was asked: about this stature, and about the usual girth, whatever was found.
+        """Before any frame was asked: about this stature and usual people's, and about their girth.
 
         The stature of who was found `bent` counts no more than what a bent frame says.
         """
-        weight = np.array([BENT, GUESS[1]]) if bent else GUESS
-        return cls(weight * np.log([stature, USUAL_GIRTH]), weight, (stature, girth))
+        guess = np.array([BENT if bent else GUESS, 0.0])
+        total = PRIOR * np.log(USUAL) + guess * np.log([stature, girth])
+        return cls(total, PRIOR + guess, (stature, girth))
 
     @property
     def logarithms(self) -> Array:
@@ -113,28 +115,15 @@ class Measured:
         return bool(np.any(apart < EXTREME))
 
     @property
-    def is_far(self) -> bool:
-        """Whether the size is quite another one than those that frames are asked about."""
-        return bool(np.any(self._off > FAR))
-
-    @property
-    def _off(self) -> Array:
-        off: Array = np.abs(self.logarithms - np.log(self.about))
-        return off
-
-    @property
-    def ripe(self) -> bool:
-        """Whether it is time to change the body."""
-        return self.frames > 0 and self.frames % CHANGES == 0
-
-    @property
     def asks_girth(self) -> bool:
         """Whether the next frame is asked about girth, too: every other one."""
         return self.frames % 2 == 0
 
-    def differs(self, stature: float, girth: float) -> bool:
-        """Whether it is noticeably another size than this one, in metres and as a factor."""
-        return bool(np.any(np.abs(self.logarithms - np.log([stature, girth])) > LEAST_CHANGE))
+    def changes(self, stature: float, girth: float) -> bool:
+        """Whether it is time to change a body of this stature in metres and this girth."""
+        ripe = self.frames % CHANGES == 0
+        off = np.abs(self.logarithms - np.log([stature, girth]))
+        return self.frames > 0 and bool(np.any(off > (LEAST_CHANGE if ripe else FAR)))
 
     def asks(self, time_s: float, *, bent: bool = False) -> bool:
         """Whether the frame of this time is to be asked: ever more rarely, of upright and bent ones each.
@@ -161,7 +150,7 @@ class Measured:
         said[asked] = shown.weight * np.clip(shown.asks_for(self.about), *LIMITS[:, asked])
         weight[asked] = shown.weight
         known = replace(self._adding(said, weight, bent=shown.bent), frames=self.frames + 1, time_s=time_s)
-        return known.asking_anew() if known.is_far and not shown.bent else known
+        return known.asking_anew() if known.changes(*known.about) and not shown.bent else known
 
     def _adding(self, said: Array, weight: Array, *, bent: bool) -> Self:
         if not bent:
@@ -170,8 +159,13 @@ class Measured:
         return replace(self, bent_total=total, bent_weight=weight, bent=self.bent + 1)
 
     def asking_anew(self) -> Self:
-        """The same size, asked about from now on; what was said about quite another stature counts less."""
-        kept = np.array([KEPT if self._off[0] > FAR else 1.0, 1.0])
+        """The same size, asked about from now on.
+
+        What was said about another stature counts less the farther it was off: a frame's word is drawn to
+        the one that it is asked about.
+        """
+        off = self.logarithms[0] - np.log(self.about[0])
+        kept = np.array([1.0 / (1.0 + (off / BELIEVED) ** 2), 1.0])
         return replace(
             self,
             total=kept * self.total,

@@ -79,9 +79,7 @@ class PersonSize:
 
     def give(self, start: Start) -> Start:
         """The start with a body of the size that is known by now, if it is time; the same start otherwise."""
-        if self.measured is None or not self.measured.ripe:
-            return start
-        if not self.measured.differs(start.stature, start.girth):
+        if self.measured is None or not self.measured.changes(start.stature, start.girth):
             return start
         return self._asker.resize(start, *self.measured.size)
 
