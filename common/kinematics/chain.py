@@ -56,12 +56,18 @@ def forward_kinematics(
                     local[a, b] = 1.0 if a == b else 0.0
                 local[a, 3] = axes[j, a] * pose[j]
         else:
-            fill_rotation(axes[j, 0], axes[j, 1], axes[j, 2], pose[j], local)
-            for a in range(3):
-                local[a, 3] = points[j, a]
-                for b in range(3):
-                    local[a, 3] -= local[a, b] * points[j, b]
+            fill_turn(axes, points, j, pose[j], local)
         compose(parents[j], local, j, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_turn(axes: Array, points: Array, j: int, angle: float, local: Array) -> None:
+    """Fill local (3, 4) with the turn about axis j of (D, 3), which goes through point j of (D, 3)."""
+    fill_rotation(axes[j, 0], axes[j, 1], axes[j, 2], angle, local)
+    for a in range(3):
+        local[a, 3] = points[j, a]
+        for b in range(3):
+            local[a, 3] -= local[a, b] * points[j, b]
 
 
 @numba.njit(cache=True, nogil=True)

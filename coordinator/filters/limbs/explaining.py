@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from common.kinematics.chain import compose, forward_kinematics
-from common.kinematics.rotations import fill_rotation
+from common.kinematics.chain import compose, fill_turn, forward_kinematics
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -51,7 +50,8 @@ def count_explained(  # noqa: PLR0913 a kernel
     forward_kinematics(kinds, parents, axes, joints, pose, transforms)
     for k in range(len(held)):
         for i in range(held.shape[1]):
-            turn(first + i, held[k, i], parents, axes, joints, local, transforms)
+            fill_turn(axes, joints, first + i, held[k, i], local)
+            compose(parents[first + i], local, first + i, transforms)
         of_limb[:, :, :, k] = transforms[first:]
     posed = np.empty((len(vertices), 3, len(held)))
     for v in range(len(vertices)):
@@ -72,19 +72,6 @@ def count_explained(  # noqa: PLR0913 a kernel
                 nearest[k] = min(nearest[k], squared)
         for k in range(len(held)):
             explained[k] += nearest[k] <= NEAR * NEAR
-
-
-@numba.njit(cache=True, nogil=True)
-def turn(
-    j: int, angle: float, parents: Indices, axes: Array, joints: Array, local: Array, transforms: Array
-) -> None:
-    """Fill transforms[j] (3, 4) of a degree of freedom that turns, from its parent's; local is scratch."""
-    fill_rotation(axes[j, 0], axes[j, 1], axes[j, 2], angle, local)
-    for a in range(3):
-        local[a, 3] = joints[j, a]
-        for b in range(3):
-            local[a, 3] -= local[a, b] * joints[j, b]
-    compose(parents[j], local, j, transforms)
 
 
 @numba.njit(cache=True, nogil=True)
