@@ -30,12 +30,12 @@ from worker.kernel.search.warm_start import find_correspondences
 from worker.kernel.solver.gauss_newton import SolverParameters, minimise, solve_ltl
 from worker.kernel.solver.normal_equations import (
     NormalEquations,
-    add_correspondences,
     make_equations,
     normal_equations,
     subtree_moments,
 )
 from worker.kernel.solver.priors import LIMIT_SHARE
+from worker.kernel.solver.sums import add_correspondences
 from worker.kernel.surface import pack_model
 from worker.kernel.weighting import accumulate_correspondences
 

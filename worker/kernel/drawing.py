@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from worker.kernel.tiles import DOUBLE, FLOAT, lanes_at, spread
+from worker.kernel.vectors import DOUBLE, FLOAT, lanes_at, spread
 
 LANES = 4  # pixels of a row
 INSIDE = -1e-9  # from which on a share of a corner counts as none, so that nothing shows between triangles

@@ -15,13 +15,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from worker.kernel.observation import TILE
+from worker.kernel.vectors import FINITE, FLOAT, INT, SIZE, lanes_at, spread
 
-FLOAT, INT, SIZE = ir.FloatType(), ir.IntType(32), ir.IntType(64)
 BITS = ir.IntType(TILE)
-DOUBLE = ir.DoubleType()
-ROW = ir.VectorType(DOUBLE, 4)
 FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)
-FINITE = ("contract", "nsz", "nnan")  # a product and a sum may become one; everything is a number
 
 
 @intrinsic
@@ -58,28 +55,6 @@ def box_within(_, points, first, boxes, k, nearest):  # type: ignore[no-untyped-
     points (3, P) and nearest (P,) as for `search_lanes`.
     """
     return types.boolean(points, first, boxes, k, nearest), write_box_within
-
-
-@intrinsic
-def add_products(  # type: ignore[no-untyped-def] # noqa: PLR0913 compiled code takes numbers
-    _, sums, s, share, x, y, z, cx, cy, cz, w
-):
-    """Add share * X [w X; c] to the rows of sums[s], of X = [x, y, z, 1] and c = [cx, cy, cz].
-
-    sums (L, 4, 8) float64, s an integer, all else float64.
-    """
-    return types.void(sums, s, share, x, y, z, cx, cy, cz, w), write_add_products
-
-
-@intrinsic
-def pose_lanes(  # type: ignore[no-untyped-def]
-    _, columns, links, weights, vertices, v, posed
-):
-    """Fill posed[v] of (V, 3) with vertex v of (V, 3), blended over its links (V, K) by weights (V, K).
-
-    columns (L, 4, 4) are those of the links' transforms. What has no weight is passed over.
-    """
-    return types.void(columns, links, weights, vertices, v, posed), write_pose
 
 
 @intrinsic
@@ -150,59 +125,6 @@ def write_box_within(context: Any, builder: Any, signature: Any, values: Sequenc
     return builder.icmp_unsigned("!=", builder.bitcast(near, BITS), BITS(0))
 
 
-def write_add_products(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """The code of `add_products`."""
-    s = context.cast(builder, values[1], signature.args[1], types.intp)
-    sums = context.make_array(signature.args[0])(context, builder, values[0])
-    point, weight = (*values[3:6], DOUBLE(1.0)), values[9]
-    weighted = row_of(builder, [builder.fmul(value, weight, flags=FINITE) for value in point])
-    pull = row_of(builder, values[6:10])
-    for a, value in enumerate(point):
-        here = spread(builder, builder.fmul(value, values[2], flags=FINITE), ROW)
-        for place, added in ((8 * a, weighted), (8 * a + 4, pull)):
-            row = lanes_at(builder, sums, builder.add(builder.mul(s, SIZE(32)), SIZE(place)), ROW)
-            total = builder.fadd(
-                builder.load(row, align=8), builder.fmul(here, added, flags=FINITE), flags=FINITE
-            )
-            builder.store(total, row, align=8)
-    return context.get_dummy_value()
-
-
-def write_pose(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """The code of `pose_lanes`."""
-    v = context.cast(builder, values[4], signature.args[4], types.intp)
-    columns, links, weights, vertices, posed = (
-        context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 1, 2, 3, 5)
-    )
-    first, most = builder.mul(v, SIZE(3)), builder.extract_value(links.shape, 1)
-    point = [
-        spread(builder, builder.load(builder.gep(vertices.data, [builder.add(first, SIZE(axis))])), ROW)
-        for axis in range(3)
-    ]
-    total = cgutils.alloca_once_value(builder, ROW([0.0] * 4))  # type: ignore[no-untyped-call]
-    with cgutils.for_range(builder, most) as loop:
-        place = builder.add(builder.mul(v, most), loop.index)
-        weight = builder.load(builder.gep(weights.data, [place]))
-        with builder.if_then(builder.fcmp_ordered(">", weight, DOUBLE(0.0))):
-            link = builder.zext(builder.load(builder.gep(links.data, [place])), SIZE)
-            column = [
-                builder.load(
-                    lanes_at(builder, columns, builder.add(builder.mul(link, SIZE(16)), SIZE(4 * n)), ROW),
-                    align=8,
-                )
-                for n in range(4)
-            ]
-            moved = column[3]
-            for turned, along in zip(column[:3], point, strict=True):
-                moved = builder.fadd(moved, builder.fmul(turned, along, flags=FINITE), flags=FINITE)
-            share = builder.fmul(spread(builder, weight, ROW), moved, flags=FINITE)
-            builder.store(builder.fadd(builder.load(total), share, flags=FINITE), total)
-    for axis in range(3):
-        value = builder.extract_element(builder.load(total), INT(axis))
-        builder.store(value, builder.gep(posed.data, [builder.add(first, SIZE(axis))]))
-    return context.get_dummy_value()
-
-
 def write_lowest_bit(_: Any, builder: Any, __: Any, values: Sequence[Any]) -> Any:
     """The code of `lowest_bit`."""
     return builder.cttz(values[0], ir.IntType(1)(1))
@@ -231,11 +153,6 @@ def larger(builder: Any, one: Any, other: Any) -> Any:
     return builder.select(builder.fcmp_ordered(">", one, other, flags=FINITE), one, other)
 
 
-def lanes_at(builder: Any, array: Any, place: Any, lanes: ir.VectorType) -> Any:
-    """Pointer to as many elements from a place on as there are lanes."""
-    return builder.bitcast(builder.gep(array.data, [place]), lanes.as_pointer())
-
-
 def squared_distances(builder: Any, tile: Sequence[Any], model: Any, m: Any) -> Any:
     """Of a tile (three vectors) from model point m."""
     total = None
@@ -246,21 +163,6 @@ def squared_distances(builder: Any, tile: Sequence[Any], model: Any, m: Any) -> 
         squared = builder.fmul(off, off, flags=FINITE)
         total = squared if total is None else builder.fadd(total, squared, flags=FINITE)
     return total
-
-
-def spread(builder: Any, value: Any, lanes: ir.VectorType) -> Any:
-    """One value in every lane."""
-    nothing = ir.Constant(lanes, ir.Undefined)
-    alone = builder.insert_element(nothing, value, INT(0))
-    return builder.shuffle_vector(alone, nothing, ir.VectorType(INT, lanes.count)([0] * lanes.count))
-
-
-def row_of(builder: Any, values: Sequence[Any]) -> Any:
-    """Four values as lanes."""
-    row = ir.Constant(ROW, ir.Undefined)
-    for lane, value in enumerate(values):
-        row = builder.insert_element(row, value, INT(lane))
-    return row
 
 
 def largest(builder: Any, lanes: Any) -> Any:

@@ -15,8 +15,8 @@ from common.bounds import MOST_PIXELS
 from common.compiling import numba
 from common.kinematics.chain import forward_kinematics
 from worker.kernel.drawing import LANES, draw_row
+from worker.kernel.rows import pose_lanes
 from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.tiles import pose_lanes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -10,7 +10,7 @@ from worker.kernel.free_space import project_onto_silhouette
 from worker.kernel.packing import KernelParameters, PackedObservation
 from worker.kernel.robust import robust_weight
 from worker.kernel.search.correspondence import SearchBuffers
-from worker.kernel.solver.normal_equations import add_correspondences
+from worker.kernel.solver.sums import add_correspondences
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.workspace import Workspace
 
