@@ -16,30 +16,21 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.errors import BusError, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
-from common.protocol.messages import (
-    RefineRequest,
-    decode_frame,
-    decode_model,
-    decode_request,
-    encode_refined,
-    encode_refusal,
-)
+from common.protocol.frames import decode_frame
+from common.protocol.messages import RefineRequest, decode_request, encode_refined, encode_refusal
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body, Sized, Sizes
+from common.sizes import Body
 from common.transport.bus import Bus
 from common.transport.requests import Request, Requests
 from worker.activity import Activity
+from worker.contents import Contents
 from worker.dead_link import DeadLink
 from worker.fair_queue import FairQueue
 from worker.store import Memory, RunMemory
-
-PATIENCE = 0.2  # seconds that a published frame may be behind the first request for it
-FETCH_TIMEOUT = 2.0  # seconds
 
 log = logging.getLogger(__name__)
 
@@ -95,6 +86,7 @@ class Service(Generic[O]):
         self._kernel = kernel
         self.activity = Activity(kernel.lanes)
         self._memory: Memory[O] = Memory()
+        self._contents = Contents(bus, self._memory)
         self._queue: FairQueue[Batch] = FairQueue()
         self._ended_runs: SimpleQueue[str] = SimpleQueue()
         self._requests: Requests | None = None
@@ -195,7 +187,7 @@ class Service(Generic[O]):
         Raises ProtocolError for a request that cannot be served, BusError if its frame or model is not found.
         """
         memory: RunMemory[O] = self._memory.of(request.run)
-        body = self._find_body(memory, request)
+        body = self._contents.body(memory, request)
         observation = memory.observations.find(request.frame, lambda: self._observe(request))
         memory.settings = request.settings
         refined = self._kernel.refine(
@@ -203,6 +195,9 @@ class Service(Generic[O]):
         )
         self.activity.refined(request.run, len(request.poses))
         return encode_refined(refined)
+
+    def _observe(self, request: RefineRequest) -> O:
+        return self._kernel.observe(self._contents.frame(request))
 
     def _keep_frame(self, key: str, number: int, payload: bytes) -> None:
         """Store a published frame; called from a thread of the bus."""
@@ -216,46 +211,6 @@ class Service(Generic[O]):
         if not alive:
             self._memory.forget(run)
             self._ended_runs.put(run)
-
-    def _observe(self, request: RefineRequest) -> O:
-        return self._kernel.observe(decode_frame(self._find_frame(request)))
-
-    def _find_frame(self, request: RefineRequest) -> bytes:
-        """A frame from the subscription; from the run itself, if it does not come."""
-        payload = self._memory.wait_for_frame(request.run, request.frame, PATIENCE)
-        return payload or self._fetch(
-            keys.run_frame(request.run, request.frame), f"frame {request.frame} of run {request.run}"
-        )
-
-    def _find_body(self, memory: RunMemory[O], request: RefineRequest) -> Body:
-        """The body of a request's particles; from the run itself, if it is not known."""
-        model = self._find_model(memory, request.run, request.model_hash)
-        if request.poses.shape[1] != len(model.dof_names):
-            raise ProtocolError(
-                f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
-            )
-        of = request.of_sizes
-        if of is None:
-            return model
-        thick = self._find_model(memory, request.run, of.thick_hash)
-        bodies = memory.sizes.find((request.model_hash, of.thick_hash), lambda: Sizes(model, thick))
-        return Sized(bodies, of.sizes)
-
-    def _find_model(self, memory: RunMemory[O], run: str, model_hash: str) -> BodyModel:
-        return memory.models.find(model_hash, lambda: self._fetch_model(run, model_hash))
-
-    def _fetch_model(self, run: str, model_hash: str) -> BodyModel:
-        name = f"model {model_hash[:12]} of run {run}"
-        model = decode_model(self._fetch(keys.run_model(run, model_hash), name))
-        if model.hash != model_hash:
-            raise ProtocolError(f"asked for model {model_hash} and got {model.hash}")
-        return model
-
-    def _fetch(self, key: str, name: str) -> bytes:
-        payload = self._bus.fetch(key, FETCH_TIMEOUT)
-        if payload is None:
-            raise BusError(f"nobody has {name}")
-        return payload
 
 
 def refuse(request: Request, reason: str, *, retryable: bool = False) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
-from common.protocol.messages import decode_frame, decode_model, encode_frame, encode_model
+from common.protocol.frames import decode_frame, encode_frame
+from common.protocol.models import decode_model, encode_model
 from common.settings import RefineSettings
 from worker.service import Kernel
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.costs.standing import CAMERA, POSE, standing
 from common.frame import DepthFrame, SubjectFrame
-from common.protocol.messages import encode_frame
+from common.protocol.frames import encode_frame
 from common.refinement import Refined
 from common.settings import preset
 from coordinator.bodies.choice import choose_bodies

@@ -1,24 +1,19 @@
-"""What crosses the wire: msgpack maps with a protocol version, limited in size, checked on arrival.
+"""Requests to refine particles, what is replied, and refusals, as they cross the wire: checked on arrival.
 
 Every decoder raises ProtocolError, and its message says what is wrong. Nothing is unpickled or evaluated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
 from common.errors import ProtocolError
-from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
-from common.protocol.arrays import Dims, check_finite, check_indices, pack, unpack
+from common.protocol.arrays import pack, unpack
 from common.protocol.checks import (
-    check_camera,
     check_covariance_roots,
-    check_model,
     check_poses,
     check_refined,
     check_reply,
@@ -27,10 +22,6 @@ from common.protocol.checks import (
 )
 from common.protocol.wire import (
     MAX_REASON,
-    FrameMessage,
-    LiveEndMessage,
-    LiveFrameMessage,
-    ModelMessage,
     RefusalMessage,
     ReplyMessage,
     RequestMessage,
@@ -41,24 +32,6 @@ from common.protocol.wire import (
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.triangles import triangle_size
-
-# Of the arrays of a model; a field that is not named here is checked less closely.
-MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
-    "kinds": ("<i8", ("D",)),
-    "parents": ("<i8", ("D",)),
-    "axes": ("<f8", ("D", 3)),
-    "points": ("<f8", ("D", 3)),
-    "limits": ("<f8", ("D", 2)),
-    "rest_spreads": ("<f8", ("D",)),
-    "balls": ("<i8", ("B",)),
-    "link_dofs": ("<i8", ("L",)),
-    "vertices": ("<f8", ("V", 3)),
-    "triangles": ("<i8", ("T", 3)),
-    "skin_links": ("<i8", ("V", "K")),
-    "skin_weights": ("<f8", ("V", "K")),
-    "joint_links": ("<i8", ("J",)),
-    "joint_points": ("<f8", ("J", 3)),
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,126 +61,6 @@ class RefineRequest:
         of = self.of_sizes
         sizes = None if of is None else OfSizes(of.thick_hash, of.sizes[start:stop])
         return replace(self, poses=self.poses[start:stop], of_sizes=sizes)
-
-
-def encode_frame(subject: SubjectFrame) -> bytes:
-    """A frame for the workers."""
-    frame = subject.frame
-    message = FrameMessage(
-        number=frame.number,
-        time_s=frame.time_s,
-        depth_scale=frame.depth_scale,
-        intrinsics=frame.intrinsics,
-        depth=pack(frame.depth),
-        picked=pack(subject.picked),
-        view=subject.view,
-        kinds=None if subject.kinds is None else pack(subject.kinds),
-        emptiness=subject.emptiness,
-    )
-    return encode(message)
-
-
-def decode_frame(payload: bytes) -> SubjectFrame:
-    """A frame, or ProtocolError."""
-    message = decode(payload, FrameMessage)
-    frame = depth_frame(message)
-    picked = unpack("picked", message.picked, "<u4", ("P",), {})
-    check_picked(picked, frame.depth)
-    left, top, right, bottom = message.view
-    if left > right or top > bottom:
-        raise ProtocolError(f"view {message.view} ends before it begins")
-    if not 0.0 <= message.emptiness <= 1.0:
-        raise ProtocolError(f"an emptiness of {message.emptiness} is not between 0 and 1")
-    kinds = None
-    if message.kinds is not None:
-        kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {})
-        check_kinds(kinds, frame.depth)
-    return SubjectFrame(frame, picked, message.view, kinds, message.emptiness)
-
-
-def check_kinds(kinds: NDArray[np.uint8], depth: NDArray[np.uint16]) -> None:
-    """ProtocolError unless these are kinds of pixels, the subject's those with depth."""
-    if kinds.size and kinds.max() > UNMEASURED:
-        raise ProtocolError(f"kinds go up to {kinds.max()}, not {UNMEASURED}")
-    if not np.array_equal(kinds == SUBJECT, depth > 0):
-        raise ProtocolError("kinds and depth differ in what is the subject's")
-
-
-def check_picked(picked: NDArray[np.uint32], depth: NDArray[np.uint16]) -> None:
-    """ProtocolError unless these are pixels with depth, in ascending order."""
-    if np.any(picked[1:] <= picked[:-1]):
-        raise ProtocolError("picked must be in ascending order")
-    check_indices("picked", picked[-1:], 0, depth.size)  # and so all of them
-    if not np.all(depth.ravel()[picked]):
-        raise ProtocolError("picked points at pixels without depth")
-
-
-def encode_live(frame: DepthFrame) -> bytes:
-    """A whole depth image for whoever tracks."""
-    message = LiveFrameMessage(
-        number=frame.number,
-        time_s=frame.time_s,
-        depth_scale=frame.depth_scale,
-        intrinsics=frame.intrinsics,
-        depth=pack(frame.depth),
-    )
-    return encode(message)
-
-
-def encode_live_end() -> bytes:
-    """The end of a stream of depth images."""
-    return encode(LiveEndMessage())
-
-
-def decode_live(payload: bytes) -> DepthFrame | None:
-    """A whole depth image, None at the end of the stream, or ProtocolError."""
-    message = decode(payload, LiveFrameMessage, LiveEndMessage)
-    return depth_frame(message) if isinstance(message, LiveFrameMessage) else None
-
-
-def depth_frame(message: FrameMessage | LiveFrameMessage) -> DepthFrame:
-    """The depth image in a message, of the size that its camera has."""
-    camera = message.intrinsics
-    check_camera(camera, message.depth_scale)
-    check_finite("the frame's time", message.time_s)
-    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
-    return DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
-
-
-def encode_model(model: BodyModel) -> bytes:
-    """A model for the workers, with its hash."""
-    values = {field.name: getattr(model, field.name) for field in fields(model)}
-    message = ModelMessage(
-        hash=model.hash,
-        texts={name: value for name, value in values.items() if isinstance(value, str)},
-        names={name: value for name, value in values.items() if isinstance(value, tuple)},
-        arrays={name: pack(value) for name, value in values.items() if isinstance(value, np.ndarray)},
-    )
-    return encode(message)
-
-
-def decode_model(payload: bytes) -> BodyModel:
-    """A model whose content has the hash that it names, or ProtocolError."""
-    message = decode(payload, ModelMessage)
-    values = {**message.texts, **message.names, **message.arrays}
-    if len(values) < len(message.texts) + len(message.names) + len(message.arrays):
-        raise ProtocolError("the model has a field twice")
-    check_fields("model", values.keys(), {field.name for field in fields(BodyModel)})
-    sizes = {
-        letter: len(message.names.get(name, ()))
-        for letter, name in (("D", "dof_names"), ("L", "link_names"), ("J", "joint_names"))
-    }
-    for name, array in message.arrays.items():
-        dtype, dims = MODEL_ARRAYS.get(name, (array.dtype, array.shape))
-        values[name] = unpack(f"the model's {name}", array, dtype, dims, sizes)
-    try:
-        check_model({name: v for name, v in values.items() if isinstance(v, np.ndarray)}, sizes)
-        model = BodyModel(**values)  # type: ignore[arg-type]
-    except (ValueError, TypeError, KeyError) as error:
-        raise ProtocolError(f"the model contradicts itself: {error}") from error
-    if model.hash != message.hash:
-        raise ProtocolError(f"the model names the hash {message.hash} and has {model.hash}")
-    return model
 
 
 def encode_request(request: RefineRequest) -> bytes:
@@ -296,10 +149,3 @@ def decode_refusal(payload: bytes) -> RefusalMessage:
     refusal = decode(payload, RefusalMessage)
     plain = "".join(letter if letter.isprintable() else " " for letter in refusal.reason)
     return RefusalMessage(reason=plain, retryable=refusal.retryable)
-
-
-def check_fields(what: str, given: AbstractSet[str], expected: AbstractSet[str]) -> None:
-    """ProtocolError that names missing and unknown fields."""
-    if given != expected:
-        missing, unknown = sorted(expected - given), sorted(given - expected)
-        raise ProtocolError(f"the {what} lacks fields {missing} and has unknown fields {unknown[:10]}")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.frame import DepthFrame
+from common.protocol.frames import encode_live, encode_live_end
 from common.protocol.keys import check_stream
-from common.protocol.messages import encode_live, encode_live_end
 from common.transport.bus import Bus
 from common.transport.opening import open_coordinator, open_worker
 from common.transport.publishers import Publisher

@@ -9,7 +9,8 @@ from typing import TypeVar
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.protocol import keys
-from common.protocol.messages import encode_frame, encode_model
+from common.protocol.frames import encode_frame
+from common.protocol.models import encode_model
 from common.transport.bus import Bus
 
 K = TypeVar("K")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from common.errors import ProtocolError
 from common.frame import DepthFrame
+from common.protocol.frames import decode_live
 from common.protocol.keys import check_stream
-from common.protocol.messages import decode_live
 
 SCHEME = "zenoh:"
 NOTICE = 5.0  # seconds without a frame until we say so

@@ -18,20 +18,17 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import ProtocolError
 from common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
-from common.protocol import messages
+from common.protocol.frames import decode_frame, decode_live, encode_frame
 from common.protocol.messages import (
     OfSizes,
-    decode_frame,
-    decode_live,
-    decode_model,
     decode_refined,
     decode_refusal,
     decode_request,
-    encode_frame,
     encode_refined,
     encode_refusal,
     encode_request,
 )
+from common.protocol.models import MODEL_ARRAYS, decode_model
 from common.protocol.wire import LIVE, MAX_BYTES, MAX_REASON, PROTOCOL
 from common.refinement import Refined
 from tests.support.messages.kinds import (
@@ -233,7 +230,7 @@ def test_refusal_survives_in_part() -> None:
 def test_tables_know_every_array() -> None:
     """Whoever adds an array to a model also says how it is checked."""
     in_model = {f.name for f in fields(BodyModel) if isinstance(getattr(tiny_model(), f.name), np.ndarray)}
-    assert set(messages.MODEL_ARRAYS) == in_model
+    assert set(MODEL_ARRAYS) == in_model
 
 
 def test_decoded_arrays_suit_the_kernel() -> None:

@@ -27,18 +27,17 @@ import psutil  # type: ignore[import-untyped]
 
 from common.errors import ProtocolError
 from common.protocol import keys
+from common.protocol.frames import encode_frame
 from common.protocol.messages import (
     RefineRequest,
-    decode_model,
     decode_refined,
     decode_refusal,
     decode_request,
-    encode_frame,
-    encode_model,
     encode_refined,
     encode_refusal,
     encode_request,
 )
+from common.protocol.models import decode_model, encode_model
 from common.settings import RefineSettings, preset
 from common.transport.bus import Bus
 from common.transport.opening import open_worker

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import gepf
-from common.protocol.messages import encode_live, encode_live_end
+from common.protocol.frames import encode_live, encode_live_end
 from common.transport.opening import open_router, open_worker
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
 from tests.support.processes.programs import started, wait_until

@@ -22,7 +22,7 @@ from PIL import Image
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from common.protocol.messages import encode_live, encode_live_end
+from common.protocol.frames import encode_live, encode_live_end
 from common.protocol.wire import LIVE
 from common.refinement import Refined
 from common.settings import RefineSettings

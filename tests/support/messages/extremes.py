@@ -20,15 +20,9 @@ from common.bounds import (
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import DepthFrame, SubjectFrame
-from common.protocol.messages import (
-    RefineRequest,
-    decode_frame,
-    decode_model,
-    decode_request,
-    encode_frame,
-    encode_model,
-    encode_request,
-)
+from common.protocol.frames import decode_frame, encode_frame
+from common.protocol.messages import RefineRequest, decode_request, encode_request
+from common.protocol.models import decode_model, encode_model
 from common.settings import RefineSettings
 from worker.warm_up import tiny_frame, tiny_model
 

@@ -7,23 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from common.protocol.frames import decode_frame, decode_live, encode_frame, encode_live, encode_live_end
 from common.protocol.messages import (
     OfSizes,
     RefineRequest,
-    decode_frame,
-    decode_live,
-    decode_model,
     decode_refined,
     decode_refusal,
     decode_request,
-    encode_frame,
-    encode_live,
-    encode_live_end,
-    encode_model,
     encode_refined,
     encode_refusal,
     encode_request,
 )
+from common.protocol.models import decode_model, encode_model
 from common.refinement import Refined
 from common.settings import RefineSettings
 from tests.support.refined import sure
