@@ -42,7 +42,14 @@ def estimate_covariances(
     return covariances
 
 
-def shrink(covariances: Array, roots: NDArray[np.float32], group: NDArray[np.int64]) -> Array:
+def found_by_descent(roots: NDArray[np.float32], dofs: int) -> Array:
+    """Covariances (M, D, D) from their Cholesky factors' lower triangles (M, D (D + 1) / 2)."""
+    lower = lower_triangular(roots, dofs)
+    covariances: Array = lower @ lower.transpose(0, 2, 1)
+    return covariances
+
+
+def shrink(covariances: Array, found: Array, group: NDArray[np.int64]) -> Array:
     """Covariances (M, D, D) of groups, drawn to those that the descent found at their hypotheses.
 
     A group shows no more directions than it has particles, so what was found counts as much as TARGET_WORTH
@@ -50,13 +57,12 @@ def shrink(covariances: Array, roots: NDArray[np.float32], group: NDArray[np.int
 
     Args:
         covariances: As `estimate_covariances` gives them.
-        roots: Cholesky factors of what was found, lower triangles (M, D (D + 1) / 2).
+        found: What was found (M, D, D).
         group: For each particle (N,) the hypothesis it merged into.
     """
-    lower = lower_triangular(roots, covariances.shape[1])
     members = np.bincount(group, minlength=len(covariances))[:, None, None]
     share = np.where(members > 1, members / (members + TARGET_WORTH), 0.0)
-    shrunk: Array = share * covariances + (1.0 - share) * (lower @ lower.transpose(0, 2, 1))
+    shrunk: Array = share * covariances + (1.0 - share) * found
     return shrunk
 
 

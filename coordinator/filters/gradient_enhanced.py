@@ -19,7 +19,7 @@ from common.kinematics import difference, retract
 from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, likeliest_way_on
-from coordinator.filters.covariance import estimate_covariances, shrink
+from coordinator.filters.covariance import estimate_covariances, found_by_descent, shrink
 from coordinator.filters.exploration import (
     HIDING,
     ONE_LIMB,
@@ -110,10 +110,11 @@ def update(
     )
     origins = past.poses[parents] if proposal.origins is None else proposal.origins[answered[chosen]]
     if roots is not None:
-        covariances = shrink(covariances, roots[chosen], group)
+        found = found_by_descent(roots[chosen], poses.shape[1])
+        covariances = shrink(covariances, found, group)
         if proposal.expected is not None:
             expected = proposal.expected[answered[chosen]]
-            poses = hold(model, poses, roots[chosen], expected, proposal.interval)
+            poses = hold(model, poses, found, expected, proposal.interval)
     return Hypotheses(
         poses=poses,
         log_weights=log_likelihood,

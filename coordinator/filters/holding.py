@@ -9,13 +9,15 @@ it is seen, what is hidden where motion left it.
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import difference, retract, within_limits
 from common.refinement import WEAK_SLIDE, WEAK_TURN
-from common.triangles import lower_triangular
 from coordinator.filters.sighting import USUAL_INTERVAL
 
 Array = NDArray[np.float64]
@@ -24,9 +26,15 @@ UNEXPECTED_TURN, UNEXPECTED_SLIDE = float(np.radians(15.0)), WEAK_SLIDE
 """Standard deviations, radians and metres, of how joints move in a usual interval beside what is expected."""
 
 
-def hold(
-    model: BodyModel, refined: Array, roots: NDArray[np.float32], expected: Array, interval: float
-) -> Array:
+class Stiffness(NamedTuple):
+    """What holds a body's degrees of freedom (D,) beside what is seen: inverse variances, and which are which."""
+
+    weak: Array  # of the weak prior
+    moves: Array  # of motion in a usual interval, of what does not place the base
+    base: NDArray[np.bool_]  # what places the base
+
+
+def hold(model: BodyModel, refined: Array, found: Array, expected: Array, interval: float) -> Array:
     """The likeliest poses (M, D) given a frame and the motion of so many seconds before it.
 
     With the covariance S = (L + W)^-1 of a refined pose, L what the frame says and W the weak prior's
@@ -36,18 +44,25 @@ def hold(
     Args:
         model: The body.
         refined: Hypotheses (M, D) after their descent.
-        roots: Cholesky factors of their covariances, lower triangles (M, D (D + 1) / 2).
+        found: Their covariances (M, D, D).
         expected: Where they would be (M, D) had all gone on as it went.
         interval: Seconds since then.
     """
-    turning, base = model.kinds == ROTATION, np.isin(model.dof_names, ROOT_DOFS)
-    weak: Array = np.where(turning, WEAK_TURN, WEAK_SLIDE) ** -2.0
-    moves = np.where(turning, UNEXPECTED_TURN, UNEXPECTED_SLIDE) ** -2.0 * USUAL_INTERVAL / interval
-    motion: Array = np.where(base, weak, moves)
-    way: Array = np.where(base, 0.0, difference(model, refined, expected))
-    lower = lower_triangular(roots, len(weak))
-    covariance = lower @ lower.transpose(0, 2, 1)
-    pull = covariance @ (motion * way)[..., None]
-    matrix: Array = np.eye(len(weak)) + covariance * (motion - weak)
+    of = stiffness_of(model)
+    motion: Array = np.where(of.base, of.weak, of.moves / interval)
+    way: Array = np.where(of.base, 0.0, difference(model, refined, expected))
+    pull = found @ (motion * way)[..., None]
+    matrix: Array = np.eye(len(motion)) + found * (motion - of.weak)
     steps = np.asarray(np.linalg.solve(matrix, pull), dtype=np.float64)
     return within_limits(model, retract(model, refined, steps[..., 0]))
+
+
+@lru_cache(maxsize=16)
+def stiffness_of(model: BodyModel) -> Stiffness:
+    """What holds a body's degrees of freedom."""
+    turning = model.kinds == ROTATION
+    return Stiffness(
+        np.where(turning, WEAK_TURN, WEAK_SLIDE) ** -2.0,
+        np.where(turning, UNEXPECTED_TURN, UNEXPECTED_SLIDE) ** -2.0 * USUAL_INTERVAL,
+        np.isin(model.dof_names, ROOT_DOFS),
+    )

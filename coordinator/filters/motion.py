@@ -73,8 +73,9 @@ def take_root(covariance: Array, root: Array) -> None:
         pivot = np.argmax(np.diag(rest))
         if not rest[pivot, pivot] > least:
             return
-        root[:, k] = rest[:, pivot] / np.sqrt(rest[pivot, pivot])
+        column = rest[:, pivot] / np.sqrt(rest[pivot, pivot])  # in a row, so that several go at once
+        root[:, k] = column
         for i in range(len(rest)):
             for j in range(len(rest)):
-                rest[i, j] -= root[i, k] * root[j, k]
+                rest[i, j] -= column[i] * column[j]
         rest[pivot, pivot] = 0.0

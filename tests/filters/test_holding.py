@@ -12,6 +12,7 @@ from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import difference
 from common.refinement import WEAK_SLIDE, WEAK_TURN, Refined
 from common.settings import preset
+from coordinator.filters.covariance import found_by_descent
 from coordinator.filters.gradient_enhanced import begin, propose, update
 from coordinator.filters.holding import UNEXPECTED_SLIDE, UNEXPECTED_TURN, hold
 from coordinator.filters.sighting import USUAL_INTERVAL
@@ -61,8 +62,8 @@ def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval
         of_base = np.where(BASE, step, 0.0)
         return float(0.5 * (step @ shows @ step + off @ (motion * off) + of_base @ (weak * of_base)))
 
-    roots = packed(np.linalg.inv(shows + np.diag(weak)))
-    step = difference(MODEL, refined, hold(MODEL, refined, roots, expected, interval))[0]
+    found = np.linalg.inv(shows + np.diag(weak))[None]
+    step = difference(MODEL, refined, hold(MODEL, refined, found, expected, interval))[0]
     small = 1e-4
     slope = [(cost(step + small * e) - cost(step - small * e)) / (2 * small) for e in np.eye(DOFS)]
     np.testing.assert_allclose(slope, 0.0, atol=1e-3 * np.abs(motion * way).max())
@@ -74,8 +75,8 @@ def test_what_is_seen_stays_and_what_is_hidden_goes_where_it_was_expected() -> N
     seen = np.arange(DOFS) % 2 == 0
     seen[[b + k for b in MODEL.balls for k in range(3)]] = False
     weak, sharp = deviations(MODEL, WEAK_TURN, WEAK_SLIDE), deviations(MODEL, np.radians(0.3), 0.001)
-    roots = packed(np.diag(np.where(seen, sharp, weak) ** 2))
-    held = hold(MODEL, refined, roots, expected, USUAL_INTERVAL)
+    found = np.diag(np.where(seen, sharp, weak) ** 2)[None]
+    held = hold(MODEL, refined, found, expected, USUAL_INTERVAL)
     hidden = ~seen & ~BASE
     assert hidden.any()
     np.testing.assert_allclose(held[0, hidden], expected[0, hidden], atol=1e-5)
@@ -90,8 +91,8 @@ def test_nothing_is_held_beyond_its_limits() -> None:
     bounded = single & ~BASE & np.isfinite(MODEL.limits).all(axis=1)
     assert bounded.any()
     expected = np.where(bounded, MODEL.limits[:, 1] + 0.3, refined)
-    roots = packed(np.diag(deviations(MODEL, WEAK_TURN, WEAK_SLIDE) ** 2))
-    held = hold(MODEL, refined, roots, expected, USUAL_INTERVAL)
+    found = np.diag(deviations(MODEL, WEAK_TURN, WEAK_SLIDE) ** 2)[None]
+    held = hold(MODEL, refined, found, expected, USUAL_INTERVAL)
     np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
 
 
@@ -107,6 +108,6 @@ def test_each_particle_that_was_answered_is_held_about_its_own_way_on() -> None:
     after = Refined(poses, likelihood, np.full(len(poses), 0.01), roots)
     found = update(MODEL, proposal, after, settings, rng)
     order = after.answered[::-1]
-    held = hold(MODEL, poses[order], roots[order], expected[order], INTERVAL)
+    held = hold(MODEL, poses[order], found_by_descent(roots[order], DOFS), expected[order], INTERVAL)
     np.testing.assert_allclose(found.poses, held, atol=1e-12)
     np.testing.assert_allclose(found.velocities, difference(MODEL, origins[order], held) / INTERVAL)

@@ -16,7 +16,7 @@ from common.kinematics import difference, retract
 from common.refinement import Refined
 from common.settings import preset
 from common.triangles import lower_triangular, triangle_size
-from coordinator.filters.covariance import TARGET_WORTH, estimate_covariances, shrink
+from coordinator.filters.covariance import TARGET_WORTH, estimate_covariances, found_by_descent, shrink
 from coordinator.filters.gradient_enhanced import begin, propose, update
 from coordinator.filters.mahalanobis import VALLEY, merge_by_mahalanobis
 from tests.support.bodies import hinges, puppet
@@ -94,7 +94,7 @@ def test_a_lone_particle_has_what_the_descent_found() -> None:
     roots = random_roots(rng, 2, 2)
     targets = [root @ root.T for root in lower_triangular(roots, 2)]
     by_particles = estimate_covariances(model, before, merged, group, np.tile(np.eye(2), (2, 1, 1)), 0.1)
-    found = shrink(by_particles, roots, group)
+    found = shrink(by_particles, found_by_descent(roots, 2), group)
     np.testing.assert_allclose(found[1], targets[1])
     np.testing.assert_allclose(found[0], (5 * by_particles[0] + 20 * targets[0]) / 25)
 
@@ -106,7 +106,7 @@ def test_many_particles_outweigh_the_descent(seed: int, members: int) -> None:
     before, group = rng.normal(size=(members, 2)), np.zeros(members, dtype=np.int64)
     roots = random_roots(rng, 1, 2)
     by_particles = estimate_covariances(hinges(), before, np.zeros((1, 2)), group, np.eye(2)[None], 0.1)
-    found = shrink(by_particles, roots, group)[0]
+    found = shrink(by_particles, found_by_descent(roots, 2), group)[0]
     np.testing.assert_array_equal(found, found.T)
     assert np.linalg.eigvalsh(found).min() > 0.0
     target = lower_triangular(roots, 2)[0] @ lower_triangular(roots, 2)[0].T
