@@ -136,6 +136,10 @@ class Measured:
         asked = self.bent if bent else upright
         return not 0.0 <= time_s - self.time_s < INTERVAL * 2.0 ** (asked // RARER)
 
+    def may_ask(self, time_s: float) -> bool:
+        """Whether there is a way to stand in which the frame of this time is to be asked."""
+        return self.asks(time_s) or self.asks(time_s, bent=True)
+
     def passed(self, time_s: float) -> Self:
         """After a frame that was asked and gave no answer."""
         return replace(self, time_s=time_s)

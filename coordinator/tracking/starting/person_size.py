@@ -58,7 +58,7 @@ class PersonSize:
     def ask(self, start: Start, pose: Array, time_s: float, rules: RefineSettings) -> Question | None:
         """What to ask a frame in which the body is about in this pose (D,); None if its time has not come."""
         known = self.measured
-        if known is None or rules.is_soft:
+        if known is None or rules.is_soft or not known.may_ask(time_s):
             return None
         if not known.asks(time_s, bent=stance_of(start.model, pose).bent):
             return None

@@ -5,6 +5,7 @@ Whoever stands upright shows it: a frame counts less the more the body is bent, 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -42,16 +43,20 @@ class Stance(NamedTuple):
 
 def stance_of(model: BodyModel, pose: Array) -> Stance:
     """How a person stands in a pose (D,)."""
-    joints = joint_positions(model, np.stack([np.zeros_like(pose), pose]))
-    rest, now = lengths(model, joints)
-    return Stance(float(now / rest), has_raised(model, joints[1]))
+    joints: Array = joint_positions(model, pose[None])[0]
+    return Stance(length_of(model, joints) / length_at_rest(model), has_raised(model, joints))
 
 
-def lengths(model: BodyModel, joints: Array) -> Array:
-    """How far the head is from the farther ankle (N,), metres, by joints (N, J, 3)."""
+@lru_cache(maxsize=16)
+def length_at_rest(model: BodyModel) -> float:
+    """How far the head is from the farther ankle at rest, metres."""
+    return length_of(model, joint_positions(model, np.zeros((1, len(model.kinds))))[0])
+
+
+def length_of(model: BodyModel, joints: Array) -> float:
+    """How far the head is from the farther ankle, metres, by joints (J, 3)."""
     head, *ankles = ends_of(model)
-    farther: Array = np.linalg.norm(joints[:, ankles] - joints[:, head, None], axis=-1).max(axis=-1)
-    return farther
+    return float(np.linalg.norm(joints[ankles] - joints[head], axis=-1).max())
 
 
 def ends_of(model: BodyModel) -> list[int]:
