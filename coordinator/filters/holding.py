@@ -27,7 +27,7 @@ UNEXPECTED_TURN, UNEXPECTED_SLIDE = float(np.radians(15.0)), WEAK_SLIDE
 
 
 class Stiffness(NamedTuple):
-    """What holds a body's degrees of freedom (D,) beside what is seen: inverse variances, and which are which."""
+    """What holds degrees of freedom (D,) beside what is seen: inverse variances, and which are which."""
 
     weak: Array  # of the weak prior
     moves: Array  # of motion in a usual interval, of what does not place the base

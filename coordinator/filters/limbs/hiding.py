@@ -16,7 +16,7 @@ from common.body import BodyModel
 from common.compiling import numba
 from common.kinematics import link_transforms
 from common.kinematics.skinning import blend_each
-from coordinator.filters.limbs.layout import LEAST, Flags, Indices, Limb, LimbView, Ways
+from coordinator.filters.limbs.layout import LEAST, Flags, Indices, Limb, LimbView, Ways, draw_ways
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def find_hidden(
         return None
     cover, found = cover_of(view.points), list[tuple[Limb, Array]]()
     for limb in unseen:
-        held = np.vstack([pose[limb.dofs], rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))])
+        held = np.vstack([pose[limb.dofs], draw_ways(limb, DRAWS, rng)])
         hidden = share_hidden(model, pose, limb, held, cover) >= HIDDEN
         if hidden[0] and hidden[1:].any():
             found.append((limb, held[1:][hidden[1:]]))
@@ -66,8 +66,7 @@ def find_hidden(
 
 def is_unseen(limb: Limb, view: LimbView) -> bool:
     """Whether nothing that is seen is the limb's alone."""
-    own = np.count_nonzero(view.near[limb.number] & view.alone(limb))
-    return bool(own < LEAST * len(view.points))
+    return bool(view.own[limb.number] < LEAST * len(view.points))
 
 
 def cover_of(points: Array) -> Cover:

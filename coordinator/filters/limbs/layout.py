@@ -58,12 +58,14 @@ class LimbView(NamedTuple):
     layout: Layout
     points: Array  # (P, 3) observed
     near: Flags  # (K, P) whether a point is near a limb, or near what limbs hang on
-    explained_by: Indices  # (P,) how many are near a point
+    alone: Flags  # (K, P) whether no other limb explains it
+    own: Indices  # (K,) points that a limb alone is near
+    unexplained: int  # points that none is near
 
-    def alone(self, limb: Limb) -> Flags:
-        """The points (P,) that no other limb explains."""
-        alone: Flags = self.explained_by == self.near[limb.number]
-        return alone
+
+def draw_ways(limb: Limb, count: int, rng: np.random.Generator) -> Array:
+    """Ways (count, d) to hold a limb, drawn from all that it can do."""
+    return limb.low + (limb.high - limb.low) * rng.random((count, len(limb.dofs)))
 
 
 class Ways(NamedTuple):
@@ -80,7 +82,10 @@ def view_limbs(model: BodyModel, pose: Array, observed: Array) -> LimbView | Non
         return None
     points = observed[:: max(1, len(observed) // POINTS)]
     near = find_near(model, pose, points, layout)
-    return LimbView(layout, points, near, near.sum(axis=0))
+    explained_by = near.sum(axis=0)
+    alone = explained_by == near
+    own = np.count_nonzero(near & alone, axis=1)
+    return LimbView(layout, points, near, alone, own, len(points) - int(np.count_nonzero(explained_by)))
 
 
 def find_near(model: BodyModel, pose: Array, points: Array, layout: Layout) -> Flags:
@@ -102,15 +107,16 @@ def layout_of(model: BodyModel) -> Layout:
     for number, dofs in enumerate(groups):
         group_of[dofs] = number
     some = np.arange(0, len(model.vertices), max(1, len(model.vertices) // BODY_VERTICES))
+    carried_by = group_of[carrier]
     limbs = [
-        lay_out_limb(model, number, dofs, np.flatnonzero(np.isin(carrier, dofs)))
+        lay_out_limb(model, number, dofs, np.flatnonzero(carried_by == number))
         for number, dofs in enumerate(groups)
-        if is_limb(model, dofs) and np.isin(carrier, dofs).any()
+        if is_limb(model, dofs) and np.any(carried_by == number)
     ]
     for limb in limbs[:1]:
         load_counting(limb)
     skin = model.vertices[some], model.skin_links[some], model.skin_weights[some]
-    return Layout(skin, group_of[carrier[some]], len(groups), tuple(limbs))
+    return Layout(skin, carried_by[some], len(groups), tuple(limbs))
 
 
 def is_limb(model: BodyModel, dofs: Indices) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coordinator.filters.limbs.explaining import count_explained
-from coordinator.filters.limbs.layout import LEAST, Limb, LimbView, Ways
+from coordinator.filters.limbs.layout import LEAST, Limb, LimbView, Ways, draw_ways
 
 Array = NDArray[np.float64]
 
@@ -25,14 +25,12 @@ def find_reaches(view: LimbView | None, pose: Array, count: int, rng: np.random.
 
     None where no limb could.
     """
-    if view is None or np.count_nonzero(view.explained_by == 0) < max(3.0, LEAST * len(view.points)):
+    if view is None or view.unexplained < max(3.0, LEAST * len(view.points)):
         return None
     found: list[tuple[Limb, Array, Array]] = []
     for limb in view.layout.limbs:
-        alone = view.alone(limb)
-        held, reached = try_ways(limb, pose, view.points[alone], rng)
-        explained = np.count_nonzero(alone & view.near[limb.number])
-        found.append((limb, held, np.maximum(0.0, reached - explained)))
+        held, reached = try_ways(limb, pose, view.points[view.alone[limb.number]], rng)
+        found.append((limb, held, np.maximum(0.0, reached - view.own[limb.number])))
     if not any(gain.any() for _, _, gain in found):
         return None
     weights = np.concatenate([gain for _, _, gain in found]) ** 2
@@ -44,7 +42,7 @@ def find_reaches(view: LimbView | None, pose: Array, count: int, rng: np.random.
 
 def try_ways(limb: Limb, pose: Array, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Ways (K, d) to hold a limb of pose (D,), and how many of the points (P, 3) each comes near."""
-    held = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
+    held = draw_ways(limb, DRAWS, rng)
     reached = count_reached(limb, pose, held, points)
     best = np.argsort(-reached, kind="stable")[:BEST]
     varied = np.repeat(held[best], VARIANTS, axis=0)

@@ -20,7 +20,7 @@ MEMORY = (
 )
 
 
-LEFT_OVER = (5.0, 3.0)
+LEFT_OVER = np.array([5.0, 3.0])
 """Log odds and log deviation for each e-fold of surface that nothing explains, beyond MUCH_LEFT.
 
 People leave some over where every joint is in place (clothes, hair), so the fit to them gives little for it.
@@ -62,8 +62,9 @@ class Functions:
         lone: whether a single particle was drawn.
         """
         within = limit(evidence, self.low, self.high)
-        both = (self.probability, self.deviation)
-        judged = np.stack([intercept + within @ weights for intercept, weights in both], axis=-1)
+        judged = np.empty((*evidence.shape[:-1], 2))
+        for which, (intercept, weights) in enumerate((self.probability, self.deviation)):
+            judged[..., which] = intercept + within @ weights
         judged[..., 0] += LONE * lone
         judged[..., 1] += self.unseen * is_hidden(evidence)
         return judged + add_left_over(evidence)
@@ -86,15 +87,20 @@ def is_hidden(evidence: Array) -> NDArray[np.bool_]:
 
 def add_left_over(evidence: Array) -> Array:
     """What unexplained surface adds to log odds and log deviation (..., 2), from evidence (..., K)."""
-    beyond = np.nan_to_num(evidence[..., LEFT]) - MUCH_LEFT
-    added: Array = np.clip(beyond, 0.0, MOST_LEFT)[..., None] * np.array(LEFT_OVER)
+    beyond = numbers(evidence[..., LEFT]) - MUCH_LEFT
+    added: Array = np.clip(beyond, 0.0, MOST_LEFT)[..., None] * LEFT_OVER
     return added
 
 
 def limit(evidence: Array, low: Array, high: Array) -> Array:
     """Evidence (..., K) within what functions were fitted to (K,): what goes beyond counts as its limit."""
-    within: Array = np.clip(np.nan_to_num(evidence), low, high)
+    within: Array = np.clip(numbers(evidence), low, high)
     return within
+
+
+def numbers(evidence: Array) -> Array:
+    """Evidence in which what is no number counts as 0; mostly all of it is."""
+    return evidence if np.isfinite(evidence).all() else np.nan_to_num(evidence)
 
 
 def recall(now: Array, before: Array | None, interval: float) -> Array:

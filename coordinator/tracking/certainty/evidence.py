@@ -188,12 +188,12 @@ def area_left(joints: Array, seen: Seen, sighted: Sighted) -> Array:
 @lru_cache(maxsize=16)
 def limbs_of(model: BodyModel) -> Limbs:
     """The limbs of a body's joints, -1 for what nothing moves; what slides is the trunk and no limb."""
-    groups = find_limbs(model)
-    dofs = model.link_dofs[model.joint_links]
-    of_joint = np.array([next((k for k, g in enumerate(groups) if dof in g), -1) for dof in dofs])
+    groups, group_of = find_limbs(model), np.full(len(model.kinds) + 1, -1)  # the last for what nothing moves
+    for k, dofs in enumerate(groups):
+        group_of[dofs] = k
+    of_joint = group_of[model.link_dofs[model.joint_links]]
     of_limb = np.array([bool(np.all(model.kinds[g] == ROTATION)) for g in groups])[of_joint] & (of_joint >= 0)
     at_rest = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
-    begins = np.array([model.points[groups[k][0]] for k in of_joint])
+    begins = model.points[[dofs[0] for dofs in groups]][of_joint]
     lever = np.where(of_limb, np.linalg.norm(at_rest - begins, axis=1), 0.0)
-    turns = [np.isin(np.arange(len(model.kinds)), groups[k]) for k in of_joint]
-    return Limbs(of_joint, lever, np.array(turns) & of_limb[:, None])
+    return Limbs(of_joint, lever, (group_of[:-1] == of_joint[:, None]) & of_limb[:, None])

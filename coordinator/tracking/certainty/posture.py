@@ -32,7 +32,7 @@ def posture_of(model: BodyModel, joints: Array) -> Posture:
     neck, pelvis, left, right = joints[landmarks]
     trunk, thighs = neck - pelvis, pelvis - 0.5 * (left + right)
     along = trunk @ thighs / np.sqrt((trunk @ trunk) * (thighs @ thighs))
-    return Posture(float(np.arccos(np.clip(along, -1.0, 1.0)) ** 2), np.abs(joints[:, 2] - pelvis[2]))
+    return Posture(float(np.arccos(min(max(along, -1.0), 1.0)) ** 2), np.abs(joints[:, 2] - pelvis[2]))
 
 
 @lru_cache(maxsize=16)

@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from common.frame import SubjectFrame
+from common.kinematics.arrays import contiguous
+from coordinator.tracking.observing.sighting import some_points
 
 Array = NDArray[np.float64]
 
-POINTS = 300  # that are looked at
 VERTICES = 1_000  # of the body
 NEAR = 0.08  # metres from a vertex within which a point is explained
 
@@ -20,18 +21,14 @@ def unexplained_points(posed: Array, subject: SubjectFrame, stretch: float) -> t
 
     `stretch`, the lateral over the depth noise, is what distances along the line of sight are multiplied by.
     """
-    frame, camera = subject.frame, subject.frame.intrinsics
-    measured = int(np.count_nonzero(frame.depth))
-    pixels = subject.picked[:: max(1, len(subject.picked) // POINTS)].astype(np.int64)
-    if not len(pixels):
-        return np.empty((0, 3)), 0.0
-    rows, columns = np.divmod(pixels, frame.depth.shape[1])
-    z = frame.depth.ravel()[pixels] / frame.depth_scale
-    points = np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z])
-    left = np.empty(len(z), dtype=np.bool_)
-    find_left_over(points, posed[:: max(1, len(posed) // VERTICES)], stretch, left)
-    area = float(np.mean(z * z)) / (camera.fx * camera.fy) * measured / len(pixels)
-    return np.ascontiguousarray(points[:, left].T), area
+    points, camera = some_points(subject), subject.frame.intrinsics
+    if not len(points):
+        return points, 0.0
+    left = np.empty(len(points), dtype=np.bool_)
+    find_left_over(contiguous(points.T), posed[:: max(1, len(posed) // VERTICES)], stretch, left)
+    measured, z = int(np.count_nonzero(subject.frame.depth)), points[:, 2]
+    area = float(np.mean(z * z)) / (camera.fx * camera.fy) * measured / len(points)
+    return points[left], area
 
 
 @numba.njit(cache=True, nogil=True)
