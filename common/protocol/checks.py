@@ -30,6 +30,7 @@ from common.bounds import (
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.protocol.arrays import check_finite, check_indices, check_numbers
+from common.protocol.replies import are_refined, are_roots
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.triangles import row_starts
@@ -85,6 +86,8 @@ def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> No
 def check_refined(refined: Refined) -> None:
     """ProtocolError unless these can be refined particles; where nothing was observed some are infinite."""
     log_likelihood, residual = refined.log_likelihood, refined.residual
+    if are_refined(refined.poses, log_likelihood, residual):
+        return
     check_magnitude("the reply's poses", refined.poses, LARGEST_POSE)
     if log_likelihood.min(initial=0.0) == -np.inf:
         log_likelihood = log_likelihood[log_likelihood != -np.inf]
@@ -96,6 +99,8 @@ def check_refined(refined: Refined) -> None:
 
 def check_covariance_roots(roots: NDArray[np.float32], dofs: int) -> None:
     """ProtocolError unless these (N, D (D + 1) / 2) are factors of covariances, none of them too wide."""
+    if are_roots(roots, dofs):
+        return
     rows = row_starts(dofs)
     if not roots[:, rows + np.arange(dofs)].min(initial=1.0) > 0.0:  # nor for a NaN
         check_finite("the reply's covariance_roots", roots)

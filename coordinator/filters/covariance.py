@@ -60,10 +60,22 @@ def shrink(covariances: Array, found: Array, group: NDArray[np.int64]) -> Array:
         found: What was found (M, D, D).
         group: For each particle (N,) the hypothesis it merged into.
     """
-    members = np.bincount(group, minlength=len(covariances))[:, None, None]
-    share = np.where(members > 1, members / (members + TARGET_WORTH), 0.0)
-    shrunk: Array = share * covariances + (1.0 - share) * found
+    shrunk = np.empty_like(covariances)
+    blend_groups(covariances, found, group, shrunk)
     return shrunk
+
+
+@numba.njit(cache=True, nogil=True)
+def blend_groups(covariances: Array, found: Array, group: NDArray[np.int64], shrunk: Array) -> None:
+    """Fill shrunk (M, D, D) as `shrink` gives it."""
+    members = np.zeros(len(covariances), dtype=np.int64)
+    for m in group:
+        members[m] += 1
+    for m in range(len(covariances)):
+        share = members[m] / (members[m] + TARGET_WORTH) if members[m] > 1 else 0.0
+        for i in range(covariances.shape[1]):
+            for j in range(covariances.shape[1]):
+                shrunk[m, i, j] = share * covariances[m, i, j] + (1.0 - share) * found[m, i, j]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.compiling import numba
 
 Array = NDArray[np.float64]
 Kinds = NDArray[np.int64]
 
 PREDICTED, RESTING, ONE_LIMB, REACHING, SPREAD, HIDING = range(6)  # kinds of proposals
 SHARES = np.array([0.15, 0.1, 0.1, 0.25, 0.4])  # of the particles; one limb hides in place of being thrown
+SUMS = np.cumsum(SHARES)
 GOLDEN = 0.6180339887498949  # any run of its multiples is spread evenly over the unit interval
 
 LIMB_DEVIATION = np.radians(30.0)  # by which a limb is thrown, in each of its joints, one standard deviation
@@ -30,7 +32,7 @@ SLIDE_DEVIATION = 0.02  # metres by which a joint that slides is perturbed, one 
 def choose_kinds(count: int, rng: np.random.Generator) -> Kinds:
     """The kind (N,) of each particle; the first, drawn from the reported hypothesis, is predicted."""
     places = (rng.random() + GOLDEN * np.arange(count)) % 1.0
-    kinds = np.minimum(np.searchsorted(np.cumsum(SHARES), places, side="right"), SPREAD)
+    kinds = np.minimum(np.searchsorted(SUMS, places, side="right"), SPREAD)
     kinds[0] = PREDICTED
     return kinds
 
@@ -39,11 +41,30 @@ def perturb(model: BodyModel, kinds: Kinds, noise: Array, rng: np.random.Generat
     """Noise (N, D) of particles by their kind (N,), from that of their covariances (N, D)."""
     limbs = limbs_of(model)
     standard = rng.standard_normal(noise.shape)
-    limb = limbs[rng.integers(len(limbs), size=len(noise))]  # (N, D)
-    thrown = np.where(limb, limb_deviation(model) * standard, 0.0)
-    kind = kinds[:, None]
-    perturbed: Array = np.where(kind == SPREAD, noise, np.where(kind == ONE_LIMB, thrown, 0.0))
+    limb = rng.integers(len(limbs), size=len(noise))
+    perturbed = np.empty_like(noise)
+    choose_noise(kinds, noise, limb, limbs, limb_deviation(model), standard, perturbed)
     return perturbed
+
+
+@numba.njit(cache=True, nogil=True)
+def choose_noise(
+    kinds: Kinds,
+    noise: Array,
+    limb: Kinds,
+    limbs: NDArray[np.bool_],
+    deviation: Array,
+    standard: Array,
+    perturbed: Array,
+) -> None:
+    """Fill perturbed (N, D): the noise given, or what moves a limb (N,) of limbs (K, D) far, or nothing."""
+    for n in range(len(kinds)):
+        for j in range(noise.shape[1]):
+            perturbed[n, j] = 0.0
+            if kinds[n] == SPREAD:
+                perturbed[n, j] = noise[n, j]
+            elif kinds[n] == ONE_LIMB and limbs[limb[n], j]:
+                perturbed[n, j] = deviation[j] * standard[n, j]
 
 
 @lru_cache(maxsize=16)

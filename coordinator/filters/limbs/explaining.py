@@ -27,6 +27,25 @@ def mark_by_limb(points: Array, vertices: Array, limb_of: Indices, near: Flags) 
 
 
 @numba.njit(cache=True, nogil=True)
+def compare_limbs(near: Flags, alone: Flags, own: Indices) -> int:
+    """How many points no limb is near, by near (K, P); and limb by limb what its points are to others.
+
+    Fills alone (K, P) where no other limb is near a point, and own (K,) with how many each has for itself.
+    """
+    unexplained = 0
+    own[:] = 0
+    for p in range(near.shape[1]):
+        limbs = 0
+        for k in range(len(near)):
+            limbs += near[k, p]
+        unexplained += limbs == 0
+        for k in range(len(near)):
+            alone[k, p] = limbs == near[k, p]
+            own[k] += near[k, p] and limbs == 1
+    return unexplained
+
+
+@numba.njit(cache=True, nogil=True)
 def count_explained(  # noqa: PLR0913 a kernel
     kinds: Indices,
     parents: Indices,

@@ -13,7 +13,7 @@ from common.kinematics import link_transforms
 from common.kinematics.arrays import contiguous
 from common.kinematics.skinning import blend_each
 from coordinator.filters.exploration import find_limbs
-from coordinator.filters.limbs.explaining import count_explained, mark_by_limb
+from coordinator.filters.limbs.explaining import compare_limbs, count_explained, mark_by_limb
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -57,8 +57,7 @@ class LimbView(NamedTuple):
 
     layout: Layout
     points: Array  # (P, 3) observed
-    near: Flags  # (K, P) whether a point is near a limb, or near what limbs hang on
-    alone: Flags  # (K, P) whether no other limb explains it
+    alone: Flags  # (K, P) whether a point is near no other limb, nor near what limbs hang on but for that
     own: Indices  # (K,) points that a limb alone is near
     unexplained: int  # points that none is near
 
@@ -81,21 +80,13 @@ def view_limbs(model: BodyModel, pose: Array, observed: Array) -> LimbView | Non
     if not layout.limbs or not len(observed):
         return None
     points = observed[:: max(1, len(observed) // POINTS)]
-    near = find_near(model, pose, points, layout)
-    explained_by = near.sum(axis=0)
-    alone = explained_by == near
-    own = np.count_nonzero(near & alone, axis=1)
-    return LimbView(layout, points, near, alone, own, len(points) - int(np.count_nonzero(explained_by)))
-
-
-def find_near(model: BodyModel, pose: Array, points: Array, layout: Layout) -> Flags:
-    """Which of the points (P, 3) are near each limb, (K, P)."""
     vertices, links, shares = layout.some
     posed = np.empty((1, len(vertices), 3))
     blend_each(vertices, links, shares, link_transforms(model, pose[None]), posed)
-    near = np.empty((layout.groups, len(points)), dtype=np.bool_)
+    near, alone = np.empty((2, layout.groups, len(points)), dtype=np.bool_)
+    own = np.empty(layout.groups, dtype=np.int64)
     mark_by_limb(contiguous(points.T), posed[0], layout.limb_of, near)
-    return near
+    return LimbView(layout, points, alone, own, compare_limbs(near, alone, own))
 
 
 @lru_cache(maxsize=16)
