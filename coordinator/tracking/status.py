@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
+from common.kinematics.arrays import contiguous
 from coordinator.tracking.certainty.certainty import OFF, PROBABLE, SUSPECTED, Certainty
-from coordinator.tracking.distance import farthest_joint
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.search.watch import Watch
 
@@ -43,7 +44,20 @@ def is_settled(watch: Watch, weights: Array, joints: Array) -> bool:
 
 def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
     """Whether the first hypothesis, or one about as likely, has some joint elsewhere than it is reported."""
-    return bool(np.any((farthest_joint(joints, reported) > APART) & (weights > RIVAL * weights[0])))
+    return is_apart(weights, contiguous(joints), contiguous(reported))
+
+
+@numba.njit(cache=True, nogil=True)
+def is_apart(weights: Array, joints: Array, reported: Array) -> bool:
+    """`has_rival` of arrays in C order."""
+    for m in range(len(weights)):
+        if weights[m] > RIVAL * weights[0]:
+            for j in range(len(reported)):
+                x, y = joints[m, j, 0] - reported[j, 0], joints[m, j, 1] - reported[j, 1]
+                z = joints[m, j, 2] - reported[j, 2]
+                if np.sqrt(x * x + y * y + z * z) > APART:
+                    return True
+    return False
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
@@ -61,11 +75,21 @@ def find_leaps(joints: Array, past: Array, interval: float) -> NDArray[np.bool_]
 
     The way that most of them went is taken off: that of who is found again.
     """
-    way = joints - past
-    ordered, half = np.sort(way, axis=0), len(way) // 2
-    median = 0.5 * (ordered[half] + ordered[-1 - half])
-    leaps: NDArray[np.bool_] = np.linalg.norm(way - median, axis=-1) > FASTEST * interval
+    leaps = np.empty(len(joints), dtype=np.bool_)
+    mark_leaps(contiguous(joints - past), FASTEST * interval, leaps)
     return leaps
+
+
+@numba.njit(cache=True, nogil=True)
+def mark_leaps(way: Array, farthest: float, leaps: NDArray[np.bool_]) -> None:
+    """Fill leaps (J,): whose way (J, 3) is farther from the median than so many metres."""
+    median, half = np.empty(3), len(way) // 2
+    for a in range(3):
+        ordered = np.sort(way[:, a])
+        median[a] = 0.5 * (ordered[half] + ordered[len(way) - 1 - half])
+    for j in range(len(way)):
+        x, y, z = way[j, 0] - median[0], way[j, 1] - median[1], way[j, 2] - median[2]
+        leaps[j] = np.sqrt(x * x + y * y + z * z) > farthest
 
 
 def explain_leaps(names: tuple[str, ...], leaps: NDArray[np.bool_]) -> str:
