@@ -20,8 +20,9 @@ import typer
 
 from common.errors import GepfError, InputError
 from coordinator.cli import finished, hosts, sequences, tracking
-from coordinator.cli.surroundings import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, say
+from coordinator.cli.surroundings import say
 from coordinator.commands.console.interrupts import INTERRUPTS, noted_interrupts
+from coordinator.commands.exit_codes import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED
 from coordinator.commands.options.misuse import describe_misuse
 
 if TYPE_CHECKING:

@@ -1,8 +1,7 @@
-"""What commands have around them: exit codes, the screen, and who refines."""
+"""What commands have around them: the screen, and who refines."""
 
 from __future__ import annotations
 
-import signal
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +10,6 @@ import typer
 if TYPE_CHECKING:
     from coordinator.commands.console.progress import Show
     from coordinator.commands.workers import Connect
-
-DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
 
 
 def say(message: str) -> None:

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from coordinator.cli.surroundings import DONE, connect_of, on_stderr
+from coordinator.cli.surroundings import connect_of, on_stderr
 from coordinator.commands.console.loading import loading
+from coordinator.commands.exit_codes import DONE
 from coordinator.commands.options.arguments import FitOptions, Quiet
 from coordinator.commands.options.grouped import grouped
 from coordinator.commands.options.track_arguments import TrackOptions

@@ -11,6 +11,7 @@ from common.errors import InputError
 from coordinator.bodies.choice import choose_model
 from coordinator.commands.batch.recordings import Entry, choose_entries, is_several
 from coordinator.commands.console.progress import Show
+from coordinator.commands.exit_codes import DONE, NOT_TRACKED
 from coordinator.commands.options.choices import (
     at_least,
     choose_deadline,
@@ -33,8 +34,6 @@ from coordinator.sources.given import parse_given
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.sources.live import live_key
 
-NOT_TRACKED = 3  # exit code: done, but most frames were not tracked
-
 
 def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefiner]) -> int:
     """Track; gives the exit code. Raises InputError for options that make no sense, before anything is read.
@@ -46,7 +45,7 @@ def run_track(options: TrackOptions, show: Show, connect: Connect[ListeningRefin
     end_as_interrupted()
     if is_several(options.input.sequences, options.method.seeds):
         return track_several(options, job, show)
-    return 0 if track_single(options, job, show, connect) else NOT_TRACKED
+    return DONE if track_single(options, job, show, connect) else NOT_TRACKED
 
 
 def track_single(options: TrackOptions, job: Job, show: Show, connect: Connect[ListeningRefiner]) -> bool:

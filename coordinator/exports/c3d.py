@@ -17,11 +17,10 @@ from ezc3d import c3d
 from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
-from coordinator.exports.recorded import RecordedRun
+from coordinator.exports.recorded import MILLIMETRES, RecordedRun
 
 Array = NDArray[np.float64]
 
-MILLIMETRES = 1000.0
 MISSING = -1.0  # the residual of a point without a place
 
 

@@ -14,6 +14,7 @@ from coordinator.results.model_file import TrackedBody, read_tracked_body
 from coordinator.results.track import Track, emptied, filled
 
 USUAL_RATE = 30.0
+MILLIMETRES = 1000.0  # of a metre
 
 CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""

@@ -9,9 +9,8 @@ from __future__ import annotations
 import io
 from typing import BinaryIO
 
-from coordinator.exports.recorded import RecordedRun
+from coordinator.exports.recorded import MILLIMETRES, RecordedRun
 
-MILLIMETRES = 1000.0
 HEAD = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame",
         "OrigNumFrames")  # fmt: skip
 

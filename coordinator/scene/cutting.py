@@ -14,7 +14,7 @@ from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.extent import BLOCK, reach_back
 from coordinator.scene.nearness import CELL, Nearness, square_at, surround
-from coordinator.scene.noise import margin_at
+from coordinator.scene.noise import step_at
 from coordinator.scene.room.marks import FOREGROUND, NO_DEPTH, PLANE, Depth, Lens, mark_room
 from coordinator.scene.unmeasured import tell_emptiness
 from coordinator.scene.view import SceneView
@@ -28,7 +28,6 @@ Window = tuple[int, int, int, int]  # left, top, right, bottom, half-open
 REACH = 0.28  # metres from the posed surface to what may be the subject's
 CLOSE = 0.08  # and to what is, if it is no part of the room
 CAME = 0.2  # the same, where it was not there before
-STEP = 0.03  # metres between neighbouring pixels of one surface, the noise aside
 LEAST_PIXELS = 6  # of a patch that hangs together
 LEAST_CAME = (
     0.25  # share of what was not there before, in a patch that is not close: furniture's edges flicker
@@ -219,7 +218,7 @@ def flood(
         row, column = stack[done] // columns, stack[done] % columns
         done += 1
         z = depth[row, column]
-        step = STEP + margin_at(z, growth)
+        step = step_at(z, growth)
         for k in range(4):
             r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
             if not (0 <= r < rows and 0 <= c < columns) or marks[r, c] < NEAR or flooded[r, c]:

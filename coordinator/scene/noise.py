@@ -13,6 +13,7 @@ LEAST = 0.001  # metres at any distance
 GROWTH = (0.0003, 0.03)  # metres for each square metre of distance: the least and the most
 DEVIATIONS = 3.5  # standard deviations that are noise
 ROUNDING = 0.008  # metres on top of it
+STEP = 0.03  # metres between neighbouring pixels of one surface, the noise aside
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,12 @@ class DepthNoise:
 def margin_at(z: float, growth: float) -> float:
     """The margin of a single depth, metres."""
     return DEVIATIONS * (LEAST + growth * z * z) + ROUNDING
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def step_at(z: float, growth: float) -> float:
+    """How far neighbouring pixels of one surface may be apart at a depth, metres."""
+    return STEP + margin_at(z, growth)
 
 
 def fit_noise(depth_m: NDArray[np.floating]) -> DepthNoise:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from coordinator.scene.cutting import CLOSE, REACH, STEP, Squares, Window, find_window
+from coordinator.scene.cutting import CLOSE, REACH, Squares, Window, find_window
 from coordinator.scene.nearness import CELL, Nearness, square_at
-from coordinator.scene.noise import margin_at
+from coordinator.scene.noise import step_at
 from coordinator.scene.room.marks import FOREGROUND, Depth, Lens, mark_room
 from coordinator.scene.view import SceneView
 
@@ -146,7 +146,7 @@ def spread(depth: Depth, growth: float, squares: NDArray[np.uint8], free: Mask, 
         row, column = queue[done] // columns, queue[done] % columns
         done += 1
         z, owner = depth[row, column], owners[row, column]
-        step = STEP + margin_at(z, growth)
+        step = step_at(z, growth)
         for k in range(4):
             r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
             if not (0 <= r < rows and 0 <= c < columns and free[r, c]) or owners[r, c] != FREE:

@@ -12,13 +12,12 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.arrays import ArrayFile, read_arrays
-from coordinator.sources.camera_file import DEFAULT_FPS
+from coordinator.sources.camera_file import DEFAULT_FPS, MILLIMETRES
 from coordinator.sources.given import NOTHING, Given
 from coordinator.sources.source import Recording
 
 logger = logging.getLogger(__name__)
 
-MILLIMETRES = 1000.0
 FARTHEST_M = 40.0
 UNITS_PER_METRE = 5000.0  # that metres are turned into: steps of 0.2 mm, up to 13 m
 

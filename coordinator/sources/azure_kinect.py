@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.sources.camera_file import MILLIMETRES
 from coordinator.sources.distortion import Distortion, Undistortion
 from coordinator.sources.given import NOTHING, Given, unit
 from coordinator.sources.source import Recording, rate_of
 
 Array = NDArray[np.float64]
 
-MILLIMETRES = 1000.0
 MODES = {
     # depth mode: the sensor's size after binning, then left and top of what is shown
     "NFOV_UNBINNED": (1024, 192, 180),

@@ -14,6 +14,9 @@ from common.camera import Intrinsics
 from common.errors import InputError
 
 DEFAULT_FPS = 30.0
+MILLIMETRES = 1000.0  # units per metre
+NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+"""A camera of the kind of the first Kinect, where nothing says which one it was."""
 
 Positive = Annotated[float, Meta(gt=0)]
 Size = Annotated[int, Meta(ge=1, le=32_768)]

@@ -19,13 +19,12 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.camera_file import DEFAULT_FPS, pinhole, read_camera
+from coordinator.sources.camera_file import DEFAULT_FPS, NOMINAL, pinhole, read_camera
 from coordinator.sources.source import Recording, if_there
 
 Array = NDArray[np.float64]
 
 SUFFIXES = (".ply", ".pcd")
-NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 LARGEST_MISFIT = 0.05  # pixels that a pinhole camera's points may lie off their pixels
 
 

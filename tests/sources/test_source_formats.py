@@ -18,7 +18,8 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.cli import main
 from coordinator.sources import ArraySource, find_format, open_source
-from coordinator.sources.pictures.tum_rgbd import CAMERAS, NOMINAL
+from coordinator.sources.camera_file import NOMINAL
+from coordinator.sources.pictures.tum_rgbd import CAMERAS
 from coordinator.sources.utd_mhad import KINECT
 from tests.support.recorded import FRAMES, START, poses_of, recorded
 from tests.support.recordings import (

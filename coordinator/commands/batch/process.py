@@ -16,12 +16,10 @@ from multiprocessing.connection import Connection, wait
 from common.errors import GepfError, InputError
 from coordinator.commands.console.interrupts import ENDING, noted_interrupts
 from coordinator.commands.console.progress import Advance, FrameMeter
+from coordinator.commands.exit_codes import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, NOT_TRACKED
 from coordinator.commands.options.job import Job
 from coordinator.commands.people.choice import track_recording
 from coordinator.commands.workers import connect_workers, end_as_interrupted
-
-DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
-NOT_TRACKED = 3  # done, but most frames were not
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from coordinator.commands.batch.process import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED, Report, track_one
+from coordinator.commands.batch.process import Report, track_one
 from coordinator.commands.batch.table import tabulate
 from coordinator.commands.console.progress import Advance, Show
+from coordinator.commands.exit_codes import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED
 from coordinator.commands.options.job import Job
 from coordinator.pool.shared import SharedPool, shared_pool
 

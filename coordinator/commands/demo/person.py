@@ -18,9 +18,9 @@ import numpy as np
 
 from common.errors import GepfError
 from common.settings import Settings
-from coordinator.commands.batch.process import DONE, NOT_TRACKED
 from coordinator.commands.batch.runs import run_pool
 from coordinator.commands.console.progress import Advance, FrameMeter, Show
+from coordinator.commands.exit_codes import DONE, NOT_TRACKED
 from coordinator.commands.options.choices import choose_settings
 from coordinator.commands.options.job import Job
 from coordinator.files.names import ANIMATION_FILE, TRUTH_FILE

@@ -20,7 +20,6 @@ Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Skin = tuple[Array, Indices, Array]  # vertices at rest (V, 3), their links and shares (V, K)
 
-POINTS = 300  # observed points that are looked at
 BODY_VERTICES = 800  # of the model, in its present pose
 LIMB_VERTICES = 40  # of a limb in each way to hold it
 LEAST = 0.01  # of the observed points: so many are worth a way to hold a limb
@@ -74,12 +73,11 @@ class Ways(NamedTuple):
     angles: list[Array]
 
 
-def view_limbs(model: BodyModel, pose: Array, observed: Array) -> LimbView | None:
-    """What of the observed points (P, 3) is near the limbs of pose (D,); None without a point or a limb."""
+def view_limbs(model: BodyModel, pose: Array, points: Array) -> LimbView | None:
+    """What of observed points (P, 3) is near the limbs of pose (D,); None without a point or a limb."""
     layout = layout_of(model)
-    if not layout.limbs or not len(observed):
+    if not layout.limbs or not len(points):
         return None
-    points = observed[:: max(1, len(observed) // POINTS)]
     vertices, links, shares = layout.some
     posed = np.empty((1, len(vertices), 3))
     blend_each(vertices, links, shares, link_transforms(model, pose[None]), posed)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from common.camera import back_project
 from common.compiling import numba
-from coordinator.scene.noise import margin_at
+from coordinator.scene.noise import step_at
 from coordinator.scene.ransac import segment_plane
 from coordinator.scene.room.marks import Depth
 from coordinator.scene.view import SceneView
@@ -17,7 +17,6 @@ from coordinator.scene.view import SceneView
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-STEP = 0.03  # metres between neighbouring pixels of one surface, the noise aside
 LEAST_AREA = 0.008  # square metres of what is looked at
 EXTREMES = (1.0, 50.0, 99.0)  # per cent, between which an extent is taken, and the middle
 SAMPLED = 800  # points that extents and planes are taken from
@@ -137,7 +136,7 @@ def label(depth: Depth, foreground: Mask, growth: float, labels: NDArray[np.int3
             count -= 1
             row, column = stack[count] // columns, stack[count] % columns
             z = depth[row, column]
-            step = STEP + margin_at(z, growth)
+            step = step_at(z, growth)
             for k in range(4):
                 r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
                 if not (0 <= r < rows and 0 <= c < columns) or not foreground[r, c] or labels[r, c] > 0:

@@ -12,15 +12,13 @@ from pathlib import Path
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
-from coordinator.sources.camera_file import DEFAULT_FPS, pinhole, read_camera
+from coordinator.sources.camera_file import DEFAULT_FPS, MILLIMETRES, pinhole, read_camera
 from coordinator.sources.given import NOTHING, Given
 from coordinator.sources.pictures.depth_picture import picture_size, read_depth
 from coordinator.sources.pictures.picture_names import find_pictures
 from coordinator.sources.source import Recording, if_there, rate_of
 
 logger = logging.getLogger(__name__)
-
-MILLIMETRES = 1000.0
 
 
 class RecordedFolder(Recording):

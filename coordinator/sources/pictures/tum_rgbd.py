@@ -14,7 +14,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
-from coordinator.sources.camera_file import pinhole, read_camera
+from coordinator.sources.camera_file import NOMINAL, pinhole, read_camera
 from coordinator.sources.pictures.depth_picture import picture_size, read_depth
 from coordinator.sources.source import Recording, if_there, rate_of
 
@@ -25,7 +25,6 @@ CAMERAS = {
     "freiburg2": Intrinsics(640, 480, 520.9, 521.0, 325.1, 249.7),
     "freiburg3": Intrinsics(640, 480, 535.4, 539.2, 320.1, 247.6),
 }
-NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 
 
 class TumFolder(Recording):
