@@ -17,10 +17,10 @@ PERSON_SUFFIX = ".json"
 JOINTS = "joints"
 """Stands for all that is usually active but the root: what moves where the base is known to stand still."""
 
-TRUNK = ("vl3_tilt", "vl3_roll", "vl3_torsion")
-"""One joint in the small of the back stands in for the spine: people who bend at the waist need it."""
+SPINE = ("vl3_tilt", "vl3_roll", "vl3_torsion", "vc7_tilt")
+"""One joint in the small of the back and one in the neck stand in for all: people bend, and look down."""
 
-USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + TRUNK}
+USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + SPINE}
 """Preset -> what is active of a person unless the user says otherwise."""
 
 

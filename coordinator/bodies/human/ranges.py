@@ -65,7 +65,9 @@ _THUMB = {
 }
 
 _REST_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125}
-"""Where they are not 1, for a `pose_deviation` of 1.6 rad: arms go anywhere, legs are mostly straight.
+_NECK_SPREAD = 0.25
+"""Where they are not 1, for a `pose_deviation` of 1.6 rad: arms go anywhere, legs are mostly straight, a
+head says little of how it is held (0.5 does as well for the skinned people).
 
 Arms: the paper's arm without noise, whose angles a narrower prior draws by 0.4 degrees. Hips and knees:
 subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 frames a second.
@@ -75,7 +77,9 @@ subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 
 def rest_spread(dof: str) -> float:
     """How far an angle usually is from rest: the rest prior's deviation in units of `pose_deviation`."""
     side, joint, _ = _parts(dof)
-    return _REST_SPREADS.get(joint, 1.0) if side else 1.0
+    if side:
+        return _REST_SPREADS.get(joint, 1.0)
+    return _NECK_SPREAD if _is_in_neck(joint) else 1.0
 
 
 def joint_range(dof: str) -> NDArray[np.float64]:
@@ -96,7 +100,11 @@ def _parts(dof: str) -> tuple[str, str, str]:
 def _spine_degrees(joint: str, motion: str) -> tuple[int, int]:
     if joint == "sacroiliac":
         return _SACROILIAC[motion]
-    return (_NECK if joint.startswith(("vc", "skull")) else _TRUNK)[motion]
+    return (_NECK if _is_in_neck(joint) else _TRUNK)[motion]
+
+
+def _is_in_neck(joint: str) -> bool:
+    return joint.startswith(("vc", "skull"))
 
 
 def _limb_degrees(joint: str, motion: str) -> tuple[int, int]:
