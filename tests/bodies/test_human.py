@@ -48,6 +48,7 @@ def test_arms_are_held_least_to_rest_and_hips_most(model: BodyModel) -> None:
     for side in SIDES.values():
         assert spreads[f"{side}_shoulder_flexion"] == spreads[f"{side}_elbow_flexion"] == 1.5
         assert spreads[f"{side}_hip_twisting"] < spreads[f"{side}_knee_flexion"] < spreads["vl3_tilt"] == 1.0
+    assert spreads["vc7_tilt"] == spreads["vc1_roll"] == 0.25
     assert {spreads[name] for name in model.dof_names if name.startswith("root")} == {1.0}
 
 

@@ -1,0 +1,42 @@
+"""Where the head is, of who looks down."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from common.kinematics import joint_positions, pose_vertices
+from coordinator.bodies.choice import USUAL, choose_bodies
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
+
+DOWN = 0.7  # radians by which the neck is bent in the end
+
+
+@pytest.mark.parametrize("turned", [0.0, np.pi])
+def test_a_head_goes_down_with_the_neck(turned: float) -> None:
+    """Seen from the front and from behind, within 4 cm; without the neck's joint more than 5 cm off."""
+    model = human(1.75)
+    bends = np.linspace(0.0, DOWN, 8)
+    poses = np.array([name_pose(model, {**STANDING, "root_ry": turned, "vc7_tilt": bend}) for bend in bends])
+    with DepthRenderer(CAMERA) as renderer:
+        pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
+    frames = [frame_of(n, picture) for n, picture in enumerate(pictures)]
+    truth = joint_positions(model, poses)[-1, model.joint_names.index("head")]
+
+    following, stiff = Tracker(DirectRefiner(), SETTINGS, choose_bodies(None, "default")), stiff_tracker()
+    bent, straight = [[one.track(frame) for frame in frames][-1] for one in (following, stiff)]
+    head = following.model.joint_names.index("head")
+    assert np.linalg.norm(bent.joint_positions[head] - truth) < 0.04
+    assert bent.pose[following.model.dof("vc7_tilt")] == pytest.approx(DOWN, abs=0.3)
+    assert np.linalg.norm(straight.joint_positions[head] - truth) > 0.05
+
+
+def stiff_tracker() -> Tracker:
+    """A tracker of bodies without a neck that bends."""
+    names = tuple(name for name in USUAL["default"] if name != "vc7_tilt")
+    return Tracker(DirectRefiner(), SETTINGS, choose_bodies(names, "default"))
