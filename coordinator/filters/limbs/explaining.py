@@ -94,6 +94,41 @@ def count_explained(  # noqa: PLR0913 a kernel
 
 
 @numba.njit(cache=True, nogil=True)
+def try_and_vary(  # noqa: PLR0913 a kernel
+    kinds: Indices,
+    parents: Indices,
+    axes: Array,
+    joints: Array,
+    pose: Array,
+    low: Array,
+    high: Array,
+    held: Array,
+    variation: Array,
+    vertices: Array,
+    carriers: Indices,
+    points: Array,
+    ways: Array,
+    explained: Array,
+) -> None:
+    """Fill ways (B + V, d) with the best B of held (N, d), and with each of them varied V / B times.
+
+    Variations (V, d) are in turn those of the best, of the next, and so on; low and high (d,) are limits.
+    Fills explained (B + V,) for them, and all else is, as in `count_explained`.
+    """
+    first, best = np.empty(len(held)), len(ways) - len(variation)
+    count_explained(kinds, parents, axes, joints, pose, held, vertices, carriers, points, first)
+    order = np.argsort(-first, kind="mergesort")  # of equals the first
+    for b in range(best):
+        ways[b], explained[b] = held[order[b]], first[order[b]]
+    for v in range(len(variation)):
+        for j in range(len(low)):
+            varied = ways[v * best // len(variation), j] + variation[v, j]
+            ways[best + v, j] = min(max(varied, low[j]), high[j])
+    others = ways[best:]
+    count_explained(kinds, parents, axes, joints, pose, others, vertices, carriers, points, explained[best:])
+
+
+@numba.njit(cache=True, nogil=True)
 def mark_near(point: Array, others: Array, near: Flags) -> None:
     """Set near (P,) where others (3, P) are near a point (3,)."""
     x, y, z = point[0], point[1], point[2]

@@ -13,7 +13,7 @@ from common.kinematics import link_transforms
 from common.kinematics.arrays import contiguous
 from common.kinematics.skinning import blend_each
 from coordinator.filters.exploration import find_limbs
-from coordinator.filters.limbs.explaining import compare_limbs, count_explained, mark_by_limb
+from coordinator.filters.limbs.explaining import compare_limbs, mark_by_limb, try_and_vary
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -40,6 +40,33 @@ class Limb(NamedTuple):
     vertices: Array  # (LIMB_VERTICES, 3) at rest
     carriers: Indices  # (LIMB_VERTICES,) places in dofs
     skin: Skin  # the same vertices
+
+    def try_ways(
+        self, pose: Array, points: Array, held: Array, variation: Array, best: int
+    ) -> tuple[Array, Array]:
+        """Ways (K, d) to hold the limb of pose (D,), and how many of the points (P, 3) each comes near.
+
+        Those of held (N, d) that are best, and each of them varied by so many rows of variation in turn.
+        """
+        ways = np.empty((best + len(variation), len(self.dofs)))
+        reached = np.empty(len(ways))
+        try_and_vary(
+            self.kinds,
+            self.parents,
+            self.axes,
+            self.joints,
+            pose[self.chain],
+            self.low,
+            self.high,
+            held,
+            variation,
+            self.vertices,
+            self.carriers,
+            points,
+            ways,
+            reached,
+        )
+        return ways, reached
 
 
 class Layout(NamedTuple):
@@ -139,20 +166,9 @@ def lay_out_limb(model: BodyModel, number: int, dofs: Indices, vertices: Indices
 
 
 def load_counting(limb: Limb) -> None:
-    """Read the compiled code that counts points, for which the first frame with a lost limb would wait."""
-    pose, held, no_points = np.zeros(len(limb.chain)), np.zeros((1, len(limb.dofs))), np.empty((0, 3))
-    count_explained(
-        limb.kinds,
-        limb.parents,
-        limb.axes,
-        limb.joints,
-        pose,
-        held,
-        limb.vertices,
-        limb.carriers,
-        no_points,
-        np.empty(1),
-    )
+    """Read the compiled code that tries ways, for which the first frame with a lost limb would wait."""
+    way = np.zeros((1, len(limb.dofs)))
+    limb.try_ways(np.zeros(limb.chain.max() + 1), np.empty((0, 3)), way, way, 1)
 
 
 def ancestors(model: BodyModel, dof: int) -> list[int]:

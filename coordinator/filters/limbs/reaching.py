@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.filters.limbs.explaining import count_explained
 from coordinator.filters.limbs.layout import LEAST, Limb, LimbView, Ways, draw_ways
 
 Array = NDArray[np.float64]
@@ -43,27 +42,5 @@ def find_reaches(view: LimbView | None, pose: Array, count: int, rng: np.random.
 def try_ways(limb: Limb, pose: Array, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Ways (K, d) to hold a limb of pose (D,), and how many of the points (P, 3) each comes near."""
     held = draw_ways(limb, DRAWS, rng)
-    reached = count_reached(limb, pose, held, points)
-    best = np.argsort(-reached, kind="stable")[:BEST]
-    varied = np.repeat(held[best], VARIANTS, axis=0)
-    varied = np.clip(varied + VARIATION * rng.standard_normal(varied.shape), limb.low, limb.high)
-    again = count_reached(limb, pose, varied, points)
-    return np.concatenate([held[best], varied]), np.concatenate([reached[best], again])
-
-
-def count_reached(limb: Limb, pose: Array, held: Array, points: Array) -> Array:
-    """How many of the points (P, 3) the limb comes near, held in each of the ways (K, d)."""
-    reached = np.empty(len(held))
-    count_explained(
-        limb.kinds,
-        limb.parents,
-        limb.axes,
-        limb.joints,
-        pose[limb.chain],
-        held,
-        limb.vertices,
-        limb.carriers,
-        points,
-        reached,
-    )
-    return reached
+    variation = VARIATION * rng.standard_normal((BEST * VARIANTS, len(limb.dofs)))
+    return limb.try_ways(pose, points, held, variation, BEST)
