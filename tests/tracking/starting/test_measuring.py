@@ -194,14 +194,17 @@ def test_bent_frames_take_no_turn_from_upright_ones() -> None:
         measured = measured.after(Shown(np.zeros(2), np.ones(2), BENT, bent=True), 0.1 * n)
     assert not measured.asks(2.5, bent=True)
     assert measured.asks(2.5)
+    assert measured.may_ask(2.5)
     measured = measured.after(Shown(np.zeros(2), np.ones(2), 1.0), 2.5)
     assert (measured.frames, measured.bent) == (25, 24)
+    assert not measured.may_ask(2.51)
 
 
 def test_bent_frames_are_asked_where_there_are_no_others() -> None:
     """Once a few upright ones were, they are not, however long ago that was."""
     measured = Measured.guessed(1.7, 1.07)
     assert measured.asks(0.0, bent=True)
+    assert measured.may_ask(0.0)
     for n in range(3):
         assert measured.asks(0.1 * n, bent=True)
         measured = measured.after(Shown(np.zeros(2), np.ones(2), 1.0), 0.1 * n)
