@@ -15,7 +15,7 @@ from coordinator.tracking.certainty.evidence import CLUES
 
 Array = NDArray[np.float64]
 
-RIDGE = 100.0  # joints that say nothing, for each weight of a clue of unit deviation; of 10 to 30 000
+RIDGE = 300.0  # joints that say nothing, for each weight of a clue of unit deviation; of 10 to 30 000
 RENDERED_WEIGHT = 0.3  # of a joint of rendered people, whose exact truth is not what is asked about people
 EXTREMES = (0.5, 99.5)  # per cent of each clue beyond which it counts as its limit
 HIDDEN_WEIGHT = 10.0  # of joints of which less than half is shown, in the fit of the deviation
@@ -64,12 +64,19 @@ def fit(gathered: Sequence[Gathered]) -> Functions:
     return replace(fit_functions(gathered), unseen=fit_unseen(gathered))
 
 
-def with_odds_of(now: Functions, before: Functions) -> Functions:
-    """The odds of a fit to present poses beside the deviation that the tracker went by.
+def halfway(before: Functions, now: Functions) -> Functions:
+    """The fit to present poses, its odds half-way back to those that the tracker went by.
 
-    New weights of the deviation say too little of joints outside the picture.
+    Half-way is better of people left out than either, and nearly as good of rendered ones as the better of
+    the two. The deviation's weights stay: new ones say too little of joints outside the picture.
     """
-    return replace(now, deviation=before.deviation, unseen=before.unseen)
+    odds = middle(before.probability, now.probability)
+    return Functions(now.low, now.high, odds, before.deviation, before.unseen)
+
+
+def middle(one: tuple[float, Array], other: tuple[float, Array]) -> tuple[float, Array]:
+    """The mean of two intercepts and of their weights (K,)."""
+    return 0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1])
 
 
 def fit_unseen(gathered: Sequence[Gathered]) -> float:

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from benchmarks.certainty.fitting import fit, with_odds_of
+from benchmarks.certainty.fitting import fit, halfway
 from benchmarks.certainty.gather import Gathered, gather
 from benchmarks.certainty.recordings import find_hard, find_of, find_rendered, render_demo
 from benchmarks.certainty.scores import Score, score, score_table
@@ -86,7 +86,7 @@ def measure_all(choice: Choice, name: str, scored: Sequence[Recording]) -> int:
     if choice.fit:
         real = track_all(find_of(choice.data, FIT_SUBJECTS), choice, bodies, crashes)
         rendered = track_all(find_rendered(choice.data), choice, bodies, crashes)
-        functions = with_odds_of(fit([*real, *rendered]), functions)
+        functions = halfway(functions, fit([*real, *rendered]))
         write_functions(functions, ROOT / FILE)
         scores.append(score("fitted: subjects 1 2, all actions", real, functions))
         scores += [

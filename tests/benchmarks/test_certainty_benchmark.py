@@ -15,8 +15,8 @@ from benchmarks.certainty.fitting import (
     fit,
     fit_functions,
     fit_logistic,
+    halfway,
     judge,
-    with_odds_of,
 )
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
@@ -102,18 +102,20 @@ def test_rendered_people_do_not_set_the_rate_at_which_joints_of_people_are_off()
         assert chance.mean() == pytest.approx(off.mean(), rel=0.05)
 
 
-def test_a_new_fit_brings_its_odds_and_keeps_the_deviation() -> None:
+def test_half_way_to_a_fit_lies_the_mean_of_the_odds_and_the_deviation_of_before() -> None:
     """Of evidence within the limits of both, joint for joint."""
     near, far = drawn(11, "s1"), drawn(12, "s2")
     far.apart[:] *= 3.0
     before, now = fit([near]), replace(fit([far]), unseen=0.4)
     within = replace(near, evidence=0.9 * near.evidence)
-    deviation, odds = judge(within, before)[..., 1], judge(within, now)[..., 0]
-    found = judge(within, with_odds_of(now, before))
-    np.testing.assert_allclose(found[..., 0], odds)
+    (odds, deviation), (others, other_deviation) = (
+        np.moveaxis(judge(within, one), -1, 0) for one in (before, now)
+    )
+    found = judge(within, halfway(before, now))
+    np.testing.assert_allclose(found[..., 0], 0.5 * (odds + others))
     np.testing.assert_allclose(found[..., 1], deviation)
-    assert not np.allclose(judge(within, before)[..., 0], odds, atol=0.1)
-    assert not np.allclose(judge(within, now)[..., 1], deviation, atol=0.1)
+    assert not np.allclose(odds, others, atol=0.1)
+    assert not np.allclose(deviation, other_deviation, atol=0.1)
 
 
 def test_a_persons_constant_offset_counts_for_nothing_and_an_exact_truth_has_none() -> None:
