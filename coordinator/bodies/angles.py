@@ -174,13 +174,23 @@ def is_person(dof_names: Sequence[str]) -> bool:
 
 
 def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float], up: Array | None = None) -> Angles:
-    """The anatomical angles of the joints in which something moves."""
+    """The anatomical angles of the joints in which something moves.
+
+    Of a spine that moves by one tilt alone that is the flexion, and there are no others.
+    """
     balls, hinges = anatomical_joints()
     moving = set(dof_names)
+    turned = moving | {name for name, value in held.items() if value}
+    tilting = {
+        ball: Hinge(ball.names[0], dof.name)
+        for ball in balls
+        for dof in ball.dofs
+        if ball.upward and dof.name.endswith("_tilt") and turned & {d.name for d in ball.dofs} == {dof.name}
+    }
     return Angles(
         dof_names,
-        tuple(ball for ball in balls if moving & {dof.name for dof in ball.dofs}),
-        tuple(hinge for hinge in hinges if hinge.dof in moving),
+        tuple(b for b in balls if b not in tilting and moving & {dof.name for dof in b.dofs}),
+        tuple(hinge for hinge in (*tilting.values(), *hinges) if hinge.dof in moving),
         held,
         level_turn(up),
     )

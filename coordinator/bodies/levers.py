@@ -40,6 +40,7 @@ _SHOWN_BY = {
     "hip_abduction": ("knee", "hip"),
     "hip_rotation": ("ankle", "knee"),
     "knee_flexion": ("ankle", "knee"),
+    "neck_flexion": ("head", "neck"),
 }
 
 
@@ -48,7 +49,8 @@ def shown_by(angles: Sequence[str], joints: Sequence[str]) -> dict[int, tuple[in
     found: dict[int, tuple[int, int]] = {}
     for a, name in enumerate(angles):
         side, _, motion = name.partition("_")
-        ends = [f"{side}_{joint}" for joint in _SHOWN_BY.get(motion, ())]
+        limb = [f"{side}_{joint}" for joint in _SHOWN_BY.get(motion, ())]
+        ends = _SHOWN_BY.get(name, limb)
         if ends and set(ends) <= set(joints):
             found[a] = (joints.index(ends[0]), joints.index(ends[1]))
     return found

@@ -41,7 +41,8 @@ class Tracker(Follower):
         super().__init__(refiner, settings, bodies, known)
         self._fewest = min(FEWEST, settings.points)
         self._lookout = Lookout(isolation or Isolation(settings.points))
-        self._lookout.recall(self._scene)
+        if known is not None and known.state is not None:
+            self._lookout.recall(self._scene)
 
     def track(self, frame: DepthFrame) -> Estimate:
         """Follow the body into the next frame, or look for it."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from common.body import BodyModel
+from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import Angles, angles_of, person_angles
 from coordinator.bodies.choice import choose_bodies
@@ -194,6 +194,17 @@ def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None
     assert tilted["pelvis_forward_tilt"] == pytest.approx(20.0)
     assert tilted["pelvis_turn"] == pytest.approx(-90.0)
     assert tilted["pelvis_side_tilt"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_neck_that_only_tilts_has_one_angle() -> None:
+    """Nobody tracks how it turns: nothing is said of that. A turn that is held makes all three of them."""
+    angles = person_angles((*ROOT_DOFS, "vc7_tilt", "l_elbow_flexion"), {})
+    assert [name for name in angles.names if name.startswith("neck")] == ["neck_flexion"]
+    pose = np.zeros((1, 8))
+    pose[0, 6] = 0.5
+    assert angles.measure(pose)[0, angles.names.index("neck_flexion")] == pytest.approx(0.5)
+    held = person_angles(("vc7_tilt",), {"vc7_torsion": 0.3})
+    assert len([name for name in held.names if name.startswith("neck")]) == 3
 
 
 def test_what_is_held_counts() -> None:

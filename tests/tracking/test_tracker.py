@@ -23,9 +23,11 @@ from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.filters.methods import settings_for
+from coordinator.scene.scope import Scope
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.known import Known
+from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.observing.subject import CLEARANCE, isolate
 from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Pending
@@ -115,6 +117,17 @@ def test_it_starts_where_it_is_told() -> None:
     assert (told.start.stature, told.start.girth) == (1.82, 1.0)
     np.testing.assert_array_equal(told.start.pose, name_pose(told.model, STANDING))
     assert apart(estimate, shown("standing").joints[0]).max() < 0.03
+
+
+def test_a_given_background_stays_known() -> None:
+    """A pillar of the room without anybody, and a blob that is none: neither is anybody's, tracked or not."""
+    empty_room = np.zeros((CAMERA.height, CAMERA.width), dtype=np.float32)
+    empty_room[60:200, 40:80] = 2.5
+    seen = empty_room.copy()
+    seen[50:220, 140:190] = 2.4
+    isolation = Isolation(2000, Scope(background=empty_room))
+    Tracker(DirectRefiner(), SETTINGS, people(), isolation=isolation)
+    assert isolation.cut(frame_of(0, seen), None).subject is None
 
 
 def test_the_way_from_the_initial_guess_is_no_motion() -> None:

@@ -25,7 +25,7 @@ USUAL = (1.69, 1.07)  # stature, men's and women's mean (ANSUR II), and girth
 PRIOR = np.array([BENT, 0.35])  # frames that these count as: who sits shows as little as people differ by
 GUESS = 0.1  # frames that the first guess of stature counts as
 INTERVAL = 0.095  # seconds between frames that are asked, at the least
-RARER = 12  # frames after which they are twice as far apart, again and again
+RARER = 12  # frames after which they are twice as far apart, again and again, and asked about one size
 CHANGES = 3  # frames after which the body changes
 LEAST_CHANGE = np.array([0.0015, 0.005])  # of stature and girth, as a share: a new body has to be laid out
 FAR = np.array([0.01, 0.03])  # by which a body's stature and girth are so far off that it changes at once
@@ -122,8 +122,11 @@ class Measured:
     def changes(self, stature: float, girth: float) -> bool:
         """Whether it is time to change a body of this stature in metres and this girth."""
         ripe = self.frames % CHANGES == 0
-        off = np.abs(self.logarithms - np.log([stature, girth]))
-        return self.frames > 0 and bool(np.any(off > (LEAST_CHANGE if ripe else FAR)))
+        return self.frames > 0 and self.is_off((stature, girth), LEAST_CHANGE if ripe else FAR)
+
+    def is_off(self, measures: tuple[float, float], shares: Array) -> bool:
+        """Whether one of these measures is by such a share (2,) another one than is known."""
+        return bool(np.any(np.abs(self.logarithms - np.log(measures)) > shares))
 
     def asks(self, time_s: float, *, bent: bool = False) -> bool:
         """Whether the frame of this time is to be asked: ever more rarely, of upright and bent ones each.
@@ -147,14 +150,17 @@ class Measured:
     def after(self, shown: Shown, time_s: float) -> Self:
         """With what a frame says that was asked.
 
-        A bent one changes no size that is asked about: asked about less, it says less again.
+        A bent one changes no size that is asked about: asked about less, it says less again. After the first
+        `RARER` upright ones only a size that is far off changes it: noisy words would lead each other away.
         """
         asked = slice(len(shown.slope))
         said, weight = np.zeros(2), np.zeros(2)
         said[asked] = shown.weight * np.clip(shown.asks_for(self.about), *LIMITS[:, asked])
         weight[asked] = shown.weight
         known = replace(self._adding(said, weight, bent=shown.bent), frames=self.frames + 1, time_s=time_s)
-        return known.asking_anew() if known.changes(*known.about) and not shown.bent else known
+        young = known.frames - known.bent <= RARER
+        astray = known.changes(*known.about) if young else known.is_off(known.about, 2.0 * FAR)
+        return known.asking_anew() if astray and not shown.bent else known
 
     def _adding(self, said: Array, weight: Array, *, bent: bool) -> Self:
         if not bent:

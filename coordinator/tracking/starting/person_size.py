@@ -100,9 +100,9 @@ def is_held_bent(start: Start, bodies: Bodies) -> bool:
 def stature_by_length(start: Start, pose: Array, subject: SubjectFrame) -> float | None:
     """Log stature (m) of who is as long as a frame shows, in a pose (D,); None where it does not.
 
-    Who leans or bends a little is straightened, by as much as the model is shorter than at rest; of who is
-    bent the length says nothing.
+    Who leans, bends a little or looks down is straightened, by as much as the model is shorter than at rest;
+    of who is bent, or looks far down, the length says nothing.
     """
     stance = stance_of(start.model, pose)
-    length = None if stance.bent else measure_length(start.model, pose, subject)
-    return None if length is None else float(np.log(length / (SHOWN * stance.upright)))
+    length = None if stance.bent or stance.looks_down else measure_length(start.model, pose, subject)
+    return None if length is None else float(np.log(length / (SHOWN * stance.long)))

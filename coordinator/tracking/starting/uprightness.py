@@ -16,7 +16,7 @@ from common.kinematics import joint_positions
 
 Array = NDArray[np.float64]
 
-UPRIGHT = (0.97, 0.99)  # head to ankle, as a share of a straight body's: bent, and straight
+UPRIGHT = (0.97, 0.99)  # neck to ankle, as a share of a straight body's: bent, and straight
 BENT = 0.01  # weight of a bent body's frame
 RAISED = 0.2  # weight of a frame in which a hand is above its shoulder
 EXPLAINED = -10.0  # log likelihood from which on a frame counts in full
@@ -25,13 +25,19 @@ EXPLAINED = -10.0  # log likelihood from which on a frame counts in full
 class Stance(NamedTuple):
     """What a pose shows of a person's stature."""
 
-    upright: float  # from the head to the farther ankle, as a share of what it is at rest
+    upright: float  # from the neck to the farther ankle, as a share of what it is at rest
+    long: float  # the same from the head: who looks down is shorter
     raised: bool  # whether a hand is above its shoulder
 
     @property
     def bent(self) -> bool:
         """Whether it shows next to nothing."""
         return self.upright <= UPRIGHT[0]
+
+    @property
+    def looks_down(self) -> bool:
+        """Whether the head is bent so far that the body's length is not seen."""
+        return self.long <= UPRIGHT[0]
 
     def weigh(self, log_likelihood: float) -> float:
         """What a frame counts that shows it: 1 if upright, hands down and well explained."""
@@ -44,19 +50,22 @@ class Stance(NamedTuple):
 def stance_of(model: BodyModel, pose: Array) -> Stance:
     """How a person stands in a pose (D,)."""
     joints: Array = joint_positions(model, pose[None])[0]
-    return Stance(length_of(model, joints) / length_at_rest(model), has_raised(model, joints))
+    (upright, long), at_rest = lengths_of(model, joints), lengths_at_rest(model)
+    return Stance(upright / at_rest[0], long / at_rest[1], has_raised(model, joints))
 
 
 @lru_cache(maxsize=16)
-def length_at_rest(model: BodyModel) -> float:
-    """How far the head is from the farther ankle at rest, metres."""
-    return length_of(model, joint_positions(model, np.zeros((1, len(model.kinds))))[0])
+def lengths_at_rest(model: BodyModel) -> tuple[float, float]:
+    """How far neck and head are from the farther ankle at rest, metres."""
+    return lengths_of(model, joint_positions(model, np.zeros((1, len(model.kinds))))[0])
 
 
-def length_of(model: BodyModel, joints: Array) -> float:
-    """How far the head is from the farther ankle, metres, by joints (J, 3)."""
+def lengths_of(model: BodyModel, joints: Array) -> tuple[float, float]:
+    """How far neck and head are from the farther ankle, metres, by joints (J, 3)."""
     head, *ankles = ends_of(model)
-    return float(np.linalg.norm(joints[ankles] - joints[head], axis=-1).max())
+    neck = model.joint_names.index("neck")
+    apart = np.linalg.norm(joints[[neck, head]][:, None] - joints[ankles], axis=-1).max(axis=1)
+    return float(apart[0]), float(apart[1])
 
 
 def ends_of(model: BodyModel) -> list[int]:
