@@ -2,10 +2,10 @@
 
 The hard actions of UTD-MHAD at 30, 15 and 10 frames a second, where depth does not contradict the reference:
 how many joints lie within one and two deviations, and how many of those more than 15 cm off are flagged at
-which share of false alarms. With --fit what it goes by is fitted anew first, on all actions of subjects 1
-and 2 and on rendered people with exact truth, and written to coordinator/tracking/certainty/fitted.py. Lines
-on stderr, a table on stdout, numbers in a JSON file where asked. Exit code 1 if a recording crashed. How well
-one particle knows that it has lost a limb: --demo 12 --set method=gradient.
+which share of false alarms. With --fit what it goes by is fitted anew first, on subjects 1 and 2 and on
+rendered people with exact truth, and written to coordinator/tracking/certainty/fitted.py. Lines on stderr,
+a table on stdout, numbers in a JSON file where asked. Exit code 1 if a recording crashed. How well one
+particle knows that it has lost a limb: --demo 12 --set method=gradient.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from coordinator.tracking.certainty.evidence import CLUES
 
 Array = NDArray[np.float64]
 
-RIDGE = 300.0  # joints that say nothing, for each weight of a clue of unit deviation; of 10 to 30 000
+RIDGE = 1000.0  # joints that say nothing, for each weight of a clue of unit deviation
 RENDERED_WEIGHT = 0.3  # of a joint of rendered people, whose exact truth is not what is asked about people
 EXTREMES = (0.5, 99.5)  # per cent of each clue beyond which it counts as its limit
 HIDDEN_WEIGHT = 10.0  # of joints of which less than half is shown, in the fit of the deviation
@@ -67,8 +67,8 @@ def fit(gathered: Sequence[Gathered]) -> Functions:
 def halfway(before: Functions, now: Functions) -> Functions:
     """The fit to present poses, its odds half-way back to those that the tracker went by.
 
-    Half-way is better of people left out than either, and nearly as good of rendered ones as the better of
-    the two. The deviation's weights stay: new ones say too little of joints outside the picture.
+    Half-way is as good of people left out as the better of the two, and better than a fit by itself of
+    rendered ones. The deviation's weights stay: new ones say too little of joints outside the picture.
     """
     odds = middle(before.probability, now.probability)
     return Functions(now.low, now.high, odds, before.deviation, before.unseen)

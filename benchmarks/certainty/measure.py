@@ -14,7 +14,7 @@ from rich.console import Console
 
 from benchmarks.certainty.fitting import fit, halfway
 from benchmarks.certainty.gather import Gathered, gather
-from benchmarks.certainty.recordings import find_hard, find_of, find_rendered, render_demo
+from benchmarks.certainty.recordings import find_hard, find_rendered, render_demo
 from benchmarks.certainty.scores import Score, score, score_table
 from benchmarks.certainty.writing import FILE, write_functions
 from benchmarks.choices import settings_with
@@ -84,11 +84,11 @@ def measure_all(choice: Choice, name: str, scored: Sequence[Recording]) -> int:
     console.print("loading kernels and bodies")
     bodies, crashes, scores, functions = prepare(), list[str](), list[Score](), built_in()
     if choice.fit:
-        real = track_all(find_of(choice.data, FIT_SUBJECTS), choice, bodies, crashes)
+        real = track_all(find_hard(choice.data, FIT_SUBJECTS), choice, bodies, crashes)
         rendered = track_all(find_rendered(choice.data), choice, bodies, crashes)
         functions = halfway(functions, fit([*real, *rendered]))
         write_functions(functions, ROOT / FILE)
-        scores.append(score("fitted: subjects 1 2, all actions", real, functions))
+        scores.append(score("fitted: subjects 1 2", real, functions))
         scores += [
             score(f"rendered, held apart: {name}", part, fit([*real, *rest]))
             for name, part, rest in apart(rendered)

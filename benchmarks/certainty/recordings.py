@@ -18,14 +18,12 @@ FIRST_OF_DEMO = 20  # seed, beyond those that the demo itself has
 
 def find_hard(data: Path, subjects: Sequence[int]) -> list[Recording]:
     """The hard actions of subjects; InputError where there are none."""
-    return [recording for recording in find_of(data, subjects) if recording.action in HARD_ACTIONS]
-
-
-def find_of(data: Path, subjects: Sequence[int]) -> list[Recording]:
-    """All recordings of subjects; InputError where there are none."""
     wanted = {f"s{subject}" for subject in subjects}
-    people = find_people(data / "utd_mhad")
-    found = [recording for recording in people if recording.name.rpartition("_")[2] in wanted]
+    found = [
+        recording
+        for recording in find_people(data / "utd_mhad")
+        if recording.action in HARD_ACTIONS and recording.name.rpartition("_")[2] in wanted
+    ]
     if not found:
         raise InputError(f"{data} holds no such recordings of UTD-MHAD; give the folder with --data")
     return found

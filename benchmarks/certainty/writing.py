@@ -11,10 +11,10 @@ FILE = Path("coordinator") / "tracking" / "certainty" / "fitted.py"
 
 HEAD = '''"""What each clue is worth, as `python -m benchmarks.certainty --fit` found it and wrote it here.
 
-Fitted to preset default: all actions of UTD-MHAD's subjects 1 and 2, where the depth does not contradict the
-reference, and rendered people with exact truth (skinned, three_cameras, rooms), at 30, 15 and 10 frames a
-second: the odds half-way between those of before and those of the fit. The deviation's weights are of an
-earlier fit, to eight hard actions.
+Fitted to preset default: eight hard actions of UTD-MHAD's subjects 1 and 2, where the depth does not
+contradict the reference, and rendered people with exact truth (skinned, three_cameras, rooms), at 30, 15 and
+10 frames a second: the odds half-way between those of before and those of the fit, the deviation's weights as
+they were.
 """
 
 from __future__ import annotations

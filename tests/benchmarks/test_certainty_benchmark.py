@@ -9,15 +9,7 @@ import pytest
 
 from benchmarks.certainty.__main__ import main, parse
 from benchmarks.certainty.cutting import cut_below, row_between
-from benchmarks.certainty.fitting import (
-    averaged,
-    distances,
-    fit,
-    fit_functions,
-    fit_logistic,
-    halfway,
-    judge,
-)
+from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway, judge
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
 from common.camera import Intrinsics
