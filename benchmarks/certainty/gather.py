@@ -53,7 +53,7 @@ def gather(
     if cut is not None:
         row = row_between(truth, names, cut, frames[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
-    tracker = Tracker(DirectRefiner(), settings, bodies, None)
+    tracker = Tracker(DirectRefiner(), settings, bodies)
     rows: list[tuple[float, Array, Array, NDArray[np.bool_], str]] = []
     for frame in frames[::every]:
         tracked = tracker.collect(tracker.submit(frame))
