@@ -23,7 +23,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.room.planes import Planes
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.search.candidates import Alike, join, most_alike
-from coordinator.tracking.search.facing import both_ways
+from coordinator.tracking.search.facing import both_ways, turned_round
 from coordinator.tracking.search.library import Library, any_library, people_library
 from coordinator.tracking.search.recall import recall
 from coordinator.tracking.search.settling import settle
@@ -133,7 +133,7 @@ class Search:
         """The poses that explain a frame best, of a body of this size or, for None, of any.
 
         Most candidates are for the first of the ways up. Others are in the pose in which the body was seen
-        `last` (D,), moved and turned. Of a size that is known, who faces the other way is tried to the end.
+        `last` (D,), moved and turned. Who faces the other way is tried to the end.
         """
         size = size or self._known
         sizes = [size] if size else list(ANY)
@@ -167,16 +167,26 @@ class Search:
         """The candidates on bodies somewhat smaller and larger, and then thinner and thicker."""
         for step in (taller_and_shorter, thinner_and_thicker):
             sizes, place, of = vary([step(sizes[size]) for size in standing.sizes])
-            standing = self._descend(sizes, standing.poses[of], place, settings).best(count, APART)
+            standing = self._descend(sizes, standing.poses[of], place, settings)
+            standing = both_ways(standing, self._names, count, APART)
         return sizes, standing
 
     def _settle(
         self, subject: SubjectFrame, size: Size, standing: Standing, settings: RefineSettings, count: int
     ) -> Found:
-        """All that are left, on one body."""
+        """All that are left, on one body: those that face one way, and those that face the other."""
         model = self._bodies.for_start(*size)
-        belief = settle(self._refiner, subject, model, standing, settings, count)
-        return Found(size, model, belief.poses, belief.log_weights, belief.residual)
+        turned = turned_round(self._names, standing.joints, standing.joints[0])
+        settled = [
+            settle(self._refiner, subject, model, standing.take(np.flatnonzero(way)), settings, count)
+            for way in (~turned, turned)
+            if way.any()
+        ]
+        poses = np.concatenate([belief.poses for belief in settled])
+        weights = np.concatenate([belief.log_weights for belief in settled])
+        residual = np.concatenate([belief.residual for belief in settled])
+        order = np.argsort(-weights, kind="stable")
+        return Found(size, model, poses[order], weights[order], residual[order])
 
     def _descend(
         self, sizes: Sequence[Size], poses: Array, of: NDArray[np.int64], settings: RefineSettings
