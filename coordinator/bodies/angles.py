@@ -30,6 +30,7 @@ from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn
 
 Array = NDArray[np.float64]
 
+NECK_FLEXION = "neck_flexion"
 MIRROR = np.array([1.0, -1.0, -1.0])
 """Rotation vectors of a right limb, as those of the left limb that mirrors it."""
 
@@ -176,21 +177,22 @@ def is_person(dof_names: Sequence[str]) -> bool:
 def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float], up: Array | None = None) -> Angles:
     """The anatomical angles of the joints in which something moves.
 
-    Of a spine that moves by one tilt alone that is the flexion, and there are no others.
+    Of a neck that moves by one tilt alone that is the flexion, and there are no others.
     """
     balls, hinges = anatomical_joints()
     moving = set(dof_names)
     turned = moving | {name for name, value in held.items() if value}
-    tilting = {
-        ball: Hinge(ball.names[0], dof.name)
+    nodding = {
+        ball: Hinge(NECK_FLEXION, dof.name)
         for ball in balls
         for dof in ball.dofs
-        if ball.upward and dof.name.endswith("_tilt") and turned & {d.name for d in ball.dofs} == {dof.name}
+        if ball.names[0] == NECK_FLEXION and turned & {d.name for d in ball.dofs} == {dof.name}
+        if dof.name.endswith("_tilt")
     }
     return Angles(
         dof_names,
-        tuple(b for b in balls if b not in tilting and moving & {dof.name for dof in b.dofs}),
-        tuple(hinge for hinge in (*tilting.values(), *hinges) if hinge.dof in moving),
+        tuple(b for b in balls if b not in nodding and moving & {dof.name for dof in b.dofs}),
+        tuple(hinge for hinge in (*nodding.values(), *hinges) if hinge.dof in moving),
         held,
         level_turn(up),
     )

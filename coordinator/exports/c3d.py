@@ -9,6 +9,7 @@ ANGLES. The format has one frame rate: frames that are missing in between, or lo
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
 from coordinator.exports.recorded import MILLIMETRES, RecordedRun
+from coordinator.results.uncertainty import with_angles
 
 Array = NDArray[np.float64]
 
@@ -72,7 +74,10 @@ def angle_points(run: RecordedRun) -> tuple[list[str], Array]:
     if not run.angle_names:
         return [], np.empty((len(run.track.frame), 0, 3))
     body = run.body()
-    angles, values = angles_of(body.model, body.held), np.degrees(run.angle)
+    angles = angles_of(body.model, body.held, run.track.up)
+    if run.angle_names != angles.names:
+        run = replace(run, track=with_angles(run.track, angles))
+    values = np.degrees(run.angle)
     first = 3 * len(angles.balls)
     balls = values[:, :first].reshape(len(values), -1, 3)
     hinges = np.stack([values[:, first:], *[np.zeros_like(values[:, first:])] * 2], axis=-1)

@@ -104,7 +104,7 @@ def curves_of_slides(track: Track, model: BodyModel, truth: Truth | None) -> lis
 
 def reported_angles(track: Track, angles: Angles) -> Array:
     """The angles (F, A) that the track says, radians; of one without angles those of its poses."""
-    known = track if track.angle is not None else with_angles(track, angles)
+    known = track if track.angle_names == angles.names else with_angles(track, angles)
     assert known.angle is not None
     return known.angle
 

@@ -55,6 +55,7 @@ class Scene:
         self._planes = NONE if up is None else replace(NONE, sky=up)
         self._furnished = background is not None
         self._background = None if background is None else given(background)
+        self._void = False  # what was given is known no more
 
     def see(self, frame: DepthFrame, left_out: NDArray[np.bool_] | None = None) -> SceneView:
         """A frame with what is known of its scene; `left_out` (H, W) are pixels that do not count."""
@@ -106,6 +107,7 @@ class Scene:
                 known = nothing_known(*view.depth.shape)
                 learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
                 learned = known.only(np.arange(view.depth.size, dtype=np.uint32))
+                self._void = True
             self._background = known
         return self._change(learned)
 
@@ -118,13 +120,14 @@ class Scene:
             self._background = nothing_known(*change.size)
         if self._background is not None:
             self._background.recall(change.learned)
+            self._void = self._void or len(change.learned.pixels) == self._background.depth.size
 
     def all(self) -> SceneChange:
-        """The change that leads from nothing to what is known now."""
+        """The change that leads from nothing, or from the background that was given, to what is known now."""
         if self._background is None:
             return self._change(NOTHING)
         known = self._background
-        touched = (known.depth > 0.0) | (known.frames > 0)
+        touched = (known.depth > 0.0) | (known.frames > 0) | self._void
         return self._change(known.only(np.flatnonzero(touched).astype(np.uint32)))
 
     def _look(self, depth: NDArray[np.float32], rays: Array) -> None:

@@ -207,6 +207,13 @@ def test_a_neck_that_only_tilts_has_one_angle() -> None:
     assert len([name for name in held.names if name.startswith("neck")]) == 3
 
 
+@pytest.mark.parametrize("held", [{}, {"vl3_roll": 0.02}])
+def test_a_trunk_that_only_tilts_has_three_angles(held: dict[str, float]) -> None:
+    """Whatever else of it is held: OpenSim's coordinates of the trunk hang on them."""
+    trunk = ("trunk_flexion", "trunk_side_bending", "trunk_rotation")
+    assert person_angles(("vl3_tilt",), held).names == trunk
+
+
 def test_what_is_held_counts() -> None:
     """With flexion held and abduction tracked, the angles are those of both moved."""
     part = person_angles(("r_shoulder_abduct",), {"r_shoulder_flexion": 0.7})

@@ -17,7 +17,7 @@ from coordinator.cli import main
 from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
 from coordinator.exports.smoothing import angles_about, smooth_track
-from coordinator.results.track import write_track
+from coordinator.results.track import TRACK_FILE, write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_run
@@ -91,6 +91,28 @@ def test_a_c3d_reader_finds_joints_and_angles(tmp_path: Path) -> None:
         :, [held.angle_names.index(f"left_hip_{n}") for n in ("flexion", "abduction", "rotation")]
     ]
     assert np.allclose(points[seen, labels.index("left_hip_angles"), :3], np.degrees(hip), atol=1e-3)
+
+
+def test_a_c3d_of_a_run_with_other_angles_has_todays(tmp_path: Path) -> None:
+    """A version that knew fewer angles wrote the run: they are worked out again, not taken for others."""
+    body = person()
+    write_run(tmp_path / "run", body, swing(body, 5))
+    export_run(tmp_path / "run", "c3d", tmp_path / "now.c3d")
+    track = read_run(tmp_path / "run").track
+    assert track.angle is not None
+    assert track.angle_names is not None
+    fewer = replace(
+        track,
+        angle_names=track.angle_names[3:],
+        angle=track.angle[:, 3:],
+        angle_deviation=np.ones_like(track.angle[:, 3:]),
+    )
+    with (tmp_path / "run" / TRACK_FILE).open("wb") as file:
+        write_track(fewer, file)
+    export_run(tmp_path / "run", "c3d", tmp_path / "then.c3d")
+    (labels, points, _), (others, those, _) = (c3d_points(tmp_path / f"{n}.c3d") for n in ("now", "then"))
+    assert labels == others
+    np.testing.assert_allclose(points, those, atol=1e-3)
 
 
 def test_a_robot_has_mot_and_c3d_too(tmp_path: Path) -> None:

@@ -126,6 +126,18 @@ def test_a_camera_that_was_moved_forgets() -> None:
     np.testing.assert_allclose(background[learned], turned.see(None).frame.metres()[learned], atol=0.03)
 
 
+def test_a_given_background_that_is_void_stays_so() -> None:
+    """A scene that recalls, over the same background, that it does not fit knows nothing of it either."""
+    given = Room((CABINET,), pitch=0.5).see(None).frame.metres()
+    frame = Room((CABINET,)).see(None).frame
+    dark = np.where(np.arange(frame.depth.shape[1]) < 20, 0, frame.depth).astype(np.uint16)
+    watching, recorded, resumed = Scene(given), Scene(), Scene(given)
+    recorded.recall(watching.learn(watching.see(replace(frame, depth=dark)), None))
+    resumed.recall(recorded.all())
+    assert not known(watching)[:, :20].any()
+    np.testing.assert_array_equal(known(resumed), known(watching))
+
+
 def test_who_comes_through_a_door_is_seen() -> None:
     """Somebody deeper than the background was is the subject, for as long as he stands there."""
     door = ((-0.9, -0.9, 2.2), (0.1, 1.1, 2.25))

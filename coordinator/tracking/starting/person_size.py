@@ -94,7 +94,8 @@ def is_held_bent(start: Start, bodies: Bodies) -> bool:
     if not start.held:
         return False
     whole = bodies.full(*USUAL_MEASURES)
-    return stance_of(whole, name_pose(whole, start.held)).bent
+    stance = stance_of(whole, name_pose(whole, start.held))
+    return stance.bent or stance.looks_down
 
 
 def stature_by_length(start: Start, pose: Array, subject: SubjectFrame) -> float | None:

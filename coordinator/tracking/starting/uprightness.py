@@ -16,7 +16,7 @@ from common.kinematics import joint_positions
 
 Array = NDArray[np.float64]
 
-UPRIGHT = (0.97, 0.99)  # neck to ankle, as a share of a straight body's: bent, and straight
+UPRIGHT = (0.97, 0.99)  # neck (or head) to ankle, as a share of a straight body's: bent, and straight
 BENT = 0.01  # weight of a bent body's frame
 RAISED = 0.2  # weight of a frame in which a hand is above its shoulder
 EXPLAINED = -10.0  # log likelihood from which on a frame counts in full

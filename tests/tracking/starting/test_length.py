@@ -18,7 +18,7 @@ from coordinator.bodies.tracked import name_pose, scaled
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.starting.length import measure_length
-from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
+from coordinator.tracking.starting.person_size import PersonSize, is_held_bent, stature_by_length
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.starting.uprightness import stance_of
 from gepf.direct import DirectRefiner
@@ -96,6 +96,15 @@ def test_stature_follows_from_length() -> None:
     assert stature == pytest.approx(np.log(STATURE), abs=0.045)
     assert not stance_of(MODEL, start.pose).bent
     assert stance_of(MODEL, name_pose(MODEL, squat)).bent
+
+
+@pytest.mark.parametrize(("neck", "bent"), [(0.1, False), (0.9, True)])
+def test_who_is_held_looking_down_is_held_bent(neck: float, bent: bool) -> None:
+    """Where the neck does not move, nothing else says later that the head was low."""
+    bodies = choose_bodies(tuple(name for name in MODEL.dof_names if name != "vc7_tilt"), "default")
+    held = {**STANDING, "vc7_tilt": neck}
+    model, pose = bodies.tracked(STATURE, 1.0, held)
+    assert is_held_bent(Start(model, pose, STATURE, 1.0, held), bodies) == bent
 
 
 def test_who_sits_with_legs_that_do_not_move_is_not_taken_for_short() -> None:
