@@ -182,17 +182,15 @@ def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float], up: Arr
     balls, hinges = anatomical_joints()
     moving = set(dof_names)
     turned = moving | {name for name, value in held.items() if value}
-    nodding = {
-        ball: Hinge(NECK_FLEXION, dof.name)
-        for ball in balls
-        for dof in ball.dofs
-        if ball.names[0] == NECK_FLEXION and turned & {d.name for d in ball.dofs} == {dof.name}
-        if dof.name.endswith("_tilt")
-    }
+    neck = next(ball for ball in balls if NECK_FLEXION in ball.names)
+    bent = [dof.name for dof in neck.dofs if dof.name in turned]
+    if len(bent) == 1 and bent[0].endswith("_tilt"):
+        balls = tuple(ball for ball in balls if ball is not neck)
+        hinges = (Hinge(NECK_FLEXION, bent[0]), *hinges)
     return Angles(
         dof_names,
-        tuple(b for b in balls if b not in nodding and moving & {dof.name for dof in b.dofs}),
-        tuple(hinge for hinge in (*nodding.values(), *hinges) if hinge.dof in moving),
+        tuple(ball for ball in balls if moving & {dof.name for dof in ball.dofs}),
+        tuple(hinge for hinge in hinges if hinge.dof in moving),
         held,
         level_turn(up),
     )

@@ -27,7 +27,7 @@ from coordinator.results.model_file import TrackedBody
 from coordinator.results.slides import slides_of
 from coordinator.results.track import Track
 from coordinator.results.truth import Truth
-from coordinator.results.uncertainty import hypotheses_near, with_angles
+from coordinator.results.uncertainty import hypotheses_near, saying
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def curves_of_slides(track: Track, model: BodyModel, truth: Truth | None) -> lis
 
 def reported_angles(track: Track, angles: Angles) -> Array:
     """The angles (F, A) that the track says, radians; of one without angles those of its poses."""
-    known = track if track.angle_names == angles.names else with_angles(track, angles)
+    known = saying(track, angles)
     assert known.angle is not None
     return known.angle
 

@@ -26,6 +26,11 @@ UNKNOWN = np.radians(60.0)
 """Deviation of an angle that nothing shows: about that of any angle within a joint's range."""
 
 
+def saying(track: Track, angles: Angles) -> Track:
+    """The track with these angles and no others: those that it has, unless another version wrote it."""
+    return track if track.angle_names == angles.names else with_angles(track, angles)
+
+
 def with_angles(track: Track, angles: Angles) -> Track:
     """The track with its body's angles (F, A), and how far each may be off.
 

@@ -43,12 +43,11 @@ class Standing:
             self.joints[some],
         )
 
-    def best(self, count: int, apart: float) -> Standing:
-        """The likeliest that differ from all likelier ones by more than `apart` metres in the mean joint."""
-        return self.take(self.differing(count, apart))
-
     def differing(self, count: int, apart: float) -> NDArray[np.int64]:
-        """Where these are, ascending."""
+        """Where the likeliest are, ascending, that differ from all likelier ones.
+
+        By more than `apart` metres in the mean joint.
+        """
         return keep_differing(self.joints, count, apart)
 
 

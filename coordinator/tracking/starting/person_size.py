@@ -94,8 +94,7 @@ def is_held_bent(start: Start, bodies: Bodies) -> bool:
     if not start.held:
         return False
     whole = bodies.full(*USUAL_MEASURES)
-    stance = stance_of(whole, name_pose(whole, start.held))
-    return stance.bent or stance.looks_down
+    return not stance_of(whole, name_pose(whole, start.held)).shows_length
 
 
 def stature_by_length(start: Start, pose: Array, subject: SubjectFrame) -> float | None:
@@ -105,5 +104,5 @@ def stature_by_length(start: Start, pose: Array, subject: SubjectFrame) -> float
     of who is bent, or looks far down, the length says nothing.
     """
     stance = stance_of(start.model, pose)
-    length = None if stance.bent or stance.looks_down else measure_length(start.model, pose, subject)
+    length = measure_length(start.model, pose, subject) if stance.shows_length else None
     return None if length is None else float(np.log(length / (SHOWN * stance.long)))

@@ -39,6 +39,11 @@ class Stance(NamedTuple):
         """Whether the head is bent so far that the body's length is not seen."""
         return self.long <= UPRIGHT[0]
 
+    @property
+    def shows_length(self) -> bool:
+        """Whether head and soles are about as far apart as the person is tall."""
+        return not (self.bent or self.looks_down)
+
     def weigh(self, log_likelihood: float) -> float:
         """What a frame counts that shows it: 1 if upright, hands down and well explained."""
         bent, straight = UPRIGHT

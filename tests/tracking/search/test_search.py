@@ -144,8 +144,8 @@ def test_only_candidates_that_differ_go_on() -> None:
     joints = np.array([0.0, 0.01, 0.2, 0.21, 0.5])[:, None, None] * np.ones((5, 2, 3))
     order = np.arange(5.0)
     standing = Standing(order[:, None], np.zeros(5, dtype=np.int64), -order, np.ones(5), joints)
-    assert standing.best(9, 0.05).poses.ravel().tolist() == [0.0, 2.0, 4.0]
-    assert standing.best(2, 0.05).poses.ravel().tolist() == [0.0, 2.0]
+    assert standing.take(standing.differing(9, 0.05)).poses.ravel().tolist() == [0.0, 2.0, 4.0]
+    assert standing.take(standing.differing(2, 0.05)).poses.ravel().tolist() == [0.0, 2.0]
 
 
 def test_points_are_thinned_evenly() -> None:
