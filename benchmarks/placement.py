@@ -25,7 +25,7 @@ from benchmarks.sequences import Recording, find_people
 from benchmarks.tracking import follow, prepare
 from benchmarks.utd import JOINTS, distances
 from coordinator.bodies.tracked import Bodies
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]

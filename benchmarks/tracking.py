@@ -23,7 +23,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.search.sizes import GIRTHS
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 from worker.cli import load_kernel
 

@@ -29,9 +29,9 @@ from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import prepare
 from coordinator.tracking.pace import keep_up
 from coordinator.tracking.pipeline import follow
+from coordinator.tracking.single import SingleTracker as FrameTracker
 from coordinator.tracking.starting.start import given_start
 from coordinator.tracking.starting.start_file import read_start
-from coordinator.tracking.tracker import Tracker as FrameTracker
 from gepf.images import Images
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named

@@ -18,8 +18,8 @@ from common.frame import DepthFrame
 from coordinator.bodies.tracked import Bodies
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known import Known
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 
 

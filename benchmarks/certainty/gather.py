@@ -20,7 +20,7 @@ from coordinator.results.evaluation import positions
 from coordinator.results.truth import read_truth
 from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import UNKNOWN
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from coordinator.pool.statistics import PoolStatistics
 from coordinator.results.recording.recorder import Recorder
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.sensor_noise import SensorNoise
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from tests.support.asked import Asked
 from tests.support.refined import sure
 from tests.support.stand_ins import Ready, StandIn

@@ -29,7 +29,7 @@ from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.sources import open_source
 from coordinator.tracking.pipeline import follow
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 
 SEQUENCES = ("a8_s1", "a14_s2", "a21_s1", "a27_s2")
 WORKERS = (2, 1)

@@ -26,7 +26,7 @@ from coordinator.results.evaluation import NEAR_M, positions
 from coordinator.results.truth import read_truth
 from coordinator.sources import open_source
 from coordinator.synthesis.sequence import PERSON, synthesise
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 LONE = ("icp_iterations=6", "points=10000")

@@ -17,7 +17,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import positions
 from coordinator.sources import open_source
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known import Known
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from common.settings import preset
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import positions
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 SAYS_SO = "tracked"

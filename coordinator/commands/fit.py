@@ -32,8 +32,8 @@ from coordinator.sources.source import select_frames
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.starting.fitting import MEASURES, WHOLE_FIT, Fit, Fitter, Posed, Sweeps
-from coordinator.tracking.tracker import Tracker
 
 USED = 20  # frames that are fitted to, spread over those that are explained well
 TRACKED = 90  # frames at most, by default

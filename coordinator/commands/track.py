@@ -42,8 +42,8 @@ from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.pipeline import follow
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.starting.start_file import read_start
-from coordinator.tracking.tracker import Tracker
 
 RECONNECTIONS = 3  # to workers that are there and do not answer
 

@@ -29,8 +29,8 @@ from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation, prepare
 from coordinator.tracking.pace import keep_up
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.starting.start_file import read_start
-from coordinator.tracking.tracker import Tracker
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
 

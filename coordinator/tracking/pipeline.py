@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 from common.frame import DepthFrame
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.look_ahead import Lookahead
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.tracker import Tracker
 
 
 def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> Iterator[tuple[Estimate, TrackerState]]:

@@ -1,33 +1,52 @@
-"""One tracker: depth frames in, estimates out.
+"""The tracker: depth frames in, estimates of one person or of several out.
 
-A frame's way: `submit` cuts the body out, draws particles and sends them to the workers; `collect` waits for
-them and updates the belief; `report` gives the estimate. `track` does all three.
+Recorded or live, alone or over workers, it is the same loop: a frame is segmented, particles are predicted
+and refined, hypotheses are updated, assessed and reported. While the workers refine one frame, the one before
+is reported and the next one is segmented.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
+from coordinator.scene.scope import Scope
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.follower import Follower
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation
-from coordinator.tracking.observing.lookout import CutOut, Lookout
+from coordinator.tracking.observing.isolation import prepare as prepare_isolation
+from coordinator.tracking.observing.known_motion import KnownMotion
+from coordinator.tracking.people.crowd import Crowd
+from coordinator.tracking.people.pipeline import follow_all
+from coordinator.tracking.pipeline import follow as follow_one
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.search.verdict import FEWEST
-from coordinator.tracking.step import Submitted
+from coordinator.tracking.single import SingleTracker
+from coordinator.tracking.state import TrackerState
 
 
-class Tracker(Follower):
-    """Cuts one body out of the frames of a sequence, and follows it.
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """One person in one frame: what is reported, and all that is known after it."""
+
+    estimate: Estimate
+    state: TrackerState
+
+
+class Tracker:
+    """Tracks one body, or up to so many people, through a sequence of frames.
 
     Args:
-        refiner: Has particles refined, here or elsewhere.
-        settings: What to compute. What makes their method holds whatever else they say.
-        bodies: Gives the body that is tracked, by its measures.
-        known: What is known of it beside the frames; None for nothing.
-        isolation: Cuts the body out of the frames; None for the usual way.
+        refiner: Refines particles, in this process or on workers.
+        settings: What to compute, for each person.
+        bodies: The bodies that may be tracked.
+        people: How many at the most; the first is the one that was found first.
+        scope: Which part of the scene counts, and who is meant.
+        start: Values of degrees of freedom in the first frame, metres and radians; None to detect the body.
+        motion: Joint motion as encoders report it.
+        states: Resume from here: one state a person, of a tracker with the same settings.
     """
 
     def __init__(
@@ -35,33 +54,58 @@ class Tracker(Follower):
         refiner: Refiner,
         settings: Settings,
         bodies: Bodies,
-        known: Known | None = None,
-        isolation: Isolation | None = None,
+        *,
+        people: int = 1,
+        scope: Scope | None = None,
+        start: Mapping[str, float] | None = None,
+        motion: KnownMotion | None = None,
+        states: Sequence[TrackerState] | None = None,
     ) -> None:
-        super().__init__(refiner, settings, bodies, known)
-        self._fewest = min(FEWEST, settings.points)
-        self._lookout = Lookout(isolation or Isolation(settings.points))
-        if known is not None and known.state is not None:
-            self._lookout.recall(self._scene)
+        self.people = people
+        self._single: SingleTracker | None = None
+        self._crowd: Crowd | None = None
+        if people == 1:
+            known = Known(start, states[0] if states else None, motion)
+            isolation = Isolation(settings.points, scope)
+            self._single = SingleTracker(refiner, settings, bodies, known, isolation)
+        else:
+            self._crowd = Crowd(refiner, settings, bodies, people, scope, states)
 
-    def track(self, frame: DepthFrame) -> Estimate:
-        """Follow the body into the next frame, or look for it."""
-        return self.report(self.collect(self.submit(frame))).estimate
+    @property
+    def states(self) -> list[TrackerState]:
+        """All that the next frame goes on from, one a person."""
+        if self._single is not None:
+            return [self._single.state]
+        assert self._crowd is not None
+        return [each.state for each in self._crowd.followers]
 
-    def submit(self, frame: DepthFrame) -> Submitted:
-        """Draw particles for the next frame and let the workers refine them; `collect` has to follow."""
-        return self.submit_cut(self._look_about(self._lookout.cut(frame, self.near)))
+    def prepare(self) -> None:
+        """Load and make what the first frames need, so that no frame waits for it."""
+        prepare_isolation()
+        if self._single is not None:
+            self._single.prepare()
 
-    def send_ahead(self, frame: DepthFrame | None) -> None:
-        """Cut out the frame that comes next, and let the workers have it before its turn."""
-        if frame is not None:
-            self.send_cut_ahead(self._lookout.cut_ahead(frame, self.near))
+    def track(self, frame: DepthFrame) -> list[Tracked]:
+        """Track the next frame, one after the other."""
+        if self._single is not None:
+            estimates = [self._single.track(frame)]
+        else:
+            assert self._crowd is not None
+            estimates = self._crowd.track(frame)
+        return [Tracked(*each) for each in zip(estimates, self.states, strict=True)]
 
-    def _look_about(self, cut: CutOut) -> CutOut:
-        """The frame with whoever is seen elsewhere, if next to nothing is where the body was."""
-        if not self.misses(cut):
-            return cut
-        elsewhere = self._lookout.find_anybody(cut, self.last_seen, self._fewest)
-        if elsewhere is not cut:
-            self.saw_nobody()
-        return elsewhere
+    def follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Tracked]]:
+        """Track frames; what is known of a frame is given out while the workers refine the next one.
+
+        The results are those of `track`. They are given out also where the next frame fails. Without
+        `look_ahead`, for live input, a frame is given out before the next one is asked for.
+        """
+        if not look_ahead:
+            yield from map(self.track, frames)
+        elif self._single is not None:
+            for estimate, state in follow_one(self._single, frames):
+                yield [Tracked(estimate, state)]
+        else:
+            assert self._crowd is not None
+            for results in follow_all(self._crowd, frames):
+                yield [Tracked(*each) for each in results]

@@ -19,7 +19,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes.arm import MOVING, arm
 from coordinator.tracking.estimate import RECORDED
 from coordinator.tracking.known import Known
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)

@@ -22,9 +22,9 @@ from coordinator.results.recording.recorded import read_log
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known import Known
 from coordinator.tracking.pipeline import follow
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.state import Checkpoint, TrackerState
-from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import STANDING, as_bytes, empty, shown
 from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures

@@ -20,7 +20,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known import Known
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]

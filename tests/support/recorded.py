@@ -18,7 +18,7 @@ from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.sources.utd_mhad import KINECT
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.known import Known
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 from tests.support.recordings import (
     Depth,

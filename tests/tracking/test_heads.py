@@ -10,7 +10,7 @@ from coordinator.bodies.choice import USUAL, choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
 

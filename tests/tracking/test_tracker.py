@@ -33,9 +33,9 @@ from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.verdict import weigh
 from coordinator.tracking.search.watch import Watch
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import explain_leaps, find_leaps, judge
-from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
 from tests.support.people import (

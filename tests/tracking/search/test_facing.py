@@ -19,8 +19,8 @@ from coordinator.tracking.search.recall import recall
 from coordinator.tracking.search.stages import Standing
 from coordinator.tracking.search.verdict import Verdict
 from coordinator.tracking.search.watch import AGAIN, CHECKS, LOOKS_ALIKE, Watch
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.status import is_settled, judge
-from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, empty, frame_of, known
 

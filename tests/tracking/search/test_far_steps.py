@@ -14,7 +14,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.known import Known
 from coordinator.tracking.search.verdict import Verdict
 from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, Shown, frame_of, known
 from tests.support.rooms import along

@@ -10,7 +10,7 @@ from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources import open_source
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS
 

@@ -11,7 +11,7 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, RAISING, SETTINGS, STANDING, Shown, frame_of, known
 from tests.support.rooms import along

@@ -26,7 +26,7 @@ from coordinator.tracking.search.search import QUICK, THOROUGH, Effort, Found, S
 from coordinator.tracking.search.signature import BOUND, CELL, COLUMNS, EMPTY, ROWS, compare, sign
 from coordinator.tracking.search.sizes import Size, taller_and_shorter, vary
 from coordinator.tracking.search.stages import Standing, thin
-from coordinator.tracking.tracker import Tracker
+from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS, shown
 from tests.support.stand_ins import Listening

@@ -17,8 +17,8 @@ from coordinator.tracking.search.search import QUICK, WAYS_UP
 from coordinator.tracking.search.seeker import ELSEWHERE, Finding, Seeker
 from coordinator.tracking.search.verdict import Verdict
 from coordinator.tracking.search.watch import AGAIN, CHECKS, DOUBTFUL, EVERY, Watch
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, known, shown
 

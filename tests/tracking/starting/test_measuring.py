@@ -28,6 +28,7 @@ from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.search.seeker import Seeker
 from coordinator.tracking.search.watch import Watch
+from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.starting.asking import Asker, grain
 from coordinator.tracking.starting.measuring import (
     BELIEVED,
@@ -45,7 +46,6 @@ from coordinator.tracking.starting.measuring import (
 from coordinator.tracking.starting.person_size import PersonSize, stature_by_length
 from coordinator.tracking.starting.start import Start
 from coordinator.tracking.starting.uprightness import BENT, Stance, stance_of
-from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
