@@ -26,7 +26,6 @@ from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracke
 from coordinator.results.recording.recorded import Recorded
 from coordinator.results.recording.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.summary import (
-    describe_extreme,
     describe_failure,
     describe_status,
     mostly_tracked,
@@ -222,10 +221,8 @@ def write_results(
 
 
 def conclude(recorded: Recorded, show: Show) -> bool:
-    """Warn where most frames are not tracked, or nobody has such a size; gives whether they are tracked."""
+    """Warn where most frames are not tracked; gives whether they are."""
     tracked = mostly_tracked(recorded.estimates)
-    if extreme := describe_extreme(recorded):
-        show.warn(f"{extreme} --model takes measures that are known")
     if not tracked:
         show.warn(describe_failure(recorded.estimates))
     return tracked

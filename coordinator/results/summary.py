@@ -87,18 +87,6 @@ def describe_failure(estimates: Sequence[Estimate]) -> str:
     return f"most frames are not tracked ({describe_status(estimates)}){why}"
 
 
-def describe_extreme(recorded: Recorded) -> str:
-    """What to say of a person whose size came to the limits of what is sought; nothing of anybody else."""
-    measured = recorded.state.checkpoint.measured
-    if measured is None or not measured.is_extreme:
-        return ""
-    stature, girth = measured.size
-    return (
-        f"the body came out {stature:.2f} m tall and of girth {girth:.2f}, as far as people are sought:"
-        " is it a person, and depth_scale right?"
-    )
-
-
 def count_unanswered(estimates: Iterable[Estimate], particles: int) -> int:
     """Particles of all frames that were left out because the frame was due."""
     return sum(particles - e.particles_answered for e in estimates if e.particles_answered)

@@ -7,19 +7,20 @@ them to the workers; `collect` waits for them and updates the belief; `report` g
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
+from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings, Settings
-from coordinator.bodies.tracked import Bodies
+from coordinator.bodies.tracked import Bodies, scaled
 from coordinator.filters.belief import Belief
 from coordinator.filters.methods import apply_method
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.estimate import Status
+from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.inference import Answer, Inference, Situation
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.company import has_company
@@ -33,9 +34,10 @@ from coordinator.tracking.rival import decide
 from coordinator.tracking.search.finder import Finder
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.watch import GIVEN, Watch
-from coordinator.tracking.starting.person_size import PersonSize
-from coordinator.tracking.starting.start import Start
+from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
+from coordinator.tracking.starting.start import USUAL_MEASURES, Start
 from coordinator.tracking.state import TrackerState, take_checkpoint
+from coordinator.tracking.status import is_settled
 from coordinator.tracking.step import Submitted, Tracked
 
 Array = NDArray[np.float64]
@@ -67,7 +69,8 @@ class Follower:
         self._settings = settings = apply_method(settings)
         self._minds_company = bodies.people and not choosy
         self._start = known.begin(bodies)
-        self._size = PersonSize(bodies)
+        self._bodies = bodies
+        self._size: SizeEstimate | None = None  # None where the size is not sought
         self._rng = known.generator(settings.seed)
         self._belief: Belief | None = None
         self._watch = GIVEN if given else Watch()
@@ -76,9 +79,9 @@ class Follower:
         self._distance = 0.0  # metres, of what the frame at hand shows
         self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
         self._scene = SceneChange()  # what the frame that was submitted last changed in it
-        self._inference = Inference(refiner, settings, self._size, self._rng, known.motion)
+        self._inference = Inference(refiner, settings, self._rng, known.motion)
         seeker = Seeker(bodies, refiner, settings, choosy=choosy)
-        self._finder = Finder(seeker, self._inference, self._size, settings, given=given)
+        self._finder = Finder(seeker, self._inference, settings, given=given)
         if known.state is not None:
             self._resume(known.state)
 
@@ -87,8 +90,8 @@ class Follower:
         checkpoint = state.checkpoint
         self._scene, self._verdict = checkpoint.scene, checkpoint.verdict
         self._around, self._watch, self._time_s = checkpoint.around, checkpoint.watch, checkpoint.time_s
-        self._size.measured = checkpoint.measured
-        self._start = self._size.resume(state.start)
+        self._size = checkpoint.size
+        self._start = state.start
         if checkpoint.belief:
             begun = self._inference.begin(self.model, self._start.pose)
             self._belief = replace(begun, **checkpoint.belief)
@@ -107,7 +110,7 @@ class Follower:
     def state(self) -> TrackerState:
         """All that the next frame goes on from."""
         known = (self._belief, self._around, self._time_s, self._rng, self._scene, self._watch, self._verdict)
-        return TrackerState(self._start, take_checkpoint(*known, self._size.measured))
+        return TrackerState(self._start, take_checkpoint(*known, self._size))
 
     @property
     def expected(self) -> PosedBody | None:
@@ -158,7 +161,7 @@ class Follower:
         """Draw particles for the next frame and let the workers refine them; `collect` has to follow."""
         first, subject = self._belief is None, cut.isolated.subject
         shows = subject is not None or (self._around is not None and bool(cut.frame.depth.any()))
-        self._start = self._size.give(self._start)
+        self._resize()
         self._scene = cut.isolated.change
         rival = None if subject is None else self._look(cut, subject)
         self._around = self._whereabouts()
@@ -206,6 +209,8 @@ class Follower:
                 return self._finder.find_again(subject, self._situation(self._belief))
             begun = self._finder.begin(subject, cut.isolated.view.planes, self._start, self._watch)
             self._start, self._belief, self._watch = begun.start, begun.belief, begun.watch
+            if begun.belief is not None and self._seeks_size():
+                self._size = SizeEstimate()
             return None
 
     def _mind_company(self, cut: CutOut, belief: Belief, *, first: bool) -> None:
@@ -229,7 +234,37 @@ class Follower:
         self._belief, watch = decide(situation, rival, self._inference.begin_with)
         self._watch = watch.shown(subject.pixels)
         if self._belief is answer.belief:
-            self._inference.hear(replace(situation, watch=self._watch), answer, subject)
+            self._measure_size(subject)
+
+    def _seeks_size(self) -> bool:
+        """Whether the body comes in sizes, and is free to be placed anew for each."""
+        in_sizes = self._settings.measure_person and self._bodies.people and self._bodies.measures is None
+        return in_sizes and self._watch is not GIVEN and set(ROOT_DOFS) <= set(self.model.dof_names)
+
+    def _measure_size(self, subject: SubjectFrame) -> None:
+        """Measure the person's stature in a frame in which the pose is settled."""
+        size, belief, time_s = self._size, self._belief, subject.frame.time_s
+        if size is None or belief is None or not size.is_due(time_s):
+            return
+        poses = belief.poses[:RECORDED]
+        if is_settled(self._watch, belief.weights[:RECORDED], joint_positions(self.model, poses)):
+            straight = self._straight_share * self._start.stature
+            stature = measure_stature(self.model, belief.poses[0], straight, subject)
+            if stature is not None:
+                self._size = size.add(stature, time_s)
+
+    @cached_property
+    def _straight_share(self) -> float:
+        """Distance from head to ankle of a person who stands straight, as a share of stature."""
+        return head_to_ankle(self._bodies.full(*USUAL_MEASURES)) / USUAL_MEASURES[0]
+
+    def _resize(self) -> None:
+        """Go on with a body of the stature that is known by now."""
+        start = self._start
+        if self._size is None or (stature := self._size.revise(start.stature)) == start.stature:
+            return
+        model = scaled(start.model, stature / start.stature)
+        self._start = replace(start, model=model, stature=stature)
 
     def _whereabouts(self) -> Array | None:
         """The pose (D,) near which the next frame but one shows the body; None where it may be anywhere.

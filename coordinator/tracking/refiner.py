@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body
 
 
 class Pending(Protocol):
@@ -37,7 +37,7 @@ class Refiner(Protocol):
 
     def submit(
         self,
-        body: Body,
+        model: BodyModel,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,

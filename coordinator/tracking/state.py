@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from coordinator.filters.belief import Belief
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.starting.measuring import Measured
+from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.starting.start import Start
 
 
@@ -26,7 +26,7 @@ class Checkpoint:
     scene: SceneChange  # what the frame changed in what is known of the scene; of a resumed run, all of it
     watch: Watch = field(default_factory=Watch)
     verdict: NDArray[np.float64] | None = None  # (J, 2) about each joint, see certainty/assessment.py
-    measured: Measured | None = None  # of the person's size; None where it is not sought
+    size: SizeEstimate | None = None  # of the person; None where it is not sought
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,13 +45,13 @@ def take_checkpoint(
     scene: SceneChange,
     watch: Watch,
     verdict: NDArray[np.float64] | None,
-    measured: Measured | None,
+    size: SizeEstimate | None,
 ) -> Checkpoint:
     """A belief, a pose (D,), a time, a generator and a scene as values that can be recorded."""
     names = [] if belief is None else [field.name for field in fields(belief)]
     arrays = {name: getattr(belief, name) for name in names}
     generator = json.dumps(rng.bit_generator.state)
-    return Checkpoint(arrays, around, time_s, generator, scene, watch, verdict, measured)
+    return Checkpoint(arrays, around, time_s, generator, scene, watch, verdict, size)
 
 
 def load_generator(state: str) -> np.random.Generator:

@@ -27,7 +27,7 @@ class Asked:
 
     def of(self, refiner: Refiner) -> Pending:
         """The same, asked of somebody else."""
-        return refiner.submit(self.body, self.poses, self.settings, covariance=self.covariance)
+        return refiner.submit(self.body, self.poses, self.settings, covariance=self.covariance)  # type: ignore[arg-type]
 
 
 def refining(answer: Callable[[Asked, Any], Refined]) -> Refine[Any]:

@@ -21,7 +21,7 @@ from coordinator.results.configuration.run_configuration import run_configuratio
 from coordinator.results.model_file import TrackedBody
 from coordinator.results.people import is_complete, person_folder, was_found
 from coordinator.results.recording.recorded import Recorded
-from coordinator.results.summary import count_doubts, describe_extreme, describe_status
+from coordinator.results.summary import count_doubts, describe_status
 from coordinator.results.track import read_track
 from coordinator.scene.room.furniture import furniture
 from coordinator.scene.scope import Scope
@@ -143,8 +143,6 @@ def conclude(found: Mapping[int, Recorded], job: Job, show: Show) -> bool:
     """
     for number, recorded in found.items():
         show.say(f"{person_folder(job.out, number)}: {describe_status(recorded.estimates)}")
-        if extreme := describe_extreme(recorded):
-            show.warn(f"person {number}: {extreme}")
     there = sum(was_found(recorded) for recorded in found.values())
     if there < job.people:
         show.say(f"{there} of up to {job.people} people were found")

@@ -12,7 +12,6 @@ from coordinator.tracking.inference import Inference, Situation
 from coordinator.tracking.observing.sensor_noise import SensorNoise, measure_noise
 from coordinator.tracking.search.seeker import Finding, Seeker
 from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.starting.person_size import PersonSize
 from coordinator.tracking.starting.start import Start
 
 
@@ -31,17 +30,13 @@ class Finder:
     Args:
         seeker: Looks for it in single frames.
         inference: Has beliefs of the tracker's kind.
-        size: Of the person, which is sought from a find on.
         settings: What to compute.
         given: The body begins where it is said to: it is not looked for at first.
     """
 
-    def __init__(
-        self, seeker: Seeker, inference: Inference, size: PersonSize, settings: Settings, *, given: bool
-    ) -> None:
+    def __init__(self, seeker: Seeker, inference: Inference, settings: Settings, *, given: bool) -> None:
         self._seeker = seeker
         self._inference = inference
-        self._size = size
         self._settings = settings
         self._given = given
 
@@ -49,7 +44,6 @@ class Finder:
         """Make what a first search and the person's size need, where they are looked for."""
         if not self._given:
             self._seeker.prepare()
-            self._size.prepare()
 
     def recovers(self, start: Start) -> bool:
         """Whether a body that was found is looked for again."""
@@ -63,8 +57,7 @@ class Finder:
         finding, watch = self._seeker.begin(subject, noise, planes, watch)
         if finding is None:
             return Begun(start, None, watch)
-        found = self._size.guess(finding.start) if self._settings.measure_person else finding.start
-        return Begun(found, self._inference.begin_with(finding), watch)
+        return Begun(finding.start, self._inference.begin_with(finding), watch)
 
     def find_again(self, subject: SubjectFrame, situation: Situation) -> Finding | None:
         """Where else the body may be, if that is in doubt."""

@@ -1,0 +1,130 @@
+"""A person's stature by the length from head to sole, in rendered frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.camera import Intrinsics
+from common.frame import HIDDEN, SUBJECT, SubjectFrame
+from common.kinematics import pose_vertices
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.template import human_of
+from coordinator.bodies.tracked import name_pose, scaled
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.single import SingleTracker as Tracker
+from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
+from gepf.direct import DirectRefiner
+from tests.support.people import CAMERA, SETTINGS, SITTING, STANDING, frame_of, shown
+
+STATURE = 1.7
+CROWN = 0.975  # of a rendered template's stature is measured: its crown is narrower than people's
+POSTURE = {**STANDING, "root_tz": 2.7}
+BODIES = choose_bodies(None, "default")
+MODEL = BODIES.tracked(STATURE, 1.0, {})[0]
+
+
+def subject_in(posture: dict[str, float], camera: Intrinsics = CAMERA) -> SubjectFrame:
+    """A rendered person of STATURE in a posture."""
+    body = human_of(Measures.of(STATURE, 1.0))
+    surface = pose_vertices(body, name_pose(body, posture)[None])[0]
+    with DepthRenderer(camera) as renderer:
+        frame = replace(frame_of(0, renderer.depth(surface, body.triangles)), intrinsics=camera)
+    subject = isolate(frame, None, 3000)
+    assert subject is not None
+    return subject
+
+
+def stature_in(
+    posture: dict[str, float], scale: float = 1.0, subject: SubjectFrame | None = None
+) -> float | None:
+    """The stature that a frame shows of a person in a posture, by a scaled model in the same pose."""
+    model = scaled(MODEL, scale)
+    pose = name_pose(model, {n: v for n, v in posture.items() if n in model.dof_names})
+    return measure_stature(model, pose, scale * head_to_ankle(MODEL), subject or subject_in(posture))
+
+
+@pytest.mark.parametrize("scale", [0.94, 1.0, 1.06])
+def test_the_stature_is_the_persons_and_not_the_models(scale: float) -> None:
+    """A model that is too small or too large by 6 % measures the same, but for 1.5 cm."""
+    assert stature_in(POSTURE, scale) == pytest.approx(CROWN * STATURE, abs=0.015)
+
+
+@pytest.mark.parametrize("finer", [2, 3])
+def test_the_stature_is_the_persons_and_not_the_cameras(finer: int) -> None:
+    """A camera with more pixels measures the same, but for 1.5 cm."""
+    width, height, focal = finer * CAMERA.width, finer * CAMERA.height, finer * CAMERA.fx
+    sharp = Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+    measured = stature_in(POSTURE, subject=subject_in(POSTURE, sharp))
+    assert measured == pytest.approx(stature_in(POSTURE), abs=0.015)
+
+
+def test_legs_apart_show_the_same_stature() -> None:
+    """A person who stands astride is as tall as with the feet together."""
+    astride = {**POSTURE, "l_hip_abduct": 0.25, "r_hip_abduct": 0.25}
+    assert stature_in(astride) == pytest.approx(stature_in(POSTURE), abs=0.03)
+
+
+def test_a_frame_without_feet_shows_no_stature() -> None:
+    """Something nearer hides the feet."""
+    whole = subject_in(POSTURE)
+    depth = whole.frame.depth.copy()
+    hidden = depth.shape[0] * 17 // 20
+    depth[hidden:] = 0
+    labels = np.where(depth > 0, SUBJECT, 0).astype(np.uint8)
+    labels[hidden:] = HIDDEN
+    cut = replace(whole, frame=replace(whole.frame, depth=depth), kinds=labels)
+    assert stature_in(POSTURE, subject=cut) is None
+
+
+@pytest.mark.parametrize(
+    "posture",
+    [{**SITTING, "root_tz": 2.7}, {**POSTURE, "r_shoulder_flexion": 2.9, "r_elbow_flexion": 0.6}],
+    ids=["seated", "a raised hand"],
+)
+def test_some_postures_show_no_stature(posture: dict[str, float]) -> None:
+    """A seated person does not, nor one with a hand that could be taken for the head."""
+    assert stature_in(posture) is None
+
+
+def test_the_median_of_the_first_frames_becomes_the_stature_and_stays() -> None:
+    """A few odd frames change nothing; only a whole window of another stature does."""
+    size, stature = SizeEstimate(), 1.8
+    for frame in range(20):
+        size = size.add(1.9 if frame % 5 == 0 else 1.70, 0.1 * frame)
+        stature = size.revise(stature)
+    assert stature == pytest.approx(1.70)
+    assert size.settled
+    history = []
+    for frame in range(20, 60):
+        size = size.add(1.60, 0.1 * frame)
+        stature = size.revise(stature)
+        history.append(stature)
+    assert history[5] == pytest.approx(1.70)
+    assert stature == pytest.approx(1.60)
+
+
+def test_a_tracked_person_gets_the_right_stature_and_keeps_the_pose() -> None:
+    """Measured while tracking; a settled stature does not change from frame to frame."""
+    still = shown("standing").frames[0]
+    tracker, statures = Tracker(DirectRefiner(), SETTINGS, BODIES), []
+    for n in range(20):
+        estimate = tracker.track(replace(still, number=n, time_s=0.1 * n))
+        statures.append(tracker.start.stature)
+    assert estimate.status == "tracked"
+    assert statures[-1] == pytest.approx(CROWN * 1.82, abs=0.02)
+    assert len(set(statures)) <= 3
+
+
+def test_a_stature_that_is_not_wanted_is_not_measured() -> None:
+    """A run without measuring keeps the body that was detected."""
+    still, settings = shown("standing").frames[0], msgspec.structs.replace(SETTINGS, measure_person=False)
+    tracker = Tracker(DirectRefiner(), settings, BODIES)
+    for n in range(4):
+        tracker.track(replace(still, number=n, time_s=0.1 * n))
+    assert tracker.state.checkpoint.size is None
