@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.sources.arrays import camera_of, whole_depth
-from coordinator.sources.camera_file import DEFAULT_FPS
+from coordinator.sources.camera import DEFAULT_FPS
 
 
 @dataclass(frozen=True, slots=True)

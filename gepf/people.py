@@ -14,7 +14,7 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.mpeg4 import HUMAN
+from coordinator.bodies.human.dofs import HUMAN
 from coordinator.filters.methods import apply_method
 from coordinator.results.model_file import TrackedBody
 from coordinator.results.people import person_folder

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
 from common.errors import InputError
-from coordinator.bodies.human.isb import isb_angles, isb_names
+from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports import export_run
 from coordinator.exports.csv import write_csv
 from coordinator.exports.recorded import RecordedRun, read_run

@@ -16,8 +16,8 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
 from coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, person
+from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.mpeg4 import HUMAN
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import apply_method
 from coordinator.results.model_file import TrackedBody

@@ -14,8 +14,8 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes.noise import add_noise
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
 from worker.kernel.observation import Observation, observe

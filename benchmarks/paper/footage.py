@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame
-from coordinator.synthesis.scenes import SCENES
-from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.noise import add_noise
+from coordinator.synthesis.scenes import SCENES, Scene
 from coordinator.synthesis.sequence import DEPTH_SCALE, render, to_units
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 

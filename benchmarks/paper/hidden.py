@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.camera import back_project
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.scenes import Scene
 
 AROUND = 0.08  # metres across the line of sight
 SAME = 0.005  # metres: what is nearer than the limb by more hides it

@@ -9,7 +9,7 @@ from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.filters.annealed import ANNEALED
-from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from worker.kernel.packing import pack_parameters
 
@@ -33,7 +33,7 @@ class Row:
     seeds: int
     frames: int
     scene: str = "arm"
-    active: tuple[str, ...] | None = MOVING
+    active: tuple[str, ...] | None = ARM_DOFS
     changes: tuple[str, ...] = ()  # settings in place of the preset's, `key=value`
     limits: bool = True  # of the body's joints
 

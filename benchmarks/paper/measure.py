@@ -22,8 +22,7 @@ from benchmarks.paper.scores import score_row, score_run
 from benchmarks.paper.shelf import Shelf
 from benchmarks.paper.tables import show
 from benchmarks.people import WIDTH, keep
-from coordinator.synthesis.scenes.arm import MOVING
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.scenes import ARM_DOFS, Scene
 from worker.cli import load_kernel
 
 EVERY = 4  # frames between those whose information is rendered
@@ -103,16 +102,17 @@ def describe(result: Run | Crash) -> str:
 def bounds_of(scene: Scene) -> Bounds:
     """What the arm's frames under heavy noise allow."""
     frames = list(range(0, len(scene.poses), EVERY))
-    measured, everything, counts = informations(scene, MOVING, HEAVY, frames)
+    measured, everything, counts = informations(scene, ARM_DOFS, HEAVY, frames)
     told = measured * np.minimum(1.0, POINTS / counts)[:, None, None]
     all_frames = np.repeat(told, EVERY, axis=0)[: len(scene.poses)]
-    moving = scene.poses[:, [scene.model.dof(name) for name in MOVING]]
+    moving = scene.poses[:, [scene.model.dof(name) for name in ARM_DOFS]]
     acceleration = np.std(np.diff(moving, n=2, axis=0), axis=0)
     return Bounds(
         noise=HEAVY,
         single_frame=[
-            bound_of_frames(measured, everything, counts, MOVING, points) for points in (4_000, POINTS, None)
+            bound_of_frames(measured, everything, counts, ARM_DOFS, points)
+            for points in (4_000, POINTS, None)
         ],
-        filtered=as_bound(smoothed(all_frames, acceleration, ahead=False), MOVING, POINTS),
-        smoothed=as_bound(smoothed(all_frames, acceleration, ahead=True), MOVING, POINTS),
+        filtered=as_bound(smoothed(all_frames, acceleration, ahead=False), ARM_DOFS, POINTS),
+        smoothed=as_bound(smoothed(all_frames, acceleration, ahead=True), ARM_DOFS, POINTS),
     )

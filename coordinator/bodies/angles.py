@@ -1,14 +1,23 @@
 """Angles of a body as people publish them: continuous, with plain names and meanings.
 
-The pose keeps the degrees of freedom that the tracker moves; three of them in a ball joint are Euler angles,
-which jump where the middle one is near 90 degrees. These angles are for reading: flexion, abduction and
-rotation from swing and twist for a person (`coordinator.bodies.human.anatomy`), joint values for a robot.
+The pose keeps the degrees of freedom that the tracker moves; three of them in a spherical joint are Euler
+angles, which jump where the middle one is near 90 degrees. These angles are for reading: of a person flexion,
+abduction and rotation from swing and twist, of a robot joint values.
+
+A joint is the motion of one segment relative to the one that carries it. Three angles describe it: two of the
+swing of the moving bone and one of the twist about it. They are zero where the bone lies along the carrier's
+axis and the hinge axes run from side to side: arms straight down along the trunk (the template's arms hang
+`ARM_TILT` off it, so its rest pose has that much abduction), legs and spine straight.
+
+Signs mean the same on both sides: flexion moves forward (knee: the heel back), abduction away from the body,
+rotation inward; the trunk, neck and pelvis bend forward, lean to the person's right and turn to the left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +25,112 @@ from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.level import level_from_camera
-from coordinator.bodies.human.anatomy import (
-    SIDES,
-    BallJoint,
-    Hinge,
-    anatomical_joints,
-    hanging,
-    whole_body,
-)
-from coordinator.bodies.human.mpeg4 import JOINT_ANGLES
+from coordinator.bodies.human.dofs import JOINT_ANGLES
+from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.skeleton import ARM_TILT, Dof, Skeleton, build_skeleton
 from coordinator.bodies.levers import SHOWN
 from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
+
+SIDES = {"r": "right", "l": "left"}
+
+_LIMB_BONES = {
+    # joint: carrier, moving segment, how far the bone hangs off the vertical at rest
+    "shoulder": ("vt1", "{side}_upper_arm", ARM_TILT),
+    "hip": ("pelvis", "{side}_thigh", 0.0),
+}
+_WORDS = {"twisting": "rotation", "rotate": "rotation", "abduct": "abduction", "pivot": "deviation"}
+_OWN_NAMES = {
+    "elbow_twisting": "forearm_pronation",
+    "subtalar_flexion": "subtalar_inversion",
+    "metatarsal_flexion": "toes_flexion",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SphericalJoint:
+    """A joint with swing and twist.
+
+    names: of the forward, the sideways and the twisting angle. dofs: what moves it, from the carrier outward.
+    sideways: sign of the sideways angle about the axis to the front. tilt: of the bone at rest, radians.
+    """
+
+    names: tuple[str, str, str]
+    dofs: tuple[Dof, ...]
+    mirrored: bool = False
+    upward: bool = False
+    tilt: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Hinge:
+    """A joint that one degree of freedom describes."""
+
+    name: str
+    dof: str
+
+
+def plain_name(dof: str) -> str:
+    """What people call a degree of freedom: `r_elbow_flexion` is `right_elbow_flexion`."""
+    side, _, motion = dof.partition("_")
+    if side not in SIDES:
+        return dof
+    stem, _, last = motion.rpartition("_")
+    return f"{SIDES[side]}_{_OWN_NAMES.get(motion) or f'{stem}_{_WORDS.get(last, last)}'}"
+
+
+@cache
+def _skeleton() -> Skeleton:
+    """Any person's: axes and order are everybody's."""
+    return build_skeleton(Measures.of(1.75))
+
+
+@cache
+def anatomical_joints() -> tuple[tuple[SphericalJoint, ...], tuple[Hinge, ...]]:
+    """All joints of the template; each degree of freedom but the root's translations belongs to one."""
+    balls = tuple(_balls())
+    within = {dof.name for ball in balls for dof in ball.dofs}
+    hinges = [
+        Hinge(plain_name(dof.name), dof.name)
+        for dof in _skeleton().dofs
+        if dof.kind == ROTATION and dof.name not in within
+    ]
+    return balls, tuple(hinges)
+
+
+def _balls() -> Iterator[SphericalJoint]:
+    yield whole_body("pelvis")
+    for name, carrier, segment in (("trunk", "pelvis", "vt1"), ("neck", "vt1", "skull")):
+        names = (f"{name}_flexion", f"{name}_side_bending", f"{name}_rotation")
+        yield SphericalJoint(names, _between(carrier, segment), upward=True)
+    for side, word in SIDES.items():
+        for joint, (carrier, segment, tilt) in _LIMB_BONES.items():
+            names = (f"{word}_{joint}_flexion", f"{word}_{joint}_abduction", f"{word}_{joint}_rotation")
+            chain = _between(carrier, segment.format(side=side))
+            yield SphericalJoint(names, chain, mirrored=side == "r", tilt=tilt)
+
+
+def whole_body(name: str) -> SphericalJoint:
+    """How the root lies in the camera's axes, in the body's own heading."""
+    names = (f"{name}_forward_tilt", f"{name}_side_tilt", f"{name}_turn")
+    return SphericalJoint(names, tuple(d for d in _skeleton().dofs if d.name in ROOT_DOFS[3:]), upward=True)
+
+
+def _between(carrier: str, segment: str) -> tuple[Dof, ...]:
+    """The degrees of freedom after the carrier's last up to the segment's last, outward."""
+    skeleton = _skeleton()
+    by_name = {dof.name: dof for dof in skeleton.dofs}
+    chain: list[Dof] = []
+    name: str | None = skeleton.links[segment]
+    while name is not None and name != skeleton.links[carrier]:
+        chain.append(by_name[name])
+        name = by_name[name].parent
+    return tuple(reversed(chain))
+
+
+def hanging(joint: SphericalJoint) -> NDArray[np.float64]:
+    """Rotation vector (3,) that takes the vertical to the left limb's bone at rest."""
+    return np.array([0.0, 0.0, -joint.tilt])
+
 
 Array = NDArray[np.float64]
 
@@ -48,7 +152,7 @@ class Angles:
     """
 
     dof_names: tuple[str, ...]
-    balls: tuple[BallJoint, ...]
+    balls: tuple[SphericalJoint, ...]
     hinges: tuple[Hinge, ...]
     held: Mapping[str, float]
     level: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -109,7 +213,7 @@ class Angles:
             last[seen] = frame[seen]
         return angles
 
-    def _ball(self, ball: BallJoint, poses: Array) -> Array:
+    def _ball(self, ball: SphericalJoint, poses: Array) -> Array:
         """Forward, sideways and twisting angle (N, 3) of one joint."""
         turned = self.rotation(ball, poses) * Rotation.from_rotvec(hanging(ball))
         swing, twist = swing_twist(turned)
@@ -117,7 +221,7 @@ class Angles:
             return in_heading(swing, twist) if ball.dofs[0].name in ROOT_DOFS else upward(swing, twist)
         return np.stack([-swing[:, 0], -swing[:, 1], twist], axis=1)
 
-    def rotation(self, ball: BallJoint, poses: Array) -> Rotation:
+    def rotation(self, ball: SphericalJoint, poses: Array) -> Rotation:
         """Of the moving segment in its carrier (N,); a right limb's as that of its mirror image."""
         of_body = ball.dofs[0].name in ROOT_DOFS
         total = Rotation.from_rotvec(np.tile(self.level if of_body else np.zeros(3), (len(poses), 1)))

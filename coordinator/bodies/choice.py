@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
+
+import msgspec
 
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
-from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.mpeg4 import HUMAN, HUMAN_DOFS
+from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
+from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
 from coordinator.bodies.human.shape_space import person_of_size, shape_space
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.bodies.person_file import read_person
 from coordinator.bodies.tracked import Bodies, OneBody
+from coordinator.files.atomic import write_atomically
+from coordinator.files.numbers import read_numbers
+
+
+def read_person(path: Path) -> Measures:
+    """Measures in metres; what is missing follows from stature. InputError for what is no person's."""
+    values = read_numbers(path, "gepf fit writes one for --model", "measure: metres")
+    stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
+    try:
+        return Measures.of(stature, girth, **values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def write_person(measures: Measures, path: Path) -> None:
+    """Write all measures, to a tenth of a millimetre."""
+    rounded = {name: round(value, 4) for name, value in asdict(measures).items()}
+    text = msgspec.json.format(msgspec.json.encode(rounded)) + b"\n"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, lambda file: file.write(text))
+    except OSError as error:
+        raise InputError(f"cannot write {path} ({error.strerror}); choose another place") from error
+
 
 PERSON_SUFFIX = ".json"
 JOINTS = "joints"
@@ -66,7 +92,7 @@ def load_body(model: str) -> BodyModel:
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return shape_space().person(read_person(path))
-    from coordinator.bodies.urdf.reading import read_urdf
+    from coordinator.bodies.urdf import read_urdf
 
     return read_urdf(path)
 

@@ -43,9 +43,9 @@ def info(
 ) -> None:
     """Show what a sequence is, and what would be found in it: camera, depth, floor, walls, people."""
     from coordinator.commands.info import Pictures, run_info
-    from coordinator.sources.given import parse_given
+    from coordinator.sources.camera import parse_camera_options
 
-    given = parse_given(camera.intrinsics, camera.depth_scale)
+    given = parse_camera_options(camera.intrinsics, camera.depth_scale)
     run_info(sequence, given, Pictures(thumbnail, picture), as_json=as_json)
 
 

@@ -14,11 +14,10 @@ from common.activation import activate
 from common.body import BodyModel
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.bodies.choice import PERSON_SUFFIX, USUAL, choose_bodies
+from coordinator.bodies.choice import PERSON_SUFFIX, USUAL, choose_bodies, write_person
+from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
 from coordinator.bodies.human.shape_space import shape_space
-from coordinator.bodies.person_file import write_person
 from coordinator.bodies.tracked import name_pose
 from coordinator.commands.console.progress import Show
 from coordinator.commands.options.arguments import FitOptions
@@ -27,7 +26,7 @@ from coordinator.commands.track import choose_start
 from coordinator.commands.workers import Connect, end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
-from coordinator.sources.given import NOTHING, Given, parse_given
+from coordinator.sources.camera import AS_RECORDED, CameraOptions, parse_camera_options
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
@@ -49,14 +48,14 @@ class FitJob:
     pool: Pool
     init: str | None = None
     frames: str | None = None
-    given: Given = NOTHING
+    given: CameraOptions = AS_RECORDED
 
 
 def run_fit(options: FitOptions, show: Show, connect: Connect[Refiner], sweeps: Sweeps = WHOLE_FIT) -> None:
     """Do a `gepf fit`. Raises InputError for options that make no sense, before anything is read."""
     settings = choose_settings("gepf", "default", None, None, options.seed)
     pool = choose_pool(options.workers, None, None)
-    given = parse_given(options.camera.intrinsics, options.camera.depth_scale)
+    given = parse_camera_options(options.camera.intrinsics, options.camera.depth_scale)
     end_as_interrupted()
     fit_sequence(
         FitJob(options.sequence, options.out, settings, pool, options.init, options.frames, given),

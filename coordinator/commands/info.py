@@ -16,8 +16,7 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.commands.console.interrupts import ended_at_once
 from coordinator.sources import Format, Source, find_format
-from coordinator.sources.given import Given
-from coordinator.sources.plausible import doubt_camera, doubt_range
+from coordinator.sources.camera import CameraOptions, doubt_camera, doubt_range
 
 logger = logging.getLogger(__name__)
 
@@ -32,7 +31,7 @@ class Pictures:
     scene: Path | None = None
 
 
-def run_info(sequence: Path, given: Given, pictures: Pictures, *, as_json: bool) -> None:
+def run_info(sequence: Path, given: CameraOptions, pictures: Pictures, *, as_json: bool) -> None:
     """Print facts about a sequence and its scene, and draw frames of it: into files, and on a terminal.
 
     What the recording says of itself is printed at once; to look at the scene takes longer.

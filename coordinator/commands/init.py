@@ -29,7 +29,7 @@ from coordinator.pictures.overlay import Painter, Shown
 from coordinator.pictures.run import opengl_fault
 from coordinator.pictures.sheet import tile
 from coordinator.sources import open_source
-from coordinator.sources.given import parse_given
+from coordinator.sources.camera import parse_camera_options
 from coordinator.sources.source import select_frames
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.tracking.observing.sensor_noise import assume_noise, measure_noise
@@ -60,7 +60,9 @@ def run_init(options: InitOptions, show: Show, connect: Connect[Refiner]) -> Non
         require_new(path, force=options.force)
     bodies = choose_bodies(choose_dofs(options.dof), PRESET, choose_model(options.model))
     values = read_values(options.init, options.values or (), bodies)
-    source = open_source(options.sequence, parse_given(options.camera.intrinsics, options.camera.depth_scale))
+    source = open_source(
+        options.sequence, parse_camera_options(options.camera.intrinsics, options.camera.depth_scale)
+    )
     frame = source.frame(select_frames(source.numbers, options.frames)[0])
     end_as_interrupted()
     with connect(choose_pool(options.workers, None, None), show) as refiner:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from coordinator.bodies.human.mpeg4 import HUMAN, HUMAN_DOFS
+from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from coordinator.files.given import require_new
 
 
@@ -36,6 +36,6 @@ def write_as_urdf(model: str, out: Path, *, force: bool = False) -> None:
     """Write a body as URDF, with a mesh for every link; InputError for a file there, unless `force`."""
     require_new(out, force=force)
     from coordinator.bodies.choice import choose_model, load_body
-    from coordinator.bodies.urdf.writing import write_urdf
+    from coordinator.bodies.urdf_writing import write_urdf
 
     write_urdf(load_body(choose_model(model)), out)

@@ -22,7 +22,7 @@ from coordinator.commands.options.choices import choose_pool, secure
 from coordinator.commands.workers import end_as_interrupted
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
-from coordinator.sources.given import NOTHING, Given, parse_given
+from coordinator.sources.camera import AS_RECORDED, CameraOptions, parse_camera_options
 from coordinator.sources.source import select_frames
 
 LOOK = 0.05  # seconds between looks for a listener
@@ -38,7 +38,7 @@ class Broadcast:
     reached: Pool  # by whom, as far as endpoints go
     rate: float | None = None  # frames per second; None for the sequence's own
     frames: str | None = None
-    given: Given = NOTHING
+    given: CameraOptions = AS_RECORDED
 
 
 def run_publish(options: PublishOptions, security: SecurityOptions, show: Show) -> None:
@@ -46,7 +46,7 @@ def run_publish(options: PublishOptions, security: SecurityOptions, show: Show) 
     secured = secure(security, options.listen, options.connect)
     end_as_interrupted()
     reached = choose_pool(None, options.listen, options.connect, secured)
-    given = parse_given(options.camera.intrinsics, options.camera.depth_scale)
+    given = parse_camera_options(options.camera.intrinsics, options.camera.depth_scale)
     broadcast = Broadcast(options.sequence, options.key, reached, options.rate, options.frames, given)
     publish_sequence(broadcast, show)
 

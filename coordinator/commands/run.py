@@ -30,7 +30,7 @@ from coordinator.commands.people.choice import choose_people, track_live, track_
 from coordinator.commands.results_stream import check_results
 from coordinator.commands.workers import Connect, ListeningRefiner, end_as_interrupted
 from coordinator.results.summary import SUMMARY_FILE
-from coordinator.sources.given import parse_given
+from coordinator.sources.camera import parse_camera_options
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.sources.live import live_key
 
@@ -104,7 +104,7 @@ def choose_job(options: TrackOptions) -> Job:
         colour=source.color,
         results=options.output.results,
         results_json=options.output.results_json,
-        given=parse_given(source.camera.intrinsics, source.camera.depth_scale),
+        given=parse_camera_options(source.camera.intrinsics, source.camera.depth_scale),
         scope=choose_scope(options.scene),
         people=choose_people(options.scene.people, choose_model(source.model), source.init),
         joint_states=choose_joint_states(options),

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from common.errors import SilentWorkers
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.mpeg4 import HUMAN_DOFS
+from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import FrameMeter, Show, counted
@@ -35,7 +35,7 @@ from coordinator.results.track import read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
-from coordinator.sources.pictures.colour_folder import ColourFolder
+from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import Isolation

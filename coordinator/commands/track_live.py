@@ -85,7 +85,7 @@ def check_live(job: Job) -> str:
         ("--resume", job.resume),
         ("--color", job.colour is not None),
         ("--joint-states", job.joint_states is not None),
-        ("--intrinsics", job.given.lens is not None),
+        ("--intrinsics", job.given.intrinsics is not None),
         ("--depth-scale", job.given.depth_scale is not None),
     ):
         if given:

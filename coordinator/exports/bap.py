@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS
 from common.errors import InputError
-from coordinator.bodies.human.mpeg4 import BODY_ANIMATION_PARAMETERS, ROOT_PARAMETERS
+from coordinator.bodies.human.dofs import BODY_ANIMATION_PARAMETERS, ROOT_PARAMETERS
 from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
 
 Array = NDArray[np.float64]

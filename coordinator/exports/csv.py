@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.bodies.human.isb import isb_angles, isb_names
+from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports.recorded import RecordedRun
 from coordinator.results.track import Track, emptied
 

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from coordinator.bodies.angles import MIRROR, Angles, is_person, person_angles
-from coordinator.bodies.human.anatomy import BallJoint, hanging
+from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, hanging, is_person, person_angles
 from coordinator.bodies.swing_twist import nearest_turn
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
 from coordinator.results.slides import read_slides
@@ -82,7 +81,7 @@ def hinge_coordinates(dof_names: tuple[str, ...], poses: Array) -> Iterator[tupl
             yield f"{HINGES[motion]}_{side}", np.degrees(np.unwrap(poses[:, d]))
 
 
-def turned_zxy(angles: Angles, ball: BallJoint, poses: Array) -> Array:
+def turned_zxy(angles: Angles, ball: SphericalJoint, poses: Array) -> Array:
     """Rotations (F, 3) about Z, X and Y of a joint, of a left one those of its mirror image; radians."""
     rotations = angles.rotation(ball, poses) * Rotation.from_rotvec(hanging(ball))
     if not ball.upward:

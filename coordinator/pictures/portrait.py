@@ -16,8 +16,7 @@ from coordinator.pictures.overlay import BACKGROUND, MODEL_COLOUR, SKELETON_COLO
 from coordinator.pictures.shading import contours, lambert
 from coordinator.pictures.sheet import tile
 from coordinator.pictures.skeleton import bones
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.view_fitting import fit_in_view
+from coordinator.synthesis.rendering import DepthRenderer, fit_in_view
 
 CAMERA = Intrinsics(720, 960, 1800.0, 1800.0, 359.5, 479.5)
 TURNS_DEG = (0.0, 40.0, 90.0)

@@ -26,7 +26,7 @@ from coordinator.results.evaluation import compare
 from coordinator.results.model_file import TrackedBody
 from coordinator.results.track import Track, filled
 from coordinator.results.truth import Truth
-from coordinator.sources.pictures.colour_folder import ColourFolder
+from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import FLAGGED

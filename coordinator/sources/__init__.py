@@ -9,12 +9,11 @@ from pathlib import Path
 
 from common.errors import InputError
 from coordinator.sources.arrays import ArraySource, read_array, read_array_source
-from coordinator.sources.given import NOTHING, Given, with_given
-from coordinator.sources.pictures.recorded_folder import RecordedFolder, holds_pictures
-from coordinator.sources.pictures.tum_rgbd import LIST_FILE, TumFolder
+from coordinator.sources.camera import AS_RECORDED, CameraOptions
+from coordinator.sources.picture_folders import TUM_LIST, RecordedFolder, TumFolder, holds_pictures
 from coordinator.sources.point_clouds import SUFFIXES, PointClouds
 from coordinator.sources.ros_bag import RosBag, is_bag
-from coordinator.sources.source import Source
+from coordinator.sources.source import Source, with_options
 from coordinator.sources.stereo import LEFT, RIGHT, StereoFolder
 from coordinator.sources.utd_mhad import UtdMhadFile
 
@@ -30,19 +29,19 @@ class Format:
 
     name: str
     fits: Callable[[Path], bool]
-    open: Callable[[Path, Given], Source]
+    open: Callable[[Path, CameraOptions], Source]
 
 
-def open_azure_kinect(path: Path, given: Given) -> Source:
+def open_azure_kinect(path: Path, given: CameraOptions) -> Source:
     """An `.mkv`, by PyAV, which takes a while to load."""
     from coordinator.sources.azure_kinect import AzureKinectFile
 
     return AzureKinectFile(path, given)
 
 
-def own(open_path: Callable[[Path], Source]) -> Callable[[Path, Given], Source]:
+def own(open_path: Callable[[Path], Source]) -> Callable[[Path, CameraOptions], Source]:
     """A format that knows its camera, which what is given then overrides."""
-    return lambda path, given: with_given(open_path(path), given)
+    return lambda path, given: with_options(open_path(path), given)
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:
@@ -56,7 +55,7 @@ def holds_clouds(path: Path) -> bool:
 
 
 FORMATS = (
-    Format("TUM RGB-D folder (depth.txt)", lambda path: (path / LIST_FILE).is_file(), own(TumFolder)),
+    Format("TUM RGB-D folder (depth.txt)", lambda path: (path / TUM_LIST).is_file(), own(TumFolder)),
     Format(
         "stereo pairs (left/, right/, calibration.yml)",
         lambda path: (path / LEFT).is_dir() and (path / RIGHT).is_dir(),
@@ -93,7 +92,7 @@ CONVERSIONS = {
 """Suffix of what is not read -> how to make of it what is."""
 
 
-def open_source(path: Path | str, given: Given = NOTHING) -> Source:
+def open_source(path: Path | str, given: CameraOptions = AS_RECORDED) -> Source:
     """The sequence at `path`, whatever its format; with the camera and units that are `given`, if any.
 
     Reads what is needed to know the camera and the frames' numbers. Raises InputError where there is no

@@ -12,8 +12,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.arrays import ArrayFile, read_arrays
-from coordinator.sources.camera_file import DEFAULT_FPS, MILLIMETRES
-from coordinator.sources.given import NOTHING, Given
+from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, MILLIMETRES, CameraOptions
 from coordinator.sources.source import Recording
 
 logger = logging.getLogger(__name__)
@@ -61,16 +60,16 @@ class ArraySource(Recording):
         return DepthFrame(number, number / self.fps, self._depth[number], self._scale, self.intrinsics)
 
 
-def read_array_source(path: Path, given: Given = NOTHING) -> ArraySource:
+def read_array_source(path: Path, given: CameraOptions = AS_RECORDED) -> ArraySource:
     """An `.npz` file: `depth`, `intrinsics` (3, 3), for whole numbers `depth_scale`; optional `fps`."""
     arrays = read_arrays(path)
     scale = number_in(arrays, "depth_scale") if "depth_scale" in arrays else None
     fps = number_in(arrays, "fps") if "fps" in arrays else DEFAULT_FPS
-    matrix = matrix_of(given) if given.lens is not None else arrays.floats("intrinsics", (3, 3))
+    matrix = matrix_of(given) if given.intrinsics is not None else arrays.floats("intrinsics", (3, 3))
     return ArraySource(arrays.any("depth"), matrix, given.depth_scale or scale, fps, path.stem)
 
 
-def read_array(path: Path, given: Given) -> ArraySource:
+def read_array(path: Path, given: CameraOptions) -> ArraySource:
     """An `.npy` file of depth (F, H, W); the camera has to be given, whole numbers are millimetres."""
     try:
         depth = np.load(path, allow_pickle=False, mmap_mode="r")
@@ -81,9 +80,9 @@ def read_array(path: Path, given: Given) -> ArraySource:
     return ArraySource(depth, matrix_of(given), scale, name=path.stem)
 
 
-def matrix_of(given: Given) -> NDArray[np.float64]:
+def matrix_of(given: CameraOptions) -> NDArray[np.float64]:
     """The camera's matrix (3, 3) that is given."""
-    fx, fy, cx, cy = given.lens or (0.0, 0.0, 0.0, 0.0)
+    fx, fy, cx, cy = given.intrinsics or (0.0, 0.0, 0.0, 0.0)
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 

@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources.camera_file import MILLIMETRES
-from coordinator.sources.distortion import Distortion, Undistortion
-from coordinator.sources.given import NOTHING, Given, unit
+from coordinator.sources.camera import AS_RECORDED, MILLIMETRES, CameraOptions, Distortion, Undistortion
 from coordinator.sources.source import Recording, rate_of
 
 Array = NDArray[np.float64]
@@ -84,14 +82,14 @@ class Calibration(msgspec.Struct):
 class AzureKinectFile(Recording):
     """The depth frames of one `.mkv`, numbered from 0; times are the recording's, from the first frame."""
 
-    def __init__(self, path: Path, given: Given = NOTHING) -> None:
+    def __init__(self, path: Path, given: CameraOptions = AS_RECORDED) -> None:
         self.name, self._path = path.stem, path
         self._container = opened(path)
         self._stream = depth_stream(self._container, path)
         self._times, samples = scan(self._container, self._stream, path)
         size = (self._stream.width, self._stream.height)
         calibration = read_calibration(self._container, path)
-        if calibration is None or given.lens is not None:
+        if calibration is None or given.intrinsics is not None:
             self.intrinsics, self._undistort = given.camera(*size, str(path)), None
         else:
             self.intrinsics, distortion = depth_camera(calibration, mode_of(self._stream, size, path), size)
@@ -211,4 +209,5 @@ def gravity_of(calibration: Calibration | None, samples: Array) -> Array | None:
     if abs(np.linalg.norm(upward) - STANDARD_GRAVITY) > STILL * STANDARD_GRAVITY:
         return None
     sensor_from_depth = np.array(found[0].Rt.Rotation).reshape(3, 3)
-    return unit(-sensor_from_depth.T @ upward)
+    downward: Array = -sensor_from_depth.T @ upward
+    return downward / np.linalg.norm(downward)

@@ -20,7 +20,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.given import NOTHING, Given
+from coordinator.sources.camera import AS_RECORDED, CameraOptions
 from coordinator.sources.source import Recording, rate_of
 
 Result = TypeVar("Result")
@@ -36,7 +36,7 @@ NANOSECONDS = 1e-9
 class RosBag(Recording):
     """The depth images of a bag, numbered from 0; times are the bag's, from 0."""
 
-    def __init__(self, path: Path, given: Given = NOTHING) -> None:
+    def __init__(self, path: Path, given: CameraOptions = AS_RECORDED) -> None:
         self.name, self._bag = path.stem, Bag(path)
         self._topic = depth_topic(self._bag)
         self._times = self._bag.times(self._topic)
@@ -122,10 +122,10 @@ def depth_topic(bag: Bag) -> str:
     raise InputError(f"{bag.path} holds no depth images (16UC1 or 32FC1); record the camera's depth topic")
 
 
-def camera_of(bag: Bag, topic: str, given: Given = NOTHING) -> Intrinsics:
+def camera_of(bag: Bag, topic: str, given: CameraOptions = AS_RECORDED) -> Intrinsics:
     """The camera of a topic's images: the camera_info whose name has most in common with theirs."""
     infos = bag.topics(CAMERA)
-    if given.lens is not None:
+    if given.intrinsics is not None:
         first = bag.message(topic)
         return given.camera(first.width, first.height, str(bag.path))
     if not infos:

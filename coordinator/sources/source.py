@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources.camera_file import DEFAULT_FPS
+from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, CameraOptions
 
 
 class Source(Protocol):
@@ -115,3 +115,25 @@ def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
 
 def _span(numbers: Sequence[int]) -> str:
     return f"frames {numbers[0]}:{numbers[-1] + 1}"
+
+
+class OverriddenSource(Recording):
+    """A source with another camera or scale than it has of its own."""
+
+    def __init__(self, source: Source, options: CameraOptions) -> None:
+        own = source.intrinsics
+        self._source, self._options = source, options
+        self.name, self.numbers, self.fps = source.name, source.numbers, source.fps
+        self.truth, self.init, self.gravity = source.truth, source.init, source.gravity
+        self.intrinsics = options.camera(own.width, own.height, source.name) if options.intrinsics else own
+
+    def frame(self, number: int) -> DepthFrame:
+        """One frame, with the user's camera and scale instead of its own."""
+        frame = self._source.frame(number)
+        scale = self._options.depth_scale or frame.depth_scale
+        return DepthFrame(number, frame.time_s, frame.depth, scale, self.intrinsics)
+
+
+def with_options(source: Source, options: CameraOptions) -> Source:
+    """The source with the camera and scale that the user names."""
+    return source if options == AS_RECORDED else OverriddenSource(source, options)

@@ -20,7 +20,7 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files.names import START_FILE, TRUTH_FILE
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.camera_file import DEFAULT_FPS
+from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.sources.source import Recording, if_there
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources.camera_file import MILLIMETRES
+from coordinator.sources.camera import MILLIMETRES
 from coordinator.sources.source import Recording
 
 KINECT = Intrinsics(320, 240, 285.63, 285.63, 160.0, 120.0)

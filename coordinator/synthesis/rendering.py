@@ -77,3 +77,18 @@ def missing_opengl(cause: Exception) -> GepfError:
         "cannot render without a display: OpenGL through EGL does not start "
         f"({type(cause).__name__}: {cause}); on Debian or Ubuntu: apt install libegl1 libgl1"
     )
+
+
+Array = NDArray[np.float64]
+
+FILLS = 0.85  # of the image
+NEAREST_M = 0.8
+
+
+def fit_in_view(points: Array, camera: Intrinsics) -> Array:
+    """Shift (3,) that brings points (n, 3) into the middle of the image, as near as they fit."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    wide = np.max((high - low)[:2] / (camera.width / camera.fx, camera.height / camera.fy))
+    front = max(NEAREST_M, float(wide) / FILLS)
+    middle: Array = np.array([*(0.5 * (low + high)[:2]), low[2] - front])
+    return -middle

@@ -20,13 +20,10 @@ from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.choice import load_body
 from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.synthesis.noise import add_noise
+from coordinator.synthesis.person_scene import CAMERA_HEIGHT_M, person
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import SCENES
-from coordinator.synthesis.scenes.furniture import furnish
-from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.synthesis.scenes.person import CAMERA_HEIGHT_M, person
-from coordinator.synthesis.scenes.roam import FRAMES, roam
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, furnish, roam
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 ROAM, PERSON = "roam", "person"
@@ -82,7 +79,7 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
         if frames is not None and not 1 <= frames <= MOST_FRAMES:
             raise InputError(f"cannot make {frames} frames; choose from 1 to {MOST_FRAMES}")
-        return roam(load_body(model), seed, frames or FRAMES)
+        return roam(load_body(model), seed, frames or ROAM_FRAMES)
     if name not in (*SCENES, PERSON):
         raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, PERSON, ROAM))}")
     if name == PERSON and model is None:

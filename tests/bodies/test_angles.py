@@ -15,10 +15,9 @@ from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import Angles, angles_of, person_angles
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.isb import isb_angles, isb_names, isb_shoulder
 from coordinator.bodies.human.skeleton import ARM_TILT
-from coordinator.bodies.swing_twist import nearest_swing, swing_twist
-from coordinator.bodies.urdf.reading import read_urdf
+from coordinator.bodies.swing_twist import isb_angles, isb_names, isb_shoulder, nearest_swing, swing_twist
+from coordinator.bodies.urdf import read_urdf
 
 Array = NDArray[np.float64]
 

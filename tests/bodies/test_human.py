@@ -12,7 +12,7 @@ from common.activation import activate
 from common.body import BodyModel
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.mpeg4 import BODY_ANIMATION_PARAMETERS
+from coordinator.bodies.human.dofs import BODY_ANIMATION_PARAMETERS
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 
 Array = NDArray[np.float64]

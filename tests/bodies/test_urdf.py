@@ -16,8 +16,8 @@ from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
 from common.errors import InputError
 from common.kinematics import joint_positions, link_transforms, pose_vertices, retract, step_axes
 from coordinator.bodies.human.template import human
-from coordinator.bodies.urdf.reading import REST_FROM_URDF, read_urdf
-from coordinator.bodies.urdf.writing import write_urdf
+from coordinator.bodies.urdf import REST_FROM_URDF, read_urdf
+from coordinator.bodies.urdf_writing import write_urdf
 from tests.support.refusals import refused
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from common.body import ROOT_DOFS, BodyModel
 from common.errors import InputError
 from common.kinematics import joint_positions
-from coordinator.bodies.human.mpeg4 import BODY_ANIMATION_PARAMETERS
+from coordinator.bodies.human.dofs import BODY_ANIMATION_PARAMETERS
 from coordinator.bodies.human.template import human
 from coordinator.exports import export_run
 from coordinator.exports.bap import sign_of

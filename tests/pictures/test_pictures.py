@@ -31,8 +31,7 @@ from coordinator.results.model_file import TrackedBody
 from coordinator.results.track import Track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import Source, open_source
-from coordinator.synthesis.scenes import SCENES
-from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from tests.support.bodies import person
 
@@ -58,7 +57,7 @@ def truth(source: Source) -> Truth:
 def model() -> BodyModel:
     """The body with the four angles that move."""
     scene = SCENES["arm"]()
-    return activate(scene.model, MOVING, scene.poses[0])
+    return activate(scene.model, ARM_DOFS, scene.poses[0])
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from PIL import Image
 from common.activation import activate
 from coordinator.bodies.angles import angles_of
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.bodies.urdf.reading import read_urdf
+from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
 from coordinator.report import write_report
 from coordinator.report.doubts import Flag, find_banner, find_doubts, find_flags, find_leaps

@@ -15,7 +15,7 @@ import gepf
 from common.activation import activate
 from common.body import BodyModel
 from common.kinematics import joint_positions
-from coordinator.bodies.urdf.reading import read_urdf
+from coordinator.bodies.urdf import read_urdf
 from coordinator.pictures.errors import draw_errors
 from coordinator.pictures.hypotheses import curves_of_slides, draw_hypotheses
 from coordinator.report import write_report

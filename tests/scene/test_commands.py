@@ -99,9 +99,9 @@ def test_what_the_recording_says_of_itself_comes_before_the_scene(recording: Pat
     """A process that reads the first facts before the libraries for scenes are loaded."""
     code = (
         "import sys; from coordinator.commands import info; from coordinator.sources import find_format;"
-        "from coordinator.sources.given import NOTHING;"
+        "from coordinator.sources.camera import AS_RECORDED;"
         f"from pathlib import Path; path = Path({str(recording)!r}); form = find_format(path);"
-        "facts, _ = info.describe(form, form.open(path, NOTHING));"
+        "facts, _ = info.describe(form, form.open(path, AS_RECORDED));"
         "info.print_facts(facts);"
         "sys.exit(' '.join({'open3d', 'numba', 'matplotlib'} & set(sys.modules)) or 0)"
     )

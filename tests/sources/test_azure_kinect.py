@@ -12,8 +12,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
 from coordinator.sources.azure_kinect import Calibration, gravity_of
-from coordinator.sources.distortion import Distortion, Undistortion
-from coordinator.sources.given import Given
+from coordinator.sources.camera import CameraOptions, Distortion, Undistortion
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "azure_kinect" / "recording.mkv"
 LENS = Distortion((0.5479, -0.0210, -0.00265, 0.8897, 0.0861, -0.0139), (2.06e-05, -7.2e-05), 1.74)
@@ -66,7 +65,7 @@ def test_gravity_is_what_the_accelerometer_says(recording: Path) -> None:
 
 def test_a_given_camera_replaces_the_lens(recording: Path) -> None:
     """With --intrinsics the picture stays as it was recorded; --depth-scale is the user's too."""
-    source = open_source(recording, Given((500.0, 501.0, 320.0, 288.0), 500.0))
+    source = open_source(recording, CameraOptions((500.0, 501.0, 320.0, 288.0), 500.0))
     assert source.intrinsics == Intrinsics(640, 576, 500.0, 501.0, 320.0, 288.0)
     assert source.frame(0).depth_scale == 500.0
 

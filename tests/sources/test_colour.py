@@ -12,7 +12,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.pictures.overlay import Painter
 from coordinator.pictures.view import View
-from coordinator.sources.pictures.colour_folder import ColourFolder
+from coordinator.sources.colour_folder import ColourFolder
 from tests.support.bodies import hinges
 
 CAMERA = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5)

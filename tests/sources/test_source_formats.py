@@ -18,8 +18,8 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.cli import main
 from coordinator.sources import ArraySource, find_format, open_source
-from coordinator.sources.camera_file import NOMINAL
-from coordinator.sources.pictures.tum_rgbd import CAMERAS
+from coordinator.sources.camera import NOMINAL
+from coordinator.sources.picture_folders import TUM_CAMERAS
 from coordinator.sources.utd_mhad import KINECT
 from tests.support.recorded import FRAMES, START, poses_of, recorded
 from tests.support.recordings import (
@@ -137,7 +137,7 @@ def test_a_tum_folder_has_the_camera_that_the_data_set_documents(tmp_path: Path,
     """By the folder's name; the nominal one for others; 5000 units a metre."""
     depth = np.full((1, 480, 640), 2000, np.uint16)
     source = open_source(write_tum(tmp_path / name, depth, with_camera=False))
-    assert source.intrinsics == next((c for key, c in CAMERAS.items() if key in name), NOMINAL)
+    assert source.intrinsics == next((c for key, c in TUM_CAMERAS.items() if key in name), NOMINAL)
     assert source.frame(0).metres()[0, 0] == 2.0
 
 

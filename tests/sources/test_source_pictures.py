@@ -17,10 +17,10 @@ from rosbags.typesys import Stores, get_typestore
 
 from common.errors import InputError
 from coordinator.sources import open_source
-from coordinator.sources.given import Given, parse_given
+from coordinator.sources.camera import CameraOptions, parse_camera_options
 from coordinator.sources.source import select_frames
 
-LENS = Given((50.0, 51.0, 7.5, 5.5))
+LENS = CameraOptions((50.0, 51.0, 7.5, 5.5))
 SIZE = (12, 16)  # rows, columns
 
 
@@ -46,7 +46,7 @@ def describe_camera(folder: Path, fps: float = 30.0) -> None:
     (folder / "camera_intrinsic.json").write_text(json.dumps(content))
 
 
-def taken(path: Path, given: Given = LENS) -> tuple[list[int], list[float]]:
+def taken(path: Path, given: CameraOptions = LENS) -> tuple[list[int], list[float]]:
     """Numbers and times of all frames, in order."""
     source = open_source(path, given)
     frames = list(source)
@@ -60,7 +60,7 @@ def test_missing_frames_keep_their_numbers_and_times(
     """Frames 3 and 6 are 0.1 s apart though two are missing in between, which is said."""
     write_pictures(tmp_path / "seq" / "depth", ["000002.png", "000003.png", "000006.png"])
     describe_camera(tmp_path / "seq")
-    assert taken(tmp_path / "seq", Given()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
+    assert taken(tmp_path / "seq", CameraOptions()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
     assert "2 of 5 frames are missing, frame 4 first; the others keep their times" in caplog.text
     numbers = open_source(tmp_path / "seq").numbers
     assert list(select_frames(numbers, "3:7")) == [3, 6]
@@ -146,7 +146,7 @@ def test_an_array_file_is_metres_whatever_it_holds(
     """Whole millimetres, metres, and millimetres as floats, which is said."""
     np.save(tmp_path / "depth.npy", convert(depth(2)))
     with caplog.at_level(logging.WARNING):
-        source = open_source(tmp_path / "depth.npy", Given(LENS.lens, scale))
+        source = open_source(tmp_path / "depth.npy", CameraOptions(LENS.intrinsics, scale))
     assert np.allclose(source.frame(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
     assert source.intrinsics.fy == 51.0
     assert ("taken as millimetres" in caplog.text) == (units == "millimetres as floats")
@@ -233,12 +233,12 @@ def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
 def test_what_is_given_makes_sense(intrinsics: str | None, scale: float | None, says: str) -> None:
     """Options about the camera are checked before anything is read."""
     with pytest.raises(InputError, match=says):
-        parse_given(intrinsics, scale)
+        parse_camera_options(intrinsics, scale)
 
 
 def test_what_is_given_overrides_what_is_recorded(tmp_path: Path) -> None:
     """A folder's own camera file, too."""
     write_pictures(tmp_path / "seq" / "depth", ["0.png", "1.png"])
     describe_camera(tmp_path / "seq")
-    source = open_source(tmp_path / "seq", Given((60.0, 61.0, 8.0, 6.0), 500.0))
+    source = open_source(tmp_path / "seq", CameraOptions((60.0, 61.0, 8.0, 6.0), 500.0))
     assert (source.intrinsics.fx, source.frame(1).depth_scale, source.fps) == (60.0, 500.0, 30.0)

@@ -14,8 +14,7 @@ OPTIONS = ("--dof", MOVING, "--preset", "paper", "--points", "200", "--particles
 def write_small_sequence(folder: Path, frames: int) -> None:
     """Depth, camera and start; the start is that of the first frame."""
     from common.camera import Intrinsics
-    from coordinator.synthesis.scenes.arm import arm
-    from coordinator.synthesis.scenes.scene import Scene
+    from coordinator.synthesis.scenes import Scene, arm
     from coordinator.synthesis.sequence import write_camera, write_depth, write_start
     from coordinator.tracking.observing.sensor_noise import SensorNoise
 

@@ -17,12 +17,10 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.results.truth import read_truth
 from coordinator.sources import open_source
+from coordinator.synthesis.noise import add_noise
+from coordinator.synthesis.person_scene import CAMERA_HEIGHT_M, FPS, person
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import SCENES
-from coordinator.synthesis.scenes.arm import MOVING
-from coordinator.synthesis.scenes.noise import add_noise
-from coordinator.synthesis.scenes.person import CAMERA_HEIGHT_M, FPS, person
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 
@@ -198,7 +196,7 @@ def test_the_arm_scene_is_that_of_section_5(arm: Scene) -> None:
     """176 frames, four angles that swing by 60 degrees, the arm at the body around frames 60 and 105."""
     moving = np.flatnonzero(np.ptp(arm.poses, axis=0) > 0.0)
     assert arm.poses.shape[0] == 176
-    assert {arm.model.dof_names[j] for j in moving} == set(MOVING)
+    assert {arm.model.dof_names[j] for j in moving} == set(ARM_DOFS)
     assert np.degrees(np.ptp(arm.poses[:, moving], axis=0).min()) >= 60.0
     joints = joint_positions(arm.model, arm.poses)
     names = arm.model.joint_names

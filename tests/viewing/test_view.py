@@ -16,8 +16,7 @@ from common.kinematics import pose_vertices
 from coordinator.cli import main
 from coordinator.results.configuration.digest import PATH
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import SCENES
-from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
 from coordinator.viewing.correspondences import correspond
@@ -33,8 +32,8 @@ def recorded(tmp_path: Path) -> tuple[Path, Path]:
     sequence, run = tmp_path / "arm", tmp_path / "run"
     synthesise("arm", sequence, frames=FRAMES)
     scene = SCENES["arm"]()
-    body = activate(scene.model, MOVING, scene.poses[0])
-    moving = [scene.model.dof(name) for name in MOVING]
+    body = activate(scene.model, ARM_DOFS, scene.poses[0])
+    moving = [scene.model.dof(name) for name in ARM_DOFS]
     write_run(run, body, scene.poses[:FRAMES, moving])
     return sequence, run
 
@@ -59,7 +58,7 @@ def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: 
     assert main(["view", str(run), "--sequence", str(sequence), "--save", str(file)]) == 0
     rows = rows_of(file)
     places = ["/observed/points", "/observed/correspondences", "/model/surface", "/model/skeleton"]
-    places += ["/hypotheses", "/covariance", "/camera/image/depth", *(f"/angles/{name}" for name in MOVING)]
+    places += ["/hypotheses", "/covariance", "/camera/image/depth", *(f"/angles/{name}" for name in ARM_DOFS)]
     assert {place: rows[place] for place in places} == dict.fromkeys(places, FRAMES)
     assert rows["/status"] == 1
 

@@ -17,9 +17,9 @@ from common.kinematics import link_transforms, pose_vertices, retract
 from common.settings import RefineSettings, preset
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
+from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes.arm import MOVING
-from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
 from worker.kernel.job import refine
@@ -52,7 +52,7 @@ POSE = {
 @cache
 def body() -> tuple[BodyModel, Array]:
     """The person with an arm that moves, in front of the camera, and the arm's pose (4,)."""
-    model = activate(human(), MOVING, name_pose(human(), POSE))
+    model = activate(human(), ARM_DOFS, name_pose(human(), POSE))
     return model, np.array([POSE[name] for name in model.dof_names])
 
 

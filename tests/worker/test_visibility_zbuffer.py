@@ -10,8 +10,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import SCENES
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.scenes import SCENES, Scene
 from worker.kernel.visibility import TOLERANCE, make_visibility_buffers, visible_vertices
 
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from coordinator.bodies.human.measures import FRACTIONS_OF_STATURE, REFERENCE_STATURE, Measures
+from coordinator.bodies.human.mesh import slope
 from coordinator.bodies.human.shape import shape_person
-from coordinator.bodies.human.skinning import SPINE_ANCHORS
-from coordinator.bodies.human.surface import slope
-from coordinator.bodies.human.template import Raised, lay_to_rest, mesh_person, raise_arms
+from coordinator.bodies.human.template import SPINE_ANCHORS, Raised, lay_to_rest, mesh_person, raise_arms
 
 Array = NDArray[np.float64]
 

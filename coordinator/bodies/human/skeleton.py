@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION
+from coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
 from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.mpeg4 import FINGERS, VERTEBRAE_UPWARD
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]

@@ -21,7 +21,7 @@ from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors, compare, lost_from
 from coordinator.results.track import read_track
 from coordinator.results.truth import read_truth
-from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 
@@ -45,7 +45,7 @@ def demo_arm(
     for method, particles in COMPARED.items():
         show.say(f"tracking with {method}")
         settings = choose_settings(method, "default", particles, None, seed=0)
-        job = Job(out / SEQUENCE, out / method, settings, pool, active=MOVING)
+        job = Job(out / SEQUENCE, out / method, settings, pool, active=ARM_DOFS)
         track_sequence(job, show, connect)
     for line in tabulate({method: errors_of(out, method) for method in COMPARED}):
         show.say(line)

@@ -29,7 +29,7 @@ from coordinator.pool.options import Pool
 from coordinator.results.evaluation import NEAR_M, compare, overall
 from coordinator.results.track import read_track
 from coordinator.results.truth import read_truth
-from coordinator.synthesis.scenes.person import FPS
+from coordinator.synthesis.person_scene import FPS
 from coordinator.synthesis.sequence import PERSON, synthesise
 
 SEEDS = range(4)

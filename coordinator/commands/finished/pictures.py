@@ -16,7 +16,7 @@ from coordinator.results.summary import PEOPLE, read_summary
 from coordinator.results.track import Track, read_track
 from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import Source
-from coordinator.sources.pictures.colour_folder import ColourFolder
+from coordinator.sources.colour_folder import ColourFolder
 
 COLOUR = "color"  # in the summary
 

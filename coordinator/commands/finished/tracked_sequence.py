@@ -9,7 +9,7 @@ from coordinator.results.configuration.digest import PATH
 from coordinator.results.configuration.run_configuration import GIVEN
 from coordinator.results.summary import read_summary
 from coordinator.sources import Source, open_source
-from coordinator.sources.given import Given
+from coordinator.sources.camera import CameraOptions
 
 logger = logging.getLogger(__name__)
 
@@ -22,6 +22,8 @@ def find_sequence(run: Path, given: Path | None) -> Source | None:
     recorded, camera = summary.get(PATH), summary.get(GIVEN) or {}
     if recorded is not None and Path(recorded).exists():
         lens = camera.get("lens")
-        return open_source(Path(recorded), Given(tuple(lens) if lens else None, camera.get("depth_scale")))
+        return open_source(
+            Path(recorded), CameraOptions(tuple(lens) if lens else None, camera.get("depth_scale"))
+        )
     logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
     return None

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.settings import Settings
-from coordinator.bodies.human.mpeg4 import HUMAN
+from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.options.scope import AskedScope
 from coordinator.pool.options import Pool
 from coordinator.results.configuration.run_configuration import Asked
 from coordinator.scene.scope import Scope
-from coordinator.sources.given import NOTHING, Given
+from coordinator.sources.camera import AS_RECORDED, CameraOptions
 from coordinator.sources.joint_states import JointStates
 
 
@@ -31,7 +31,7 @@ class Job:
     frames: str | None = None
     resume: bool = False
     colour: Path | None = None  # frames to draw results over
-    given: Given = NOTHING  # of the camera
+    given: CameraOptions = AS_RECORDED  # of the camera
     results: str | None = None  # a key on which they are published meanwhile
     results_json: bool = False
     scope: AskedScope = field(default_factory=AskedScope)  # what of the scene is tracked

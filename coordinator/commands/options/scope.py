@@ -16,7 +16,7 @@ from coordinator.scene.limits import Limits
 from coordinator.scene.people.person import WAYS, Person
 from coordinator.scene.scope import Scope, up_in_picture
 from coordinator.sources import Source, open_source
-from coordinator.sources.pictures.depth_picture import read_depth
+from coordinator.sources.picture_folders import read_depth
 
 AVERAGED = 30  # frames of an empty room at the most
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.errors import InputError
-from coordinator.bodies.human.mpeg4 import HUMAN
+from coordinator.bodies.human.dofs import HUMAN
 from coordinator.commands.console.progress import Show
 from coordinator.commands.options.choices import at_least
 from coordinator.commands.options.job import Job

@@ -26,7 +26,7 @@ from coordinator.results.track import read_track
 from coordinator.scene.room.furniture import furniture
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
-from coordinator.sources.pictures.colour_folder import ColourFolder
+from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import select_frames
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.people.crowd import Crowd

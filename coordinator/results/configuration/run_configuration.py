@@ -16,7 +16,7 @@ from coordinator.results.configuration.digest import LETTERS, PATH, digest, dige
 from coordinator.results.configuration.nested import flatten
 from coordinator.results.configuration.versions import versions
 from coordinator.scene.scope import Scope
-from coordinator.sources.given import NOTHING, Given
+from coordinator.sources.camera import AS_RECORDED, CameraOptions
 
 if TYPE_CHECKING:  # it brings the compiler, which takes long to load
     from coordinator.bodies.tracked import Bodies
@@ -74,7 +74,11 @@ class Asked:
 
 
 def run_configuration(
-    sequence: Path, first: DepthFrame, numbers: Sequence[int], asked: Asked, given: Given = NOTHING
+    sequence: Path,
+    first: DepthFrame,
+    numbers: Sequence[int],
+    asked: Asked,
+    given: CameraOptions = AS_RECORDED,
 ) -> RunConfiguration:
     """The configuration of a run; who does the work and where the results go is not among them."""
     recording: RunConfiguration = {
@@ -83,8 +87,11 @@ def run_configuration(
         "first_frame": digest_frame(first),
         "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
     }
-    if given != NOTHING:
-        recording[GIVEN] = {"lens": given.lens and list(given.lens), "depth_scale": given.depth_scale}
+    if given != AS_RECORDED:
+        recording[GIVEN] = {
+            "lens": given.intrinsics and list(given.intrinsics),
+            "depth_scale": given.depth_scale,
+        }
     return recording | requested_configuration(asked)
 
 

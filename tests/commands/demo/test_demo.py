@@ -23,7 +23,7 @@ from coordinator.commands.demo.run import make_room
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors
-from coordinator.synthesis.scenes.arm import MOVING
+from coordinator.synthesis.scenes import ARM_DOFS
 from tests.support.asked import Asked
 from tests.support.processes.programs import INSTANT
 from tests.support.refined import unmoved
@@ -76,7 +76,7 @@ def test_the_demo_leaves_a_sequence_runs_and_pictures_and_makes_room_for_the_nex
         assert {"track.npz", "overlay.gif", "sheet.png", "hypotheses.png", "errors.png"} <= held
     table = screen.getvalue().splitlines()
     start = next(k for k, line in enumerate(table) if line.startswith("mean absolute error"))
-    assert [line.split()[0] for line in table[start + 2 : start + 7]] == [*MOVING, "mean"]
+    assert [line.split()[0] for line in table[start + 2 : start + 7]] == [*ARM_DOFS, "mean"]
     make_room(out)
     assert not list(out.iterdir())
 

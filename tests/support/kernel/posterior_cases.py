@@ -17,9 +17,9 @@ from common.kinematics import pose_vertices, within_limits
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
+from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes.arm import MOVING
-from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
@@ -56,7 +56,7 @@ class PosteriorCase:
 def posterior_case(body: str, name: str) -> PosteriorCase:
     """The person with all of the usual degrees of freedom, or with the paper's arm alone, seen with noise."""
     whole, settings = human(), SETTINGS[name]
-    model = activate(whole, MOVING if body == "arm" else DEFAULT_ACTIVE, name_pose(whole, STANDING))
+    model = activate(whole, ARM_DOFS if body == "arm" else DEFAULT_ACTIVE, name_pose(whole, STANDING))
     truth = np.array([STANDING.get(dof, 0.0) for dof in model.dof_names])
     with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(model, truth[None])[0], model.triangles).astype(np.float64)

@@ -11,9 +11,9 @@ from common.activation import activate
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
+from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes.arm import MOVING, arm
-from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.certainty.assessment import built_in, conclude
 from coordinator.tracking.certainty.certainty import FLAGGED, Certainty
 from coordinator.tracking.certainty.evidence import Sighted, limbs_of, weigh_evidence
@@ -40,8 +40,8 @@ def scene() -> tuple[BodyModel, Array, SubjectFrame]:
     units = np.clip(np.rint(SCALE * noisy), 0, 65_535).astype(np.uint16)
     subject = isolate(DepthFrame(0, 0.0, units, SCALE, shot.camera), None, 10_000)
     assert subject is not None
-    model = activate(shot.model, MOVING, shot.poses[FRAME])
-    return model, shot.poses[FRAME][[shot.model.dof(name) for name in MOVING]], subject
+    model = activate(shot.model, ARM_DOFS, shot.poses[FRAME])
+    return model, shot.poses[FRAME][[shot.model.dof(name) for name in ARM_DOFS]], subject
 
 
 def certainty_of(pose: Array) -> Certainty:

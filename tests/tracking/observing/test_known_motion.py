@@ -16,13 +16,12 @@ from rosbags.typesys import Stores, get_typestore
 from common.errors import InputError
 from common.kinematics import retract
 from coordinator.bodies.human.template import human
-from coordinator.bodies.urdf.reading import read_urdf
+from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
 from coordinator.filters.sighting import Sighting
 from coordinator.results.truth import read_truth
 from coordinator.sources.joint_states import JointStates, read_joint_states
-from coordinator.synthesis.scenes.roam import roam
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.scenes import Scene, roam
 from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.sensor_noise import SensorNoise

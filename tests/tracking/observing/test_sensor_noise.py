@@ -18,9 +18,9 @@ from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.commands.options.choices import choose_settings, set_noise
 from coordinator.scene.noise import DepthNoise
+from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes.arm import arm
-from coordinator.synthesis.scenes.noise import add_noise
+from coordinator.synthesis.scenes import arm
 from coordinator.tracking.observing.sensor_noise import (
     SensorNoise,
     assume_noise,

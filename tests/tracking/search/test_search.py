@@ -17,7 +17,7 @@ from common.settings import preset
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
-from coordinator.bodies.urdf.reading import read_urdf
+from coordinator.bodies.urdf import read_urdf
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.search.candidates import least, look_straight, most_alike

@@ -18,11 +18,10 @@ from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
 from coordinator.bodies.choice import USUAL as USUAL_DOFS
-from coordinator.bodies.choice import choose_bodies, load_body, person
+from coordinator.bodies.choice import choose_bodies, load_body, person, read_person, write_person
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import human_of
-from coordinator.bodies.person_file import read_person, write_person
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.cli.surroundings import on_stderr

@@ -15,7 +15,7 @@ from common.camera import Intrinsics
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.measures import FRACTIONS_OF_STATURE
 from coordinator.bodies.human.template import human
-from coordinator.synthesis.scenes.scene import Scene
+from coordinator.synthesis.scenes import Scene
 
 Array = NDArray[np.float64]
 Ranges = dict[str, tuple[float, float]]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.errors import InputError
-from coordinator.bodies.urdf.reading import REST_FROM_URDF
+from coordinator.bodies.urdf import REST_FROM_URDF
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,0 @@
-"""Articulated bodies as URDF files: read and written."""

@@ -1,1 +1,0 @@
-"""Depth as a folder of pictures: their names and times, Open3D's folders, TUM's, colour beside depth."""

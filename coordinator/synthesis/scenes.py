@@ -1,0 +1,227 @@
+"""What synthetic sequences show: a body, its pose in every frame, the camera, where to start, a room.
+
+`arm`: one arm in front of a still body, four degrees of freedom (section 5 of the paper).
+
+`turn`: a person who moves arms and legs and turns, so that the right arm and leg are hidden for a while. The
+situation of section 6 of the paper, with truth: 24 degrees of freedom, 180 frames. The right arm comes out
+raised where it went in hanging, so that a tracker that follows a single pose loses it.
+
+`roam`: any body that moves all its joints at random, smoothly and within their limits, in front of a Kinect.
+The base stands still, as that of a robot does; a body without joints is turned and carried about.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.kinematics import pose_vertices
+from coordinator.bodies.human.template import human
+from coordinator.synthesis.rendering import fit_in_view
+
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""Size and middle, metres: to the right, up from the floor, away from the camera."""
+
+BOXES: tuple[Box, ...] = (
+    ((9.0, 0.1, 7.0), (0.0, -0.05, 3.0)),  # floor
+    ((9.0, 3.0, 0.1), (0.0, 1.5, 4.8)),  # back wall
+    ((0.1, 3.0, 7.0), (-2.6, 1.5, 3.0)),  # left wall
+    ((0.9, 1.7, 0.45), (1.75, 0.85, 4.5)),  # cabinet
+    ((1.3, 0.05, 0.7), (-1.6, 0.74, 4.2)),  # table
+    *(((0.06, 0.72, 0.06), (-1.6 + x, 0.36, 4.2 + z)) for x in (-0.6, 0.6) for z in (-0.3, 0.3)),
+    ((0.4, 0.35, 0.3), (-1.7, 0.94, 4.25)),  # what stands on the table
+    ((0.45, 0.45, 0.45), (1.6, 0.225, 3.6)),  # crate
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """A surface that stands still: vertices (V, 3) in the camera frame, metres, and triangles (T, 3)."""
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+
+
+def furnish(camera_height_m: float) -> Room:
+    """The room, seen by a level camera at that height."""
+    boxes = [trimesh.creation.box(size).apply_translation(at) for size, at in BOXES]
+    x, up, z = np.concatenate([box.vertices for box in boxes]).T
+    firsts = np.cumsum([0, *(len(box.vertices) for box in boxes[:-1])])
+    triangles = np.concatenate([box.faces + first for box, first in zip(boxes, firsts, strict=True)])
+    # y goes down in the camera frame: mirrored, so that triangles are turned round to face outside again
+    return Room(np.stack([x, camera_height_m - up, z], axis=1), triangles[:, ::-1].copy())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A body with D degrees of freedom that moves through F frames.
+
+    `start` (D,) is what a tracker knows at the beginning; None where it has to find the body.
+    """
+
+    model: BodyModel
+    camera: Intrinsics
+    fps: float
+    poses: NDArray[np.float64]  # (F, D) radians and metres
+    start: NDArray[np.float64] | None  # (D,)
+    room: Room | None = None  # around it
+
+    def __post_init__(self) -> None:
+        self.poses.setflags(write=False)
+        if self.start is not None:
+            self.start.setflags(write=False)
+
+
+def through_keys(keys: dict[float, float], frames: int) -> NDArray[np.float64]:
+    """A smooth curve (frames,) through key values by frame number, which never overshoots them.
+
+    Before the first and after the last key it stands still.
+    """
+    curve = PchipInterpolator(list(keys), list(keys.values()))
+    return np.asarray(curve(np.clip(np.arange(frames), min(keys), max(keys))))
+
+
+def animate(model: BodyModel, keys: dict[str, dict[float, float]], frames: int) -> NDArray[np.float64]:
+    """Poses (frames, D) of a body from key values of some degrees of freedom; the others stay at zero."""
+    poses = np.zeros((frames, len(model.dof_names)))
+    for name, values in keys.items():
+        poses[:, model.dof(name)] = through_keys(values, frames)
+    return poses
+
+
+ARM_FRAMES = 176
+ARM_DOFS = ("r_shoulder_flexion", "r_shoulder_abduct", "r_shoulder_twisting", "r_elbow_flexion")
+ARM_STANDS = {"root_tx": 0.1, "root_ty": 0.04, "root_tz": 3.21}  # the raised hand stays in the picture
+ARM_STARTS_OFF_DEG = {"r_shoulder_abduct": -50.0}  # degrees, from the truth of the first frame
+
+# Degrees by frame. The forearm is close to the body, its hand at the head, around frames 60 and 105. The
+# upper arm never comes back to where a lone particle gets stuck, inside the trunk. The elbow is never
+# straight, where twisting could not be seen, and abduction stays far from 90, where flexion and twisting turn
+# about one axis.
+ARM_KEYS_DEG: dict[str, dict[float, float]] = {
+    "r_shoulder_flexion": {0: 56, 32: 62, 60: 104, 82: 90, 105: 117, 142: 60, 175: 78},
+    "r_shoulder_abduct": {0: 26, 28: 62, 60: 6, 82: 46, 105: 10, 136: 68, 160: 34, 175: 30},
+    "r_shoulder_twisting": {0: 0, 25: -22, 60: 8, 82: -16, 105: 36, 142: -26, 175: 5},
+    "r_elbow_flexion": {0: 48, 30: 76, 60: 112, 82: 66, 105: 112, 138: 48, 175: 70},
+}
+
+
+@cache
+def arm() -> Scene:
+    """A standing person swings the right arm; tracking starts 50 degrees off in one shoulder angle."""
+    model = human()
+    keys = {
+        name: {at: float(np.radians(value)) for at, value in curve.items()}
+        for name, curve in ARM_KEYS_DEG.items()
+    }
+    poses = animate(model, keys, ARM_FRAMES)
+    for name, value in ARM_STANDS.items():
+        poses[:, model.dof(name)] = value
+    start = poses[0].copy()
+    for name, degrees in ARM_STARTS_OFF_DEG.items():
+        start[model.dof(name)] += np.radians(degrees)
+    return Scene(model, Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0, poses, start)
+
+
+TURN_FRAMES = 180
+
+TURN_PLACE_M: dict[str, dict[float, float]] = {
+    "root_tx": {0: 0.0, 60: 0.08, 120: -0.06, 179: 0.0},
+    "root_ty": {0: -0.01, 179: -0.01},
+    "root_tz": {0: 3.3, 60: 3.2, 120: 3.4, 179: 3.3},
+}
+TURN_KEYS_DEG: dict[str, dict[float, float]] = {
+    "root_rx": {0: 0, 60: 4, 120: -2, 179: 0},
+    "root_ry": {0: 0, 30: 12, 60: -10, 88: 0, 112: 0, 119: 80, 128: 84, 146: 84, 153: 10, 179: -10},
+    "root_rz": {0: 0, 45: 3, 90: -3, 179: 0},
+    "l_shoulder_flexion": {0: 10, 25: 65, 50: 20, 80: 60, 110: 10, 140: 50, 179: 15},
+    "l_shoulder_abduct": {0: 15, 25: 35, 50: 8, 80: 55, 110: 15, 140: 5, 179: 15},
+    "l_shoulder_twisting": {0: 0, 40: 25, 80: -15, 120: 15, 179: 0},
+    "l_elbow_flexion": {0: 20, 25: 60, 50: 30, 80: 80, 110: 30, 140: 55, 179: 25},
+    "r_shoulder_flexion": {0: 10, 30: 20, 55: 75, 85: 30, 110: 25, 135: -20, 153: 110, 179: 110},
+    "r_shoulder_abduct": {0: 15, 30: 60, 55: 20, 85: 50, 110: 15, 135: 4, 153: 40, 179: 40},
+    "r_shoulder_twisting": {0: 0, 40: -20, 75: 30, 115: 0, 153: 0, 179: 0},
+    "r_elbow_flexion": {0: 25, 30: 60, 55: 85, 85: 40, 110: 30, 135: 22, 153: 100, 179: 100},
+    "l_hip_flexion": {14: 0, 32: 40, 57: 0, 80: 35, 98: 0, 114: -12, 128: 9, 146: 15, 160: 26, 179: 0},
+    "l_hip_abduct": {0: 4, 32: 12, 62: 4, 80: 14, 110: 2, 179: 4},
+    "l_hip_twisting": {0: 0, 32: -12, 62: 0, 80: 10, 120: 0, 179: 0},
+    "l_knee_flexion": {14: 5, 32: 60, 57: 5, 80: 55, 98: 5, 114: 20, 128: 14, 146: 20, 160: 25, 179: 5},
+    "l_ankle_flexion": {0: 0, 32: -15, 62: 0, 80: 10, 110: 0, 145: 8, 179: 0},
+    "r_hip_flexion": {0: 0, 30: 0, 50: 45, 70: 0, 98: -5, 112: 24, 128: 6, 146: 12, 160: -10, 179: 0},
+    "r_hip_abduct": {0: 4, 50: 14, 75: 4, 110: 2, 150: 2, 179: 4},
+    "r_hip_twisting": {0: 0, 50: 12, 75: 0, 179: 0},
+    "r_knee_flexion": {0: 5, 30: 5, 50: 65, 70: 5, 98: 8, 112: 35, 128: 14, 146: 20, 160: 35, 179: 5},
+    "r_ankle_flexion": {0: 0, 50: -12, 75: 0, 125: 10, 145: -10, 179: 0},
+}
+
+
+@cache
+def turn() -> Scene:
+    """Arms and legs move, the body turns by 84 degrees and back; tracking starts from the truth."""
+    model = human()
+    angles = {
+        dof: {at: float(np.radians(v)) for at, v in curve.items()} for dof, curve in TURN_KEYS_DEG.items()
+    }
+    poses = animate(model, {**TURN_PLACE_M, **angles}, TURN_FRAMES)
+    return Scene(model, Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0, poses, poses[0])
+
+
+Array = NDArray[np.float64]
+
+ROAM_FRAMES, ROAM_FPS = 150, 30.0
+ROAM_CAMERA = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
+KEY_EVERY = 30  # frames
+WIDEST, SLIDE_M = np.radians(40.0), 0.15  # to either side, where limits are wider
+WITHIN = 0.4  # of the range between limits, to either side of its middle
+ROAM_STANDS = {"root_rx": 0.2, "root_ry": 0.5}  # seen from above and from the side
+CARRIED_M, TURNED = 0.08, np.radians(35.0)
+FARTHEST_M = 6.0
+
+
+def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
+    """A scene of a body; the same seed moves it in the same way. Tracking starts from the truth.
+
+    Raises InputError for a body that is too large to be seen whole.
+    """
+    rng = np.random.default_rng([seed, 1])
+    middle, reach = swing(model)
+    keys = rng.uniform(-1.0, 1.0, (frames // KEY_EVERY + 2, len(middle))) * reach + middle
+    poses = np.asarray(PchipInterpolator(KEY_EVERY * np.arange(len(keys)), keys)(np.arange(frames)))
+    for name, value in ROAM_STANDS.items():
+        poses[:, model.dof(name)] += value
+    poses[:, :3] += place_in_view(model, poses)
+    return Scene(model, ROAM_CAMERA, ROAM_FPS, poses, poses[0].copy())
+
+
+def swing(model: BodyModel) -> tuple[Array, Array]:
+    """Middle and amplitude (D,) of each degree of freedom's motion."""
+    rotates = model.kinds == ROTATION
+    root = np.array([name in ROOT_DOFS for name in model.dof_names])
+    if root.all():
+        return np.zeros(len(root)), np.where(rotates, TURNED, CARRIED_M)
+    bounded = np.all(np.isfinite(model.limits), axis=1, keepdims=True)
+    low, high = np.where(bounded, model.limits, 0.0).T
+    reach = np.where(rotates, WIDEST, SLIDE_M)
+    reach = np.where(bounded[:, 0], np.minimum(reach, WITHIN * (high - low)), reach)
+    return 0.5 * (low + high), np.where(root, 0.0, reach)
+
+
+def place_in_view(model: BodyModel, poses: Array) -> Array:
+    """Shift (3,) that brings all poses into the middle of the image."""
+    seen = pose_vertices(model, poses[:: max(1, len(poses) // 20)]).reshape(-1, 3)
+    shift = fit_in_view(seen, ROAM_CAMERA)
+    if seen[:, 2].max() + shift[2] > FARTHEST_M:
+        size = np.ptp(seen, axis=0).max()
+        raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
+    return shift
+
+
+SCENES = {"arm": arm, "turn": turn}
