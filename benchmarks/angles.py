@@ -11,10 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.results.completing import read_track_with_angles
-from coordinator.results.evaluation import errors_by_angle
-from coordinator.results.track import Track
-from coordinator.results.truth import read_truth
+from coordinator.results.evaluation import errors_by_angle, read_truth
+from coordinator.results.track import Track, read_track_with_angles
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.utd import JOINTS, SKELETON_LEAD, distances, paired, read_skeleton
 from common.errors import InputError
-from coordinator.results.evaluation import Errors, lost_from, positions
-from coordinator.results.truth import read_truth
+from coordinator.results.evaluation import Errors, lost_from, positions, read_truth
 
 Array = NDArray[np.float64]
 Frames = NDArray[np.int64]

@@ -18,7 +18,7 @@ from benchmarks.scores import score_recording
 from benchmarks.sequences import Recording, choose, find_recordings
 from benchmarks.tracking import Tracked, prepare, track
 from common.settings import Settings
-from coordinator.files.atomic import write_atomically
+from coordinator.files import write_atomically
 
 WIDTH = 150  # columns of a table that goes to no terminal
 

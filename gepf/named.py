@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.body import TRANSLATION, BodyModel
 from common.errors import InputError
 from coordinator.bodies.angles import Angles, angles_of
-from coordinator.results.recording.recorded import certainty_of
+from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
 
 Array = NDArray[np.float64]

@@ -16,10 +16,10 @@ from common.settings import Settings, preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.filters.methods import apply_method
-from coordinator.results.model_file import TrackedBody
+from coordinator.results.log import assemble, floor_up
 from coordinator.results.people import person_folder
-from coordinator.results.recording.recorded import assemble, floor_up
-from coordinator.results.recording.saving import save_run
+from coordinator.results.recorder import save_run
+from coordinator.results.track import TrackedBody
 from coordinator.security.tls import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.observing.isolation import prepare

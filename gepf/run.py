@@ -15,9 +15,9 @@ from common.body import ROOT_DOFS
 from common.errors import InputError
 from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports import export_run
-from coordinator.exports.csv import write_csv
 from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.results.slides import read_slides
+from coordinator.exports.tables import write_csv
+from coordinator.results.angles import read_slides
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track
 from gepf.named import index_of, refuse_degrees
@@ -174,7 +174,7 @@ class Run:
 
     def plot(self, names: Iterable[str] | None = None) -> Figure:
         """A figure of angles (`names`, or all) in degrees over seconds, each with its deviation."""
-        from coordinator.pictures.angles import plot_angles
+        from coordinator.pictures.plots import plot_angles
 
         chosen = self.angle_names if names is None else tuple(names)
         for name in chosen:

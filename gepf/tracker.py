@@ -20,9 +20,9 @@ from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import apply_method
-from coordinator.results.model_file import TrackedBody
-from coordinator.results.recording.recorded import assemble, certainty_of, floor_up
-from coordinator.results.recording.saving import save_run
+from coordinator.results.log import assemble, certainty_of, floor_up
+from coordinator.results.recorder import save_run
+from coordinator.results.track import TrackedBody
 from coordinator.security.tls import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.known import Known

@@ -22,7 +22,7 @@ from benchmarks.sequences import Recording, find_people
 from benchmarks.tracking import prepare
 from common.errors import InputError
 from common.settings import PRESETS, Settings
-from coordinator.results.configuration.versions import versions
+from coordinator.results.configuration import versions
 
 Job = tuple[int, Recording]
 """A seed and a recording."""

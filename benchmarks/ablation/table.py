@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.ablation.effects import Difference, Effect
 from common.errors import InputError
-from coordinator.files.atomic import write_atomically
+from coordinator.files import write_atomically
 
 BEGIN, END = "<!-- ablation -->", "<!-- end of ablation -->"
 

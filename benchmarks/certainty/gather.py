@@ -16,8 +16,7 @@ from benchmarks.utd import JOINTS
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.evaluation import positions
-from coordinator.results.truth import read_truth
+from coordinator.results.evaluation import positions, read_truth
 from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.single import SingleTracker as Tracker

@@ -26,7 +26,7 @@ from benchmarks.sequences import Recording
 from benchmarks.tracking import prepare
 from common.errors import InputError
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.configuration.versions import versions
+from coordinator.results.configuration import versions
 from coordinator.tracking.certainty.assessment import built_in
 
 FIT_SUBJECTS = (1, 2)

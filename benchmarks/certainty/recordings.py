@@ -9,7 +9,7 @@ from benchmarks.frame_rates.rows import HARD_ACTIONS
 from benchmarks.sequences import Recording, find_people
 from common.errors import InputError
 from coordinator.commands.demo.person import FRAMES
-from coordinator.files.names import TRUTH_FILE
+from coordinator.files import TRUTH_FILE
 from coordinator.synthesis.sequence import PERSON, synthesise
 
 RENDERED = ("skinned", "three_cameras", "rooms")

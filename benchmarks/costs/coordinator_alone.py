@@ -17,7 +17,7 @@ from common.refinement import Refined
 from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.recording.recorder import Recorder
+from coordinator.results.recorder import Recorder
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.single import SingleTracker as Tracker

@@ -21,7 +21,7 @@ from benchmarks.sequences import Recording, find_people
 from benchmarks.tracking import prepare
 from common.errors import InputError
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.configuration.versions import versions
+from coordinator.results.configuration import versions
 from coordinator.sources.utd_mhad import FPS
 
 

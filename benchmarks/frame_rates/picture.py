@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.frame_rates.rows import ROWS
 from benchmarks.frame_rates.scores import RowScore
-from coordinator.pictures.style import new_figure, save, styled
+from coordinator.pictures.plots import new_figure, save, styled
 
 COLOURS = {30.0: "#1b1f27", 15.0: "#2f9e44", 10.0: "#3b82c4", 6.0: "#e8590c"}  # by frames a second
 

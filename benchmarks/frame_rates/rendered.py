@@ -22,8 +22,7 @@ from benchmarks.choices import settings_with
 from benchmarks.forks import Crash, run_forked
 from benchmarks.tracking import follow, prepare
 from coordinator.bodies.choice import choose_bodies
-from coordinator.results.evaluation import NEAR_M, positions
-from coordinator.results.truth import read_truth
+from coordinator.results.evaluation import NEAR_M, positions, read_truth
 from coordinator.sources import open_source
 from coordinator.synthesis.sequence import PERSON, synthesise
 from coordinator.tracking.single import SingleTracker as Tracker

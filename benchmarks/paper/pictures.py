@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from benchmarks.paper.runs import Run
 from benchmarks.paper.scores import RowScore
-from coordinator.pictures.style import new_figure, save, styled
+from coordinator.pictures.plots import new_figure, save, styled
 
 COLOURS = ("#e8590c", "#3b82c4", "#2f9e44", "#9c36b5", "#1b1f27")
 DEGREES = (1, 2, 5, 10, 20, 50)

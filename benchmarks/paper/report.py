@@ -9,7 +9,7 @@ import msgspec
 from benchmarks.costs.timing import machine
 from benchmarks.paper.bound import Bound
 from benchmarks.paper.scores import RowScore
-from coordinator.results.configuration.versions import versions
+from coordinator.results.configuration import versions
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 

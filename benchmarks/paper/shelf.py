@@ -13,7 +13,7 @@ import msgspec
 
 from benchmarks.paper.footage import Footage
 from benchmarks.paper.runs import Job, Run
-from coordinator.files.atomic import write_atomically
+from coordinator.files import write_atomically
 
 CODE = ("common", "coordinator", "gepf", "worker")
 

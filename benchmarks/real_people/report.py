@@ -12,7 +12,7 @@ from benchmarks.scores import Marks, RecordingScore, Score, score, score_joints,
 from benchmarks.sequences import Recording
 from benchmarks.tracking import Tracked
 from common.settings import Settings
-from coordinator.results.configuration.versions import versions
+from coordinator.results.configuration import versions
 
 Results = Mapping[str, Tracked | Crash]
 

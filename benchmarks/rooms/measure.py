@@ -20,7 +20,7 @@ from benchmarks.rooms.watching import WatchedIsolation
 from benchmarks.tracking import Tracked, prepare, track
 from common.settings import Settings, preset
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.configuration.versions import versions
+from coordinator.results.configuration import versions
 
 
 @dataclass(frozen=True, slots=True)

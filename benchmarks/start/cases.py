@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.utd import JOINTS, SKELETON_LEAD, read_skeleton
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from coordinator.results.truth import read_truth
+from coordinator.results.evaluation import read_truth
 from coordinator.sources import open_source
 
 Array = NDArray[np.float64]

@@ -14,8 +14,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
 from coordinator.bodies.human.shape_space import person_of_size, shape_space
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody
-from coordinator.files.atomic import write_atomically
-from coordinator.files.numbers import read_numbers
+from coordinator.files import read_numbers, write_atomically
 
 
 def read_person(path: Path) -> Measures:

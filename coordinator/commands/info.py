@@ -101,7 +101,7 @@ def draw_in_terminal(picture: Image.Image) -> None:
     """Draw a picture in characters."""
     from rich.console import Console
 
-    from coordinator.pictures.blocks import in_blocks
+    from coordinator.pictures.shading import in_blocks
 
     console = Console()
     console.print(in_blocks(picture, console.width))

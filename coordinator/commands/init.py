@@ -22,12 +22,10 @@ from coordinator.commands.console.progress import Show
 from coordinator.commands.options.arguments import InitOptions
 from coordinator.commands.options.choices import choose_dofs, choose_pool, choose_settings
 from coordinator.commands.workers import Connect, end_as_interrupted
-from coordinator.files.atomic import write_atomically
-from coordinator.files.given import require_new
-from coordinator.pictures.film import whole_view
+from coordinator.files import require_new, write_atomically
+from coordinator.pictures.film import tile, whole_view
 from coordinator.pictures.overlay import Painter, Shown
 from coordinator.pictures.run import opengl_fault
-from coordinator.pictures.sheet import tile
 from coordinator.sources import open_source
 from coordinator.sources.camera import parse_camera_options
 from coordinator.sources.source import select_frames

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
-from coordinator.files.given import require_new
+from coordinator.files import require_new
 
 
 def draw_model(model: str, out: Path, *, force: bool = False) -> None:

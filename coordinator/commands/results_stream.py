@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 from common.errors import InputError, SilentWorkers
 from common.protocol.keys import check_stream
 from coordinator.commands.options.job import Job
-from coordinator.results.recording.live_results import LiveResults, Outlet
+from coordinator.results.live_results import LiveResults, Outlet
 from coordinator.tracking.refiner import Refiner
 
 

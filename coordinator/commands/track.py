@@ -18,21 +18,20 @@ from coordinator.commands.garbage import leave_loaded_alone
 from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.workers import Connect, PooledRefiner
-from coordinator.exports.csv import write_csv
-from coordinator.files.atomic import write_atomically
+from coordinator.exports.tables import write_csv
+from coordinator.files import write_atomically
 from coordinator.pool.options import Pool
-from coordinator.results.configuration.run_configuration import AUTOMATIC, run_configuration
-from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracked_body
-from coordinator.results.recording.recorded import Recorded
-from coordinator.results.recording.recorder import CSV_FILE, Recorder, is_complete
+from coordinator.results.configuration import AUTOMATIC, run_configuration
+from coordinator.results.evaluation import Truth, read_truth
+from coordinator.results.log import Recorded
+from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.summary import (
     describe_failure,
     describe_status,
     mostly_tracked,
     summarise,
 )
-from coordinator.results.track import read_track
-from coordinator.results.truth import Truth, read_truth
+from coordinator.results.track import MODEL_FILE, TrackedBody, read_track, write_tracked_body
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder

@@ -18,12 +18,11 @@ from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.track import conclude, describe_pool, write_results
 from coordinator.commands.workers import Connect, ListeningRefiner
-from coordinator.files.names import HYPOTHESES_FILE
-from coordinator.results.configuration.run_configuration import AUTOMATIC, live_run_configuration
-from coordinator.results.model_file import read_tracked_body
-from coordinator.results.recording.recorded import Recorded
-from coordinator.results.recording.recorder import Recorder
-from coordinator.results.track import filled, read_track
+from coordinator.files import HYPOTHESES_FILE
+from coordinator.results.configuration import AUTOMATIC, live_run_configuration
+from coordinator.results.log import Recorded
+from coordinator.results.recorder import Recorder
+from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen, live_key
 from coordinator.tracking.known import Known

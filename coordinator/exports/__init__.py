@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from common.errors import InputError
 from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.files.atomic import write_atomically
+from coordinator.files import write_atomically
 
 Export = Callable[[RecordedRun, BinaryIO], None]
 
@@ -17,12 +17,12 @@ EXPORTS = {
     "bap": "bap.write_bap",
     "bvh": "bvh.write_bvh",
     "c3d": "c3d.write_c3d",
-    "csv": "csv.export_csv",
+    "csv": "tables.export_csv",
     "glb": "gltf.write_glb",
     "gltf": "gltf.write_gltf",
-    "json": "json.export_json",
-    "mot": "mot.write_mot",
-    "trc": "trc.write_trc",
+    "json": "tables.export_json",
+    "mot": "opensim.write_mot",
+    "trc": "opensim.write_trc",
 }
 """Format -> the module and function here that write it, loaded when they are asked for."""
 

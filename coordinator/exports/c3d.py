@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
 from coordinator.exports.recorded import MILLIMETRES, RecordedRun
-from coordinator.results.uncertainty import saying
+from coordinator.results.angles import saying
 
 Array = NDArray[np.float64]
 

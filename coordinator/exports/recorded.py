@@ -9,9 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.level import level_from_camera
-from coordinator.results.completing import read_track_with_angles
-from coordinator.results.model_file import TrackedBody, read_tracked_body
-from coordinator.results.track import Track, emptied, filled
+from coordinator.results.track import (
+    Track,
+    TrackedBody,
+    emptied,
+    filled,
+    read_track_with_angles,
+    read_tracked_body,
+)
 
 USUAL_RATE = 30.0
 MILLIMETRES = 1000.0  # of a metre

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
 from coordinator.bodies.angles import Angles, angles_of
-from coordinator.pictures.style import (
+from coordinator.pictures.plots import (
     HYPOTHESIS,
     REPORTED,
     TRUE,
@@ -23,11 +23,9 @@ from coordinator.pictures.style import (
     save,
     styled,
 )
-from coordinator.results.model_file import TrackedBody
-from coordinator.results.slides import slides_of
-from coordinator.results.track import Track
-from coordinator.results.truth import Truth
-from coordinator.results.uncertainty import hypotheses_near, saying
+from coordinator.results.angles import hypotheses_near, saying, slides_of
+from coordinator.results.evaluation import Truth
+from coordinator.results.track import Track, TrackedBody
 
 Array = NDArray[np.float64]
 

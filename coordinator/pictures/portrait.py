@@ -11,11 +11,10 @@ from PIL import Image, ImageDraw
 from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.files.atomic import write_atomically
-from coordinator.pictures.overlay import BACKGROUND, MODEL_COLOUR, SKELETON_COLOUR
+from coordinator.files import write_atomically
+from coordinator.pictures.film import tile
+from coordinator.pictures.overlay import BACKGROUND, MODEL_COLOUR, SKELETON_COLOUR, bones
 from coordinator.pictures.shading import contours, lambert
-from coordinator.pictures.sheet import tile
-from coordinator.pictures.skeleton import bones
 from coordinator.synthesis.rendering import DepthRenderer, fit_in_view
 
 CAMERA = Intrinsics(720, 960, 1800.0, 1800.0, 359.5, 479.5)

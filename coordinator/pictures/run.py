@@ -13,19 +13,20 @@ from PIL import Image
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.errors import GepfError, InputError
-from coordinator.files.atomic import write_atomically
-from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
-from coordinator.pictures.animation import encode_gif
-from coordinator.pictures.errors import draw_errors
-from coordinator.pictures.film import whole_view, write_film
+from coordinator.files import (
+    ANIMATION_FILE,
+    ERRORS_FILE,
+    FILM_FILE,
+    HYPOTHESES_FILE,
+    SHEET_FILE,
+    write_atomically,
+)
+from coordinator.pictures.film import encode_gif, spread, tile, whole_view, write_film
 from coordinator.pictures.hypotheses import draw_hypotheses
-from coordinator.pictures.overlay import FINER, Painter, Shown
-from coordinator.pictures.sheet import spread, tile
-from coordinator.pictures.view import View, around
-from coordinator.results.evaluation import compare
-from coordinator.results.model_file import TrackedBody
-from coordinator.results.track import Track, filled
-from coordinator.results.truth import Truth
+from coordinator.pictures.overlay import FINER, Painter, Shown, View, around
+from coordinator.pictures.plots import draw_errors
+from coordinator.results.evaluation import Truth, compare
+from coordinator.results.track import Track, TrackedBody, filled
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 from coordinator.synthesis.rendering import DepthRenderer

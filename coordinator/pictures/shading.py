@@ -1,14 +1,17 @@
-"""Depth as a person likes to see it: lit over the viewer's left shoulder, near things brighter."""
+"""Depth images to look at: lit over the viewer's left shoulder, near things brighter; in a terminal, too."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
+from rich.style import Style
+from rich.text import Text
 from scipy.ndimage import gaussian_filter
 
 from common.camera import Intrinsics
 
-Image = NDArray[np.float32]
+Pixels = NDArray[np.float32]
 
 LIGHT = (-0.35, -0.55, -0.76)  # towards the light, camera frame
 FAR_COLOUR = np.array([118.0, 132.0, 154.0], dtype=np.float32)
@@ -17,7 +20,7 @@ AMBIENT = 0.3
 NOISY_M, SMOOTHEST = 0.01, 6.0  # noise for which one pixel of averaging does; most pixels ever
 
 
-def shade_depth(depth_m: Image, camera: Intrinsics) -> Image:
+def shade_depth(depth_m: Pixels, camera: Intrinsics) -> Pixels:
     """Colours (H, W, 3), 0-255, of observed depth (H, W); black where nothing was measured."""
     seen = depth_m > 0.0
     if not seen.any():
@@ -25,11 +28,11 @@ def shade_depth(depth_m: Image, camera: Intrinsics) -> Image:
     near, far = np.percentile(depth_m[seen], [2, 98])
     nearness = np.clip((far - depth_m) / max(far - near, 1e-6), 0.0, 1.0)[..., None]
     light = AMBIENT + (1.0 - AMBIENT) * lambert(blur(depth_m, smoothing(depth_m)), camera)
-    colours: Image = (FAR_COLOUR + (NEAR_COLOUR - FAR_COLOUR) * nearness) * (light * seen)[..., None]
+    colours: Pixels = (FAR_COLOUR + (NEAR_COLOUR - FAR_COLOUR) * nearness) * (light * seen)[..., None]
     return colours
 
 
-def lambert(depth_m: Image, camera: Intrinsics) -> Image:
+def lambert(depth_m: Pixels, camera: Intrinsics) -> Pixels:
     """How much light (H, W), 0-1, falls on a surface given by its depth; 0 where there is none.
 
     The normal of z(u, v) is (fx z_u, fy z_v, -(z + (u - cx) z_u + (v - cy) z_v)), towards the camera.
@@ -40,11 +43,11 @@ def lambert(depth_m: Image, camera: Intrinsics) -> Image:
     x, y, z = camera.fx * z_u, camera.fy * z_v, -(depth_m + u * z_u + v * z_v)
     length = np.sqrt(x * x + y * y + z * z)
     cosine = (LIGHT[0] * x + LIGHT[1] * y + LIGHT[2] * z) / np.maximum(length, np.float32(1e-9))
-    light: Image = np.where(depth_m > 0.0, np.clip(cosine, 0.0, 1.0), 0.0).astype(np.float32)
+    light: Pixels = np.where(depth_m > 0.0, np.clip(cosine, 0.0, 1.0), 0.0).astype(np.float32)
     return light
 
 
-def smoothing(depth_m: Image) -> float:
+def smoothing(depth_m: Pixels) -> float:
     """Standard deviation in pixels over which depth as noisy as this is to be averaged before lighting."""
     before, here, after = depth_m[:, :-2], depth_m[:, 1:-1], depth_m[:, 2:]
     bend = (before - 2.0 * here + after)[(before > 0.0) & (here > 0.0) & (after > 0.0)]
@@ -52,7 +55,7 @@ def smoothing(depth_m: Image) -> float:
     return float(np.clip(noise / NOISY_M, 1.0, SMOOTHEST))
 
 
-def blur(depth_m: Image, sigma: float) -> Image:
+def blur(depth_m: Pixels, sigma: float) -> Pixels:
     """Gaussian average over measured depth only; 0 stays 0."""
     seen = depth_m > 0.0
     weight = gaussian_filter(seen.astype(np.float32), sigma)
@@ -60,7 +63,7 @@ def blur(depth_m: Image, sigma: float) -> Image:
     return np.where(seen, total / np.maximum(weight, np.float32(1e-6)), np.float32(0.0))
 
 
-def contours(depth_m: Image, jump_m: float) -> NDArray[np.bool_]:
+def contours(depth_m: Pixels, jump_m: float) -> NDArray[np.bool_]:
     """Pixels (H, W) of the surface at its outline, and on the near side of steps in depth."""
     there = np.where(depth_m > 0.0, depth_m, np.float32(np.inf))
     edge = np.zeros(depth_m.shape, dtype=bool)
@@ -69,3 +72,28 @@ def contours(depth_m: Image, jump_m: float) -> NDArray[np.bool_]:
     edge[:-1] |= there[1:] > there[:-1] + jump_m
     edge[1:] |= there[:-1] > there[1:] + jump_m
     return edge
+
+
+COLUMNS, LINES = 60, 24  # at the most
+
+
+def in_blocks(picture: Image.Image, columns: int = COLUMNS) -> Text:
+    """An RGB picture, made smaller to fit: upper pixels as characters, lower ones as their ground."""
+    small = picture.copy()
+    small.thumbnail((min(columns, COLUMNS), 2 * LINES))
+    pixels = np.asarray(small)[: small.height // 2 * 2]
+    lines = [
+        Text.assemble(*(("\u2580", style(up, low)) for up, low in zip(upper, lower, strict=True)))
+        for upper, lower in zip(pixels[::2].tolist(), pixels[1::2].tolist(), strict=True)
+    ]
+    return Text("\n").join(lines)
+
+
+def style(upper: list[int], lower: list[int]) -> Style:
+    """The style of one character."""
+    return Style(color=in_hex(upper), bgcolor=in_hex(lower))
+
+
+def in_hex(colour: list[int]) -> str:
+    """A colour (3,), 0-255, as rich names it."""
+    return "#" + "".join(f"{part:02x}" for part in colour)

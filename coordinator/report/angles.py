@@ -6,8 +6,8 @@ import numpy as np
 from markupsafe import Markup
 
 from coordinator.report.curve import CENTIMETRE, Curve, draw_curve
-from coordinator.report.groups import SIDES, group_angles, pair_of
-from coordinator.results.slides import Slides
+from coordinator.report.findings import SIDES, group_angles, pair_of
+from coordinator.results.angles import Slides
 from coordinator.results.track import Track
 
 WIDTHS = {2: 540.0, 3: 355.0}  # of a drawing, by how many stand side by side

@@ -1,28 +1,43 @@
-"""A run as one HTML file that needs nothing else: `gepf report`."""
+"""Several people of one recording on one page, with a page of each beside it."""
 
 from __future__ import annotations
 
 import base64
 import json
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, Template, select_autoescape
 
 from common.errors import InputError
-from coordinator.files.atomic import write_atomically
-from coordinator.files.names import ANIMATION_FILE, ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.files import (
+    ANIMATION_FILE,
+    ERRORS_FILE,
+    FILM_FILE,
+    HYPOTHESES_FILE,
+    SHEET_FILE,
+    write_atomically,
+)
 from coordinator.report.angles import draw_angles, draw_slides
-from coordinator.report.doubts import find_banner, find_doubts, find_flags, find_leaps
-from coordinator.report.facts import describe_run, describe_stages, describe_status, list_settings
-from coordinator.report.groups import are_a_persons
-from coordinator.report.ranges import list_ranges, list_slides
-from coordinator.results.completing import read_track_with_angles
-from coordinator.results.slides import read_slides
+from coordinator.report.findings import (
+    are_a_persons,
+    describe_run,
+    describe_stages,
+    describe_status,
+    find_banner,
+    find_doubts,
+    find_flags,
+    find_leaps,
+    list_ranges,
+    list_settings,
+    list_slides,
+)
+from coordinator.results.angles import read_slides
 from coordinator.results.summary import read_summary
-from coordinator.results.track import Track
+from coordinator.results.track import Track, read_track, read_track_with_angles
 
-TEMPLATE = "page.html.j2"
 PICTURES = (ANIMATION_FILE, FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
 MEDIA = {".gif": "image/gif", ".png": "image/png", ".mp4": "video/mp4"}
 
@@ -58,7 +73,7 @@ def template(name: str) -> Template:
 def render(run: Path, track: Track, summary: dict[str, Any], back: str | None = None) -> str:
     """The page's text."""
     sequence, slides = summary.get("sequence", run.name), read_slides(run, track)
-    return template(TEMPLATE).render(
+    return template("page.html.j2").render(
         title=f"{sequence}: {run.name}" if back else sequence,
         back=back,
         folder=run,
@@ -85,3 +100,36 @@ def embed(picture: Path) -> str | None:
     if not picture.is_file():
         return None
     return f"data:{MEDIA[picture.suffix]};base64,{base64.b64encode(picture.read_bytes()).decode()}"
+
+
+PERSON_PAGE = "report.html"
+
+
+def write_people_report(run: Path, people: Sequence[Path], out: Path) -> None:
+    """Write a page in each person's folder, and one about all that leads to them."""
+    for person in people:
+        write_report(person, person / PERSON_PAGE, os.path.relpath(out, person))
+    summary = read_summary(run)
+    shown = [show_person(person, out) for person in people]
+    page = template("people.html.j2").render(
+        title=summary.get("sequence", run.name),
+        summary=summary,
+        people=shown,
+        whole=json.dumps(summary, indent=2),
+    )
+    write_page(page, out)
+
+
+def show_person(person: Path, out: Path) -> dict[str, object]:
+    """What the page of all says about one."""
+    track, summary = read_track(person), read_summary(person)
+    return {
+        "name": person.name,
+        "folder": person,
+        "page": os.path.relpath(person / PERSON_PAGE, out.parent),
+        "banner": find_banner(track, summary),
+        "status": describe_status(track),
+        "facts": describe_run(track, summary),
+        "film": embed(person / FILM_FILE),
+        "picture": embed(person / ANIMATION_FILE),
+    }

@@ -10,14 +10,19 @@ from typing import Any
 import msgspec
 
 from common.errors import InputError
-from coordinator.files.atomic import write_atomically
-from coordinator.files.names import LOG_FILE
-from coordinator.results.configuration.run_configuration import RunConfiguration
-from coordinator.results.found_people import FOUND
-from coordinator.results.recording.log import Entry, read_records
-from coordinator.results.recording.recorded import Recorded
-from coordinator.results.recording.recorder import check_configuration
-from coordinator.results.summary import PEOPLE, PERSON, SUMMARY_FILE, count_doubts, count_status, summarise
+from coordinator.files import LOG_FILE, write_atomically
+from coordinator.results.configuration import RunConfiguration
+from coordinator.results.log import Entry, Recorded, read_records
+from coordinator.results.recorder import check_configuration
+from coordinator.results.summary import (
+    FOUND,
+    PEOPLE,
+    PERSON,
+    SUMMARY_FILE,
+    count_doubts,
+    count_status,
+    summarise,
+)
 
 OWN = (PERSON, "doubts", "rotate_deg", "noise_m")  # in the summary of one person
 

@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 
 from common.errors import InputError
-from coordinator.results.configuration.versions import versions
+from coordinator.results.configuration import versions
 from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 
 if TYPE_CHECKING:  # it brings the compiler, which takes long to load
-    from coordinator.results.recording.recorded import Recorded
+    from coordinator.results.log import Recorded
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
@@ -109,3 +109,15 @@ def read_summary(run: Path) -> dict[str, Any]:
         raise InputError(
             f"{run} holds no {SUMMARY_FILE} that can be read; give the --out folder of a finished gepf track"
         ) from None
+
+
+FOUND = "found"  # in the summary of all: one entry for each who was found
+
+
+def people_in(run: Path) -> list[Path]:
+    """The folders of the people who were found in a run; none where it is of a single person."""
+    try:
+        summary = msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError):
+        return []
+    return [run / each["folder"] for each in summary.get(FOUND, [])]

@@ -1,9 +1,9 @@
-"""The result of a run: what `track.npz` holds."""
+"""The result of a run: what `track.npz` and `model.npz` hold."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -11,9 +11,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.errors import InputError
-from coordinator.files.arrays import read_arrays
-from coordinator.files.names import LOG_FILE
+from coordinator.files import LOG_FILE, ArrayFile, read_arrays
 from coordinator.tracking.estimate import UNKNOWN
 
 Array = NDArray[np.float64]
@@ -150,3 +150,68 @@ def read_track(folder: Path) -> Track:
     if not np.all(said | track.unknown):
         raise InputError(f"{folder / TRACK_FILE} holds poses that are not finite; track the sequence again")
     return track
+
+
+MODEL_FILE = "model.npz"
+HASH, HELD_NAMES, HELD_VALUES = "hash", "held_names", "held_values"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedBody:
+    """A body with its active degrees of freedom, and where those that do not move are held.
+
+    `held` is by name, in radians and metres; what neither moves nor is named is zero.
+    """
+
+    model: BodyModel
+    held: Mapping[str, float]
+
+
+def write_tracked_body(body: TrackedBody, file: BinaryIO) -> None:
+    """Write the `.npz` form: the fields of `BodyModel` by name. Equal bodies give equal bytes."""
+    values: dict[str, Any] = {f.name: np.asarray(getattr(body.model, f.name)) for f in fields(BodyModel)}
+    held = {
+        HELD_NAMES: np.array(list(body.held), dtype=np.str_),
+        HELD_VALUES: np.array(list(body.held.values()), dtype=np.float64),
+    }
+    np.savez_compressed(file, allow_pickle=False, **{HASH: np.array(body.model.hash)}, **values, **held)
+
+
+def read_tracked_body(folder: Path) -> TrackedBody:
+    """The body of a run's folder; InputError if there is none or it is damaged."""
+    path = folder / MODEL_FILE
+    if not path.exists():
+        raise InputError(f"{folder} holds no {MODEL_FILE}; track the sequence again with this version")
+    arrays = read_arrays(path)
+    try:
+        values: dict[str, Any] = {f.name: field_of(arrays, f.name, str(f.type)) for f in fields(BodyModel)}
+        model = BodyModel(**values)
+    except ValueError as error:
+        raise InputError(f"{path} contradicts itself ({error}); track the sequence again") from error
+    if str(arrays.any(HASH)) != model.hash:
+        raise InputError(f"{path} is not as it was written; track the sequence again")
+    names = arrays.names(HELD_NAMES)
+    held = arrays.floats(HELD_VALUES, (len(names),))
+    return TrackedBody(model, dict(zip(names, held.tolist(), strict=True)))
+
+
+def field_of(arrays: ArrayFile, name: str, kind: str) -> str | tuple[str, ...] | NDArray[np.generic]:
+    """One field of a `BodyModel` in the type that it is declared with."""
+    if kind == "str":
+        return str(arrays.any(name))
+    return arrays.names(name) if kind.startswith("tuple") else arrays.any(name)
+
+
+def read_track_with_angles(folder: Path) -> Track:
+    """The track of a run's folder; angles that it was written without follow from the body, if that is there.
+
+    InputError if there is no track or it is damaged.
+    """
+    track = read_track(folder)
+    if track.angle is not None or not (folder / MODEL_FILE).exists():
+        return track
+    from coordinator.bodies.angles import angles_of
+    from coordinator.results.angles import with_angles
+
+    body = read_tracked_body(folder)
+    return with_angles(track, angles_of(body.model, body.held, track.up))

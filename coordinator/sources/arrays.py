@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files.arrays import ArrayFile, read_arrays
+from coordinator.files import ArrayFile, read_arrays
 from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, MILLIMETRES, CameraOptions
 from coordinator.sources.source import Recording
 

@@ -25,7 +25,7 @@ from PIL import Image
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.sources.camera import (
     AS_RECORDED,
     DEFAULT_FPS,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files.names import START_FILE, TRUTH_FILE
+from coordinator.files import START_FILE, TRUTH_FILE
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.sources.source import Recording, if_there

@@ -19,7 +19,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.choice import load_body
-from coordinator.files.names import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import CAMERA_HEIGHT_M, person
 from coordinator.synthesis.rendering import DepthRenderer

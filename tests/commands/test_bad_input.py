@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
-from coordinator.results.recording.recorder import Recorder
+from coordinator.results.recorder import Recorder
 
 CAMERA: dict[str, object] = {
     "width": 8,

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from coordinator.cli import main
+from coordinator.results.evaluation import read_truth
 from coordinator.results.track import read_track
-from coordinator.results.truth import read_truth
 from tests.support.stand_ins import Direct
 
 ARM = str(Path(__file__).parents[2] / "examples" / "arm7.urdf")

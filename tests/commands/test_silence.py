@@ -21,7 +21,7 @@ from coordinator.commands.track import RECONNECTIONS, track_sequence
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import PendingRefinement, ZenohRefiner
-from coordinator.results.recording.live_results import END, KIND
+from coordinator.results.live_results import END, KIND
 from coordinator.results.track import read_track
 from tests.support.processes.programs import INSTANT, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, frame

@@ -18,12 +18,12 @@ from common.kinematics.rotations import euler_angles, euler_matrix
 from common.level import level_from_camera
 from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
-from coordinator.results.recording.recorded import floor_up
+from coordinator.results.log import floor_up
 from coordinator.scene.scene import Scene
 from coordinator.scene.scope import Scope, up_in_picture
 from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.search.search import WAYS_UP, ways_from
-from coordinator.viewing.scene import layout
+from coordinator.viewing import layout
 from tests.support.bodies import person, puppet, random_body
 from tests.support.export_readers import bvh_joints, c3d_points, world_matrices
 from tests.support.rooms import HEIGHT, Room

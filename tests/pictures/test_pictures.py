@@ -19,17 +19,14 @@ from common.camera import Intrinsics, project
 from common.frame import DepthFrame
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
-from coordinator.pictures.animation import encode_gif
+from coordinator.pictures.film import encode_gif, spread, tile
 from coordinator.pictures.hypotheses import most_varying
-from coordinator.pictures.overlay import MODEL_COLOUR, STATUS_COLOURS, Painter
+from coordinator.pictures.overlay import MODEL_COLOUR, STATUS_COLOURS, Painter, View, around
+from coordinator.pictures.plots import draw_status, new_figure, save, styled
 from coordinator.pictures.run import draw_run, shown_at
 from coordinator.pictures.shading import contours, lambert, shade_depth
-from coordinator.pictures.sheet import spread, tile
-from coordinator.pictures.style import draw_status, new_figure, save, styled
-from coordinator.pictures.view import View, around
-from coordinator.results.model_file import TrackedBody
-from coordinator.results.track import Track
-from coordinator.results.truth import Truth, read_truth
+from coordinator.results.evaluation import Truth, read_truth
+from coordinator.results.track import Track, TrackedBody
 from coordinator.sources import Source, open_source
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise

@@ -17,8 +17,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
 from coordinator.report import write_report
-from coordinator.report.doubts import Flag, find_banner, find_doubts, find_flags, find_leaps
-from coordinator.report.ranges import list_ranges
+from coordinator.report.findings import Flag, find_banner, find_doubts, find_flags, find_leaps, list_ranges
 from coordinator.results.track import Track
 from tests.support.runs import swing, write_run
 

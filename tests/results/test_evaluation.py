@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from common.errors import InputError
-from coordinator.results.evaluation import angle_error_deg, evaluate
+from coordinator.results.evaluation import Truth, angle_error_deg, evaluate, read_truth
 from coordinator.results.track import Track, read_track, write_track
-from coordinator.results.truth import Truth, read_truth
 
 DOFS = ("root_tx", "r_elbow_flexion", "r_shoulder_abduct")
 JOINTS = ("pelvis", "right_wrist")

@@ -13,9 +13,9 @@ from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.results.recording.recorded import assemble
+from coordinator.results.angles import with_angles
+from coordinator.results.log import assemble
 from coordinator.results.track import Track
-from coordinator.results.uncertainty import with_angles
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 

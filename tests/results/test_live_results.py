@@ -16,7 +16,7 @@ import pytest
 
 from common.kinematics import joint_positions
 from common.transport.opening import open_coordinator
-from coordinator.results.recording.live_results import LiveResults
+from coordinator.results.live_results import LiveResults
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person

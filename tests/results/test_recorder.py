@@ -18,13 +18,12 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from coordinator.exports import export_run
-from coordinator.exports.csv import write_csv
 from coordinator.exports.recorded import read_run
-from coordinator.files.atomic import write_atomically
+from coordinator.exports.tables import write_csv
+from coordinator.files import write_atomically
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.recording.log import frame_record, read_records
-from coordinator.results.recording.recorded import Recorded, read_log
-from coordinator.results.recording.recorder import CSV_FILE, Recorder, is_complete
+from coordinator.results.log import Recorded, frame_record, read_log, read_records
+from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.track import Track, read_track
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status

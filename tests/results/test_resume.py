@@ -17,8 +17,7 @@ from coordinator.commands.options.choices import choose_settings
 from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.recording.log import Began, Entry, Record, append_records, read_records
-from coordinator.results.recording.recorded import read_log
+from coordinator.results.log import Began, Entry, Record, append_records, read_log, read_records
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known import Known
 from coordinator.tracking.pipeline import follow

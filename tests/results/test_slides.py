@@ -16,13 +16,12 @@ from common.activation import activate
 from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.urdf import read_urdf
-from coordinator.pictures.errors import draw_errors
 from coordinator.pictures.hypotheses import curves_of_slides, draw_hypotheses
+from coordinator.pictures.plots import draw_errors
 from coordinator.report import write_report
-from coordinator.results.model_file import TrackedBody
-from coordinator.results.slides import read_slides, slides_of
-from coordinator.results.spread import UNSEEN
-from coordinator.results.truth import Truth
+from coordinator.results.angles import UNSEEN, read_slides, slides_of
+from coordinator.results.evaluation import Truth
+from coordinator.results.track import TrackedBody
 from coordinator.tracking.estimate import Estimate
 from gepf.named import named
 from tests.support.runs import swing, write_run

@@ -8,9 +8,8 @@ import pytest
 from common.activation import activate
 from common.kinematics import joint_positions
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.results.recording.recorded import assemble
-from coordinator.results.spread import UNSEEN
-from coordinator.results.uncertainty import ANGLE_MISFIT
+from coordinator.results.angles import ANGLE_MISFIT, UNSEEN
+from coordinator.results.log import assemble
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 

@@ -10,8 +10,7 @@ from PIL import Image
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.pictures.overlay import Painter
-from coordinator.pictures.view import View
+from coordinator.pictures.overlay import Painter, View
 from coordinator.sources.colour_folder import ColourFolder
 from tests.support.bodies import hinges
 

@@ -28,7 +28,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
-from coordinator.results.recording.recorded import read_log
+from coordinator.results.log import read_log
 from coordinator.results.track import read_track
 from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
 from tests.support.asked import Asked, refining

@@ -10,8 +10,14 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import joint_positions
-from coordinator.results.model_file import MODEL_FILE, TrackedBody, write_tracked_body
-from coordinator.results.track import TRACK_FILE, Track, write_track
+from coordinator.results.track import (
+    MODEL_FILE,
+    TRACK_FILE,
+    Track,
+    TrackedBody,
+    write_track,
+    write_tracked_body,
+)
 
 Array = NDArray[np.float64]
 

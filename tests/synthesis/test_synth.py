@@ -15,7 +15,7 @@ from common.camera import Intrinsics, back_project, project
 from common.errors import GepfError, InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
-from coordinator.results.truth import read_truth
+from coordinator.results.evaluation import read_truth
 from coordinator.sources import open_source
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import CAMERA_HEIGHT_M, FPS, person

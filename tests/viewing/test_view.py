@@ -14,13 +14,12 @@ from common.activation import activate
 from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from coordinator.cli import main
-from coordinator.results.configuration.digest import PATH
+from coordinator.results.configuration import PATH
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
-from coordinator.viewing.correspondences import correspond
-from coordinator.viewing.spread import SMALLEST, ellipsoids
+from coordinator.viewing import SMALLEST, correspond, ellipsoids
 from tests.support.runs import write_run
 
 FRAMES = 3

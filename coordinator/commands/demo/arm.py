@@ -16,11 +16,10 @@ from coordinator.commands.options.choices import choose_settings
 from coordinator.commands.options.job import Job
 from coordinator.commands.track import track_sequence
 from coordinator.commands.workers import Connect, PooledRefiner, connect_workers
-from coordinator.files.names import TRUTH_FILE
+from coordinator.files import TRUTH_FILE
 from coordinator.pool.options import Pool
-from coordinator.results.evaluation import Errors, compare, lost_from
+from coordinator.results.evaluation import Errors, compare, lost_from, read_truth
 from coordinator.results.track import read_track
-from coordinator.results.truth import read_truth
 from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.observing.sensor_noise import SensorNoise

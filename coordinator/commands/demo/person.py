@@ -23,12 +23,11 @@ from coordinator.commands.console.progress import Advance, FrameMeter, Show
 from coordinator.commands.exit_codes import DONE, NOT_TRACKED
 from coordinator.commands.options.choices import choose_settings
 from coordinator.commands.options.job import Job
-from coordinator.files.names import ANIMATION_FILE, TRUTH_FILE
+from coordinator.files import ANIMATION_FILE, TRUTH_FILE
 from coordinator.filters.methods import LONE_POINTS
 from coordinator.pool.options import Pool
-from coordinator.results.evaluation import NEAR_M, compare, overall
+from coordinator.results.evaluation import NEAR_M, compare, overall, read_truth
 from coordinator.results.track import read_track
-from coordinator.results.truth import read_truth
 from coordinator.synthesis.person_scene import FPS
 from coordinator.synthesis.sequence import PERSON, synthesise
 

@@ -12,10 +12,8 @@ import msgspec
 
 from common.errors import InputError
 from coordinator.commands.finished.own_truth import own_truth_file, refuse_another_sequence
-from coordinator.results.completing import read_track_with_angles
-from coordinator.results.evaluation import Evaluation, evaluate
-from coordinator.results.track import Track
-from coordinator.results.truth import check_truth_of, read_truth
+from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
+from coordinator.results.track import Track, read_track_with_angles
 
 logger = logging.getLogger(__name__)
 

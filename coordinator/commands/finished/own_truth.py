@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from common.errors import InputError
-from coordinator.results.configuration.digest import PATH, digest_frame
+from coordinator.results.configuration import PATH, digest_frame
+from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.summary import PEOPLE, read_summary
-from coordinator.results.truth import Truth, read_truth
 from coordinator.sources import find_format, open_source
 
 FIRST_FRAME, FRAMES = "first_frame", "frame_range"

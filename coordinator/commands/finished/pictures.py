@@ -11,10 +11,9 @@ from coordinator.commands.console.interrupts import ENDING, noted_interrupts
 from coordinator.commands.console.progress import Show
 from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import PicturesOptions
-from coordinator.results.model_file import TrackedBody, read_tracked_body
+from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.summary import PEOPLE, read_summary
-from coordinator.results.track import Track, read_track
-from coordinator.results.truth import Truth, read_truth
+from coordinator.results.track import Track, TrackedBody, read_track, read_tracked_body
 from coordinator.sources import Source
 from coordinator.sources.colour_folder import ColourFolder
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from coordinator.commands.console.loading import loading
 from coordinator.commands.console.progress import Show
-from coordinator.results.found_people import people_in
+from coordinator.results.summary import people_in
 from coordinator.results.track import read_track
 
 REPORT_FILE = "report.html"
@@ -18,7 +18,7 @@ def run_report(run: Path, out: Path | None, show: Show) -> None:
     people = people_in(run)
     if people:
         with loading(show, f"writing {page}"):
-            from coordinator.report.people import write_people_report
+            from coordinator.report.page import write_people_report
         write_people_report(run, people, page)
         show.say(f"the report is in {page}, with one of each person in its folder")
         return

@@ -5,8 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from coordinator.results.configuration.digest import PATH
-from coordinator.results.configuration.run_configuration import GIVEN
+from coordinator.results.configuration import GIVEN, PATH
 from coordinator.results.summary import read_summary
 from coordinator.sources import Source, open_source
 from coordinator.sources.camera import CameraOptions

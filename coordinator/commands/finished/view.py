@@ -12,10 +12,9 @@ from common.errors import GepfError, InputError
 from coordinator.commands.console.progress import Show
 from coordinator.commands.finished.tracked_sequence import find_sequence
 from coordinator.commands.options.arguments import ViewOptions
-from coordinator.results.model_file import read_tracked_body
-from coordinator.results.track import Track, filled, read_track
+from coordinator.results.track import Track, filled, read_track, read_tracked_body
 from coordinator.sources import Source
-from coordinator.viewing.scene import layout, log_run
+from coordinator.viewing import layout, log_run
 
 APPLICATION = "gepf"
 

@@ -11,7 +11,7 @@ from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.options.scope import AskedScope
 from coordinator.pool.options import Pool
-from coordinator.results.configuration.run_configuration import Asked
+from coordinator.results.configuration import Asked
 from coordinator.scene.scope import Scope
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
 from coordinator.sources.joint_states import JointStates

@@ -10,7 +10,7 @@ from coordinator.commands.options.job import Job
 from coordinator.commands.track import track_sequence
 from coordinator.commands.track_live import track_stream
 from coordinator.commands.workers import Connect, ListeningRefiner, PooledRefiner
-from coordinator.results.configuration.run_configuration import AUTOMATIC
+from coordinator.results.configuration import AUTOMATIC
 
 
 def choose_people(asked: int, model: str, init: str | None) -> int:

@@ -11,7 +11,9 @@ from coordinator.commands.options.job import Job
 from coordinator.commands.results_stream import open_results
 from coordinator.commands.track import write_results
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.configuration.run_configuration import RunConfiguration
+from coordinator.results.configuration import RunConfiguration
+from coordinator.results.live_results import LiveResults
+from coordinator.results.log import Recorded
 from coordinator.results.people import (
     frames_in_common,
     of_person,
@@ -20,9 +22,7 @@ from coordinator.results.people import (
     was_found,
     write_people_summary,
 )
-from coordinator.results.recording.live_results import LiveResults
-from coordinator.results.recording.recorded import Recorded
-from coordinator.results.recording.recorder import Recorder
+from coordinator.results.recorder import Recorder
 from coordinator.results.summary import PERSON
 from coordinator.tracking.people.crowd import Crowd
 from coordinator.tracking.people.pipeline import Results

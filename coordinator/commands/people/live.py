@@ -15,7 +15,7 @@ from coordinator.commands.people.track import conclude
 from coordinator.commands.track import describe_pool
 from coordinator.commands.track_live import MEND_STREAM, check_live, until_interrupted
 from coordinator.commands.workers import Connect, ListeningRefiner
-from coordinator.results.configuration.run_configuration import live_run_configuration
+from coordinator.results.configuration import live_run_configuration
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.tracking.observing.isolation import prepare

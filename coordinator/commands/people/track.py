@@ -17,12 +17,11 @@ from coordinator.commands.options.job import Job
 from coordinator.commands.people.group import Group, advance, open_all_results, open_group, put_all
 from coordinator.commands.track import describe_pool
 from coordinator.commands.workers import Connect, PooledRefiner
-from coordinator.results.configuration.run_configuration import run_configuration
-from coordinator.results.model_file import TrackedBody
+from coordinator.results.configuration import run_configuration
+from coordinator.results.log import Recorded
 from coordinator.results.people import is_complete, person_folder, was_found
-from coordinator.results.recording.recorded import Recorded
 from coordinator.results.summary import count_doubts, describe_status
-from coordinator.results.track import read_track
+from coordinator.results.track import TrackedBody, read_track
 from coordinator.scene.room.furniture import furniture
 from coordinator.scene.scope import Scope
 from coordinator.sources import Source, open_source

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from common.body import unknown_dof
 from common.errors import InputError
-from coordinator.files.numbers import read_numbers
+from coordinator.files import read_numbers
 
 FEW = 40  # degrees of freedom that fit into a line
 

@@ -11,7 +11,7 @@ import pytest
 
 import gepf
 from coordinator.cli import main
-from coordinator.files.names import LOG_FILE
+from coordinator.files import LOG_FILE
 from tests.support.pairs import FRAMES, STATURES, PoolOfOne, pair, write_pair
 from tests.support.people import CAMERA, frame_of
 from tests.support.recordings import camera_file, write_open3d

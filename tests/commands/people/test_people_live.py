@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from coordinator.cli import main
-from coordinator.files.names import LOG_FILE
+from coordinator.files import LOG_FILE
 from tests.support.pairs import FRAMES, write_pair
 
 KEY = "camera/depth"

@@ -19,7 +19,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
 from coordinator.filters.sighting import Sighting
-from coordinator.results.truth import read_truth
+from coordinator.results.evaluation import read_truth
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.synthesis.scenes import Scene, roam
 from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth

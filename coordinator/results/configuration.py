@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +15,49 @@ import msgspec
 
 from common.frame import DepthFrame
 from common.settings import Settings
-from coordinator.results.configuration.digest import LETTERS, PATH, digest, digest_frame
-from coordinator.results.configuration.nested import flatten
-from coordinator.results.configuration.versions import versions
-from coordinator.scene.scope import Scope
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
+
+PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "open3d", "scipy")
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the packages that decide results; what is not installed is left out."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Pairs of dotted name and value."""
+    for key, value in configuration.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
+LETTERS = 12  # of a hash
+
+
+def digest_frame(frame: DepthFrame) -> str:
+    """A hash of a frame: of its depth and its camera."""
+    camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
+    return digest(camera.encode() + frame.depth.tobytes())
+
+
+def digest(content: bytes) -> str:
+    """A few letters that stand for the content."""
+    return hashlib.sha256(content).hexdigest()[:LETTERS]
+
 
 if TYPE_CHECKING:  # it brings the compiler, which takes long to load
     from coordinator.bodies.tracked import Bodies
+    from coordinator.scene.scope import Scope
 
 RunConfiguration = dict[str, Any]
 """Nested names and values, as JSON holds them."""
@@ -69,7 +107,7 @@ class Asked:
     active: Sequence[str] | None
     start: Mapping[str, float] | None  # None for one that is found
     deadline: float | None  # seconds
-    scope: Scope = field(default_factory=Scope)  # what of the scene is tracked
+    scope: Scope  # what of the scene is tracked
     joint_states: str | None = None  # a hash of what encoders say
 
 

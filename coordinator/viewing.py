@@ -1,8 +1,9 @@
-"""What a run's frames look like, written into a rerun recording frame by frame."""
+"""A run on a time line, in the rerun viewer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
@@ -10,20 +11,71 @@ import rerun.blueprint as rrb
 from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 from common.body import ROTATION, BodyModel
+from common.camera import back_project
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.level import level_from_camera
-from coordinator.pictures.skeleton import bones
-from coordinator.pictures.style import STATUS
+from coordinator.pictures.overlay import bones
+from coordinator.pictures.plots import STATUS
 from coordinator.results.track import Track
 from coordinator.sources import Source
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
-from coordinator.viewing.correspondences import Correspondences, correspond
-from coordinator.viewing.spread import ellipsoids
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correspondences:
+    """Observed points, the nearest vertices that face the camera, and the distances between them, metres."""
+
+    observed: Array  # (P, 3) in the camera frame
+    nearest: Array  # (P, 3)
+    residual: Array  # (P,)
+
+
+def correspond(isolation: Isolation, frame: DepthFrame, body: PosedBody) -> Correspondences | None:
+    """For the points of the subject near a body in the next frame; None where nothing of it was seen."""
+    subject = isolation.cut(frame, body).subject
+    if subject is None:
+        return None
+    surface = body.surface
+    cropped = subject.frame
+    observed = back_project(cropped.metres(), cropped.intrinsics).reshape(-1, 3)[subject.picked]
+    faced = surface[facing(surface, body.model.triangles)]
+    distance, at = KDTree(faced).query(observed)
+    return Correspondences(observed, faced[at], distance)
+
+
+def facing(surface: Array, triangles: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which vertices (V,) belong to a triangle whose outside the camera sees, occlusion aside."""
+    corners = surface[triangles]
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    towards = np.einsum("ti,ti->t", outward, corners[:, 0]) < 0.0
+    seen = np.zeros(len(surface), dtype=np.bool_)
+    seen[triangles[towards]] = True
+    return seen
+
+
+SMALLEST = 0.002  # metres, so that a joint all agree on can still be seen
+
+
+def ellipsoids(joints: Array, reported: Array, weights: Array) -> tuple[Array, Array]:
+    """One standard deviation of joints (M, J, 3) with weights (M,) about the reported (J, 3).
+
+    Returns:
+        Half axes (J, 3), metres, and the rotations (J, 4) of those axes as quaternions x, y, z, w.
+    """
+    away = joints - reported
+    covariance = np.einsum("m,mji,mjk->jik", weights / weights.sum(), away, away)
+    squares, axes = np.linalg.eigh(covariance)
+    axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
+    return np.maximum(np.sqrt(np.maximum(squares, 0.0)), SMALLEST), Rotation.from_matrix(axes).as_quat()
+
+
 Advance = Callable[[int, int], None]
 
 POINTS = 4000  # of the subject

@@ -1,15 +1,51 @@
-"""Reading `.npz` files that people hand in: every fault becomes one line that says how to mend it."""
+"""Files that are whole or not there, what is read from files is checked, and names of files."""
 
 from __future__ import annotations
 
+import json
+import math
+import os
 import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import InputError
+
+CAMERA_FILE = "camera_intrinsic.json"
+TRUTH_FILE = "truth.npz"
+START_FILE = "init.json"
+
+LOG_FILE = "frames.log"
+ANIMATION_FILE, SHEET_FILE, FILM_FILE = "overlay.gif", "sheet.png", "overlay.mp4"
+HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
+
+
+def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Let `write` fill a file beside `path`, make it durable, and put it in `path`'s place."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with draft.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(path)
+        sync_folder(path.parent)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make durable which files a folder holds."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 class ArrayFile:
@@ -89,3 +125,37 @@ def read_arrays(path: Path) -> ArrayFile:
         raise InputError(f"cannot read {path}: {error.strerror}; check the path") from None
     except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
         raise InputError(f"{path} is damaged or no .npz file; make it again or give an .npz file") from error
+
+
+def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:
+    """The numbers of a file by name.
+
+    Raises InputError for a file that cannot be read, which ends in `remedy`, and for what is no object of
+    numbers; `entry` says how one entry is written, such as "degree of freedom: number".
+    """
+    try:
+        content = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        raise InputError(f"no such file: {path}; {remedy}") from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; {remedy}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: {error}; write {{{entry}}}") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path} holds no names with numbers; write {{{entry}}}")
+    return {name: require_number(value, name, path) for name, value in content.items()}
+
+
+def require_number(value: object, name: str, path: Path) -> float:
+    """The value as a finite number; InputError that names it otherwise."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{path}: {name} is {json.dumps(value)[:40]}; give a finite number")
+    return float(value)
+
+
+def require_new(path: Path, *, force: bool) -> None:
+    """InputError where a file is there that was not said to be replaced, or where its folder is not."""
+    if path.exists() and not force:
+        raise InputError(f"{path} is there already; replace it with --force, or choose another name")
+    if path.is_dir() or not path.absolute().parent.is_dir():
+        raise InputError(f"cannot write {path}: its folder is not there; choose another name")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from coordinator.bodies.angles import Angles, angles_of
-from coordinator.results.recording.recorded import assemble
+from coordinator.results.log import assemble
 from coordinator.results.track import Track
 from coordinator.tracking.estimate import Estimate
 

@@ -1,10 +1,14 @@
-"""OpenSim's motion file: angles in degrees over time.
+"""OpenSim's files: angles over time (`.mot`), and joints as markers (`.trc`).
 
-First the angles with their plain names, which mean what `docs/formats.md` says, and what slides in metres.
-Then, for people, the coordinates of the full-body model of Rajagopal et al. (2016), so that the motion plays
-on that model: rotations in the order Z, X, Y of the child in its parent, OpenSim's axes (x forward, y up, z
-to the right). Those are Euler angles, so an arm's may jump where it is abducted by about 90 degrees. Lost
-frames are left out.
+A motion file has first the angles with their plain names, which mean what `docs/formats.md` says, and
+sliding joints in metres. Then, for people, the coordinates of the full-body model of Rajagopal et al. (2016),
+so that the motion plays on that model: rotations in the order Z, X, Y of the child in its parent, OpenSim's
+axes (x forward, y up, z to the right). Those are Euler angles, so an arm's may jump where it is abducted by
+about 90 degrees. Lost frames are left out.
+
+A marker file (track row column) is in millimetres and the same axes: a person who faces the camera looks
+along +x, their right at +z; the origin is the camera's. Lost frames keep their time and have no coordinates,
+which means missing markers.
 """
 
 from __future__ import annotations
@@ -19,8 +23,8 @@ from scipy.spatial.transform import Rotation
 
 from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, hanging, is_person, person_angles
 from coordinator.bodies.swing_twist import nearest_turn
-from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
-from coordinator.results.slides import read_slides
+from coordinator.exports.recorded import CAMERA_TO_OPENSIM, MILLIMETRES, RecordedRun
+from coordinator.results.angles import read_slides
 
 Array = NDArray[np.float64]
 
@@ -98,3 +102,30 @@ def without_leaps(euler: Array) -> Array:
         branches = [nearest_turn(branch, chosen[f - 1]) for branch in (euler[f], other)]
         chosen[f] = min(branches, key=lambda branch: float(np.sum((branch - chosen[f - 1]) ** 2)))
     return chosen
+
+
+HEAD = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame",
+        "OrigNumFrames")  # fmt: skip
+
+
+def write_trc(run: RecordedRun, file: BinaryIO) -> None:
+    """One line a frame: its number from 1, its time in seconds, and x, y, z of every joint."""
+    names, frames, rate = run.track.joint_names, len(run.track.frame), f"{run.rate:.6g}"
+    values = [rate, rate, str(frames), str(len(names)), "mm", rate, "1", str(frames)]
+    axes = [f"{axis}{j}" for j in range(1, len(names) + 1) for axis in "XYZ"]
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="\n")
+    for cells in (
+        ["PathFileType", "4", "(X/Y/Z)", f"{run.name}.trc"],
+        HEAD,
+        values,
+        ["Frame#", "Time", *(f"{name}\t\t" for name in names)],
+        ["", "", *axes],
+        [],
+    ):
+        text.write("\t".join(cells) + "\n")
+    places = run.track.joint_positions @ run.to_opensim.T * MILLIMETRES
+    for f in range(frames):
+        markers = [] if run.lost[f] else [f"{value:.4f}" for value in places[f].ravel()]
+        markers = markers or [""] * places[f].size
+        text.write("\t".join([str(f + 1), f"{run.track.time_s[f]:.6f}", *markers]) + "\n")
+    text.detach()

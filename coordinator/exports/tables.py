@@ -1,14 +1,14 @@
-"""Comma-separated values: one line a frame, for spreadsheets and data frames.
-
-Angles come first, in degrees and with plain names; what the tracker itself moves, in radians, comes last.
-"""
+"""Values as text for spreadsheets and programs: CSV, with one line a frame, and JSON."""
 
 from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping
+from dataclasses import fields
 from typing import BinaryIO
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,3 +72,16 @@ def joint_columns(track: Track) -> Columns:
             names = (f"{name}_{what}" for name in track.joint_names)
             columns |= dict(zip(names, values.T, strict=True))
     return columns
+
+
+def export_json(run: RecordedRun, file: BinaryIO) -> None:
+    """A run's JSON; a low-passed one says so."""
+    write_json(run.told, file, {"smoothed_hz": run.smoothed_hz} if run.smoothed_hz else {})
+
+
+def write_json(track: Track, file: BinaryIO, more: Mapping[str, object]) -> None:
+    """One object with the keys of `track.npz`; the padding of hypotheses is null."""
+    content: dict[str, object] = {
+        field.name: np.asarray(getattr(track, field.name)).tolist() for field in fields(Track)
+    }
+    file.write(msgspec.json.encode({**content, **more}))

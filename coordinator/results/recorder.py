@@ -1,4 +1,4 @@
-"""A run's folder: results kept frame by frame, and its final files written whole at the end."""
+"""A run's folder: results recorded frame by frame, and its final files written whole at the end."""
 
 from __future__ import annotations
 
@@ -13,15 +13,31 @@ from typing import Any, Self
 import msgspec
 
 from common.errors import InputError
-from coordinator.files.atomic import sync_folder, write_atomically
-from coordinator.files.names import LOG_FILE
+from common.settings import Settings
+from coordinator.files import LOG_FILE, sync_folder, write_atomically
 from coordinator.pool.statistics import PoolStatistics
-from coordinator.results.configuration.run_configuration import RunConfiguration, differences
-from coordinator.results.model_file import MODEL_FILE
-from coordinator.results.recording.log import Began, Entry, Opening, Record, Resumed, append_records
-from coordinator.results.recording.recorded import Recorded, assemble, read_log, up_of
-from coordinator.results.summary import SUMMARY_FILE
-from coordinator.results.track import TRACK_FILE, Track, write_track
+from coordinator.results.configuration import RunConfiguration, differences, versions
+from coordinator.results.log import (
+    Began,
+    Entry,
+    Opening,
+    Record,
+    Recorded,
+    Resumed,
+    append_records,
+    assemble,
+    read_log,
+    up_of,
+)
+from coordinator.results.summary import STATUSES, SUMMARY_FILE
+from coordinator.results.track import (
+    MODEL_FILE,
+    TRACK_FILE,
+    Track,
+    TrackedBody,
+    write_track,
+    write_tracked_body,
+)
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import TrackerState
 
@@ -218,3 +234,35 @@ def _remove_empty(folders: Sequence[Path]) -> None:
             folder.rmdir()
         except OSError:
             return
+
+
+def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) -> None:
+    """Write `track.npz`, `model.npz` and `summary.json`. InputError if any of them is there."""
+    present = [name for name in (TRACK_FILE, MODEL_FILE, SUMMARY_FILE) if (folder / name).exists()]
+    if present:
+        raise InputError(f"{folder} holds a run already ({present[0]}); choose another folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
+        text = msgspec.json.format(msgspec.json.encode(summary_of(folder, track, body, settings)), indent=2)
+        write_atomically(folder / SUMMARY_FILE, lambda file: file.write(text + b"\n"))
+        write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}; choose another folder") from error
+
+
+def summary_of(folder: Path, track: Track, body: TrackedBody, settings: Settings) -> dict[str, object]:
+    """What is known of a run that was made from Python."""
+    return {
+        "sequence": folder.resolve().name,
+        "model": {"name": body.model.name, "hash": body.model.hash, "active": body.model.dof_names},
+        "method": settings.method,
+        "preset": settings.preset,
+        "seed": settings.seed,
+        "settings": msgspec.to_builtins(settings),
+        "versions": versions(),
+        "frames": len(track.frame),
+        "status": {status: int((track.status == status).sum()) for status in STATUSES},
+        "particles": settings.filter.particles,
+        "complete": True,
+    }

@@ -1,1 +1,0 @@
-"""Files that are whole or absent, and arrays that are checked as they are read."""

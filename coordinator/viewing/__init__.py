@@ -1,1 +1,0 @@
-"""A run on a time line, in the rerun viewer."""
