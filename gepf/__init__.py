@@ -20,7 +20,7 @@ from common.settings import Settings, preset
 from coordinator.bodies.human.measures import Measures
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
-from coordinator.security.tls import TlsFiles
+from coordinator.security.access import TlsFiles
 from coordinator.sources import ArraySource, Source, open_source
 from gepf.live_source import LiveSource, live
 from gepf.named import Estimate

@@ -12,7 +12,7 @@ from common.protocol.keys import check_stream
 from common.transport.bus import Bus
 from common.transport.opening import open_coordinator
 from coordinator.pool.options import Pool
-from coordinator.security.tls import TlsFiles
+from coordinator.security.access import TlsFiles
 from coordinator.sources.live import LiveFrames, from_first_seen
 from gepf.security import said_in_python, secure
 

@@ -20,7 +20,7 @@ from coordinator.results.log import assemble, floor_up
 from coordinator.results.people import person_folder
 from coordinator.results.recorder import save_run
 from coordinator.results.track import TrackedBody
-from coordinator.security.tls import TlsFiles
+from coordinator.security.access import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.observing.isolation import prepare
 from coordinator.tracking.pace import keep_up

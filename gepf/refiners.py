@@ -9,7 +9,7 @@ from dataclasses import replace
 from common.errors import InputError
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.security.tls import TlsFiles
+from coordinator.security.access import TlsFiles
 from coordinator.tracking.refiner import Refiner
 from gepf.direct import DirectRefiner
 from gepf.security import said_in_python, secure

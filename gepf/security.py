@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from common.errors import InputError
 from common.transport.session import Security
-from coordinator.security.tls import TlsFiles, choose_security
+from coordinator.security.access import TlsFiles, choose_security
 
 IN_PYTHON = {
     "--tls-ca, --tls-cert and --tls-key": "tls=TlsFiles(ca, cert, key)",

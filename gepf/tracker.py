@@ -23,7 +23,7 @@ from coordinator.filters.methods import apply_method
 from coordinator.results.log import assemble, certainty_of, floor_up
 from coordinator.results.recorder import save_run
 from coordinator.results.track import TrackedBody
-from coordinator.security.tls import TlsFiles
+from coordinator.security.access import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.isolation import prepare

@@ -25,7 +25,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
 from common.transport.bus import Bus
-from common.transport.requests import Request, Requests
+from common.transport.channels import Request, Requests
 from worker.activity import Activity
 from worker.contents import Contents
 from worker.dead_link import DeadLink

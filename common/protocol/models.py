@@ -1,17 +1,34 @@
-"""Body models as they cross the wire, by the hash of their content."""
+"""Body models on the wire, by the hash of their content."""
 
 from __future__ import annotations
 
-from collections.abc import Set as AbstractSet
 from dataclasses import fields
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from common.body import BodyModel
+from common.body import ROTATION, TRANSLATION, BodyModel
+from common.bounds import LARGEST_LENGTH, LARGEST_POSE, MAX_DOFS
 from common.errors import ProtocolError
-from common.protocol.arrays import Dims, pack, unpack
-from common.protocol.checks import check_model
-from common.protocol.wire import ModelMessage, decode, encode
+from common.protocol.wire import (
+    Array,
+    Dims,
+    Hash,
+    Message,
+    check_indices,
+    check_magnitude,
+    check_numbers,
+    decode,
+    encode,
+    pack,
+    unpack,
+)
+
+Name = Annotated[str, msgspec.Meta(max_length=200)]
+Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
+FEW = msgspec.Meta(max_length=50)  # fields of a map
 
 # Of the arrays of a model; a field that is not named here is checked less closely.
 MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
@@ -32,6 +49,15 @@ MODEL_ARRAYS: dict[str, tuple[str, Dims]] = {
 }
 
 
+class ModelMessage(Message, frozen=True, tag="model"):
+    """A BodyModel: its texts, lists of names and arrays by field."""
+
+    hash: Hash
+    texts: Annotated[dict[str, Name], FEW]
+    names: Annotated[dict[str, Names], FEW]
+    arrays: Annotated[dict[str, Array], FEW]
+
+
 def encode_model(model: BodyModel) -> bytes:
     """A model for the workers, with its hash."""
     values = {field.name: getattr(model, field.name) for field in fields(model)}
@@ -50,16 +76,19 @@ def decode_model(payload: bytes) -> BodyModel:
     values = {**message.texts, **message.names, **message.arrays}
     if len(values) < len(message.texts) + len(message.names) + len(message.arrays):
         raise ProtocolError("the model has a field twice")
-    check_fields("model", values.keys(), {field.name for field in fields(BodyModel)})
-    sizes = {
+    expected = {field.name for field in fields(BodyModel)}
+    if values.keys() != expected:
+        missing, unknown = sorted(expected - values.keys()), sorted(values.keys() - expected)
+        raise ProtocolError(f"the model lacks fields {missing} and has unknown fields {unknown[:10]}")
+    extents = {
         letter: len(message.names.get(name, ()))
         for letter, name in (("D", "dof_names"), ("L", "link_names"), ("J", "joint_names"))
     }
     for name, array in message.arrays.items():
         dtype, dims = MODEL_ARRAYS.get(name, (array.dtype, array.shape))
-        values[name] = unpack(f"the model's {name}", array, dtype, dims, sizes)
+        values[name] = unpack(f"the model's {name}", array, dtype, dims, extents)
     try:
-        check_model({name: v for name, v in values.items() if isinstance(v, np.ndarray)}, sizes)
+        check_model({name: v for name, v in values.items() if isinstance(v, np.ndarray)}, extents)
         model = BodyModel(**values)  # type: ignore[arg-type]
     except (ValueError, TypeError, KeyError) as error:
         raise ProtocolError(f"the model contradicts itself: {error}") from error
@@ -68,8 +97,31 @@ def decode_model(payload: bytes) -> BodyModel:
     return model
 
 
-def check_fields(what: str, given: AbstractSet[str], expected: AbstractSet[str]) -> None:
-    """ProtocolError that names missing and unknown fields."""
-    if given != expected:
-        missing, unknown = sorted(expected - given), sorted(given - expected)
-        raise ProtocolError(f"the {what} lacks fields {missing} and has unknown fields {unknown[:10]}")
+def check_model(arrays: dict[str, NDArray[Any]], extents: dict[str, int]) -> None:
+    """ProtocolError where an index would leave its array, or a number is none or beyond computing with."""
+    for letter, what in (("D", "degrees of freedom"), ("L", "links"), ("V", "vertices"), ("K", "skin links")):
+        if extents[letter] == 0:
+            raise ProtocolError(f"the model has no {what}")
+    dofs = extents["D"]
+    if dofs > MAX_DOFS:
+        raise ProtocolError(f"the model has {dofs} degrees of freedom, expected at most {MAX_DOFS}")
+    for name, array in arrays.items():
+        check_numbers(f"the model's {name}", array)
+        if array.dtype.kind == "f" and name != "limits":
+            check_magnitude(f"the model's {name}", array, LARGEST_LENGTH)
+    lower, upper = arrays["limits"].T
+    if np.any(lower > upper) or np.any(lower > LARGEST_POSE) or np.any(upper < -LARGEST_POSE):
+        raise ProtocolError("the model's limits leave no room between them")
+    ranges = {
+        "kinds": (TRANSLATION, ROTATION + 1),
+        "parents": (-1, dofs),
+        "balls": (0, dofs - 2),
+        "link_dofs": (-1, dofs),
+        "triangles": (0, extents["V"]),
+        "skin_links": (0, extents["L"]),
+        "joint_links": (0, extents["L"]),
+    }
+    for name, (least, end) in ranges.items():
+        check_indices(f"the model's {name}", arrays[name], least, end)
+    if np.any(np.diff(arrays["balls"]) < 3):
+        raise ProtocolError("the model's balls must be in ascending order and share nothing")

@@ -1,36 +1,45 @@
-"""The form of every message: msgpack maps of a protocol version, limited in size."""
+"""The form of every message: a msgpack map with a protocol version, limited in size, and the arrays in it.
+
+An array is (dtype, shape, bytes), little-endian, and is checked before anything is allocated. All that a
+message is refused for is a ProtocolError that says what is wrong.
+"""
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache, reduce
 from operator import or_
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args
 
 import msgpack  # type: ignore[import-untyped]
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
-from common.camera import Intrinsics
 from common.errors import ProtocolError, VersionError
-from common.protocol.arrays import Array
-from common.protocol.keys import NAME
-from common.settings import RefineSettings
 
-PROTOCOL = 8  # between coordinator and workers
-LIVE = 1  # of what cameras publish, which others write, too: docs/live.md
+PROTOCOL = 8  # version of the messages between coordinator and workers
+LIVE = 1  # version of the messages of cameras, which other programs write, too: docs/live.md
 MAX_BYTES = 64 * 2**20  # of one message
-MAX_REASON = 1_000  # characters
 
+DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]
+Extent = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
-Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
-Name = Annotated[str, msgspec.Meta(max_length=200)]
-Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
-FEW = msgspec.Meta(max_length=50)  # fields of a map
 Hash = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
-RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
+Dims = tuple[int | str, ...]  # extents: a number, or a letter that has one value throughout a message
+NATIVE = {name: np.dtype(name).newbyteorder("=") for name in get_args(DType)}
+
+
+class Array(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """An array in a message; `data` is a view of the message, not a copy."""
+
+    dtype: DType
+    shape: Annotated[tuple[Extent, ...], msgspec.Meta(max_length=4)]
+    data: memoryview
 
 
 class Header(msgspec.Struct, frozen=True):
-    """What every message of every version begins with."""
+    """What every message of every version has."""
 
     version: int
 
@@ -40,81 +49,6 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbi
 
     VERSION: ClassVar[int] = PROTOCOL
     version: int = PROTOCOL
-
-
-class FrameMessage(Message, frozen=True, tag="frame"):
-    """A SubjectFrame."""
-
-    number: Natural
-    time_s: float
-    depth_scale: float
-    intrinsics: Intrinsics
-    depth: Array
-    picked: Array
-    view: tuple[Pixel, Pixel, Pixel, Pixel]
-    kinds: Array | None = None
-    emptiness: float = 0.0
-
-
-class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
-    """A whole depth image from somebody's camera."""
-
-    VERSION: ClassVar[int] = LIVE
-    version: int = LIVE
-    number: Natural
-    time_s: float
-    depth_scale: float
-    intrinsics: Intrinsics
-    depth: Array
-
-
-class LiveEndMessage(Message, frozen=True, kw_only=True, tag="live-end"):
-    """No more depth images will come."""
-
-    VERSION: ClassVar[int] = LIVE
-    version: int = LIVE
-
-
-class ModelMessage(Message, frozen=True, tag="model"):
-    """A BodyModel: its texts, lists of names and arrays by field."""
-
-    hash: Hash
-    texts: Annotated[dict[str, Name], FEW]
-    names: Annotated[dict[str, Names], FEW]
-    arrays: Annotated[dict[str, Array], FEW]
-
-
-class RequestMessage(Message, frozen=True, tag="request"):
-    """A RefineRequest."""
-
-    run: RunName
-    frame: Natural
-    model: Hash
-    settings: RefineSettings
-    poses: Array
-    thick: Hash | None = None  # with sizes: the same body, thicker
-    sizes: Array | None = None
-    covariance: bool = False
-
-
-class ReplyMessage(Message, frozen=True, tag="reply"):
-    """Refined particles (N, D): all their poses, then log likelihoods, then residuals, in one row."""
-
-    values: Array
-
-
-class SureReplyMessage(Message, frozen=True, tag="sure-reply"):
-    """The same, and how sure each of them is: the lower triangles of roots of covariances."""
-
-    values: Array
-    covariance_roots: Array
-
-
-class RefusalMessage(Message, frozen=True, tag="refusal"):
-    """Why a request was not served; retryable if only its frame or model was not found."""
-
-    reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
-    retryable: bool = False
 
 
 HEADER = msgspec.msgpack.Decoder(Header)
@@ -153,3 +87,64 @@ def decoder_of(kinds: tuple[type[Message], ...]) -> msgspec.msgpack.Decoder[Any]
     """Reads messages of these kinds."""
     either: Any = reduce(or_, kinds)
     return msgspec.msgpack.Decoder(either)
+
+
+def pack(array: NDArray[Any]) -> Array:
+    """An array for the wire."""
+    wire = array.dtype.newbyteorder("<")
+    little = np.ascontiguousarray(array, wire)
+    data = little.data.cast("B") if little.size else memoryview(b"")
+    return Array(wire.str, array.shape, data)  # type: ignore[arg-type]
+
+
+def unpack(what: str, array: Array, dtype: str, dims: Dims, extents: dict[str, int]) -> NDArray[Any]:
+    """A writable array of native byte order; `extents` holds the letters' values and learns new ones.
+
+    Raises ProtocolError if dtype or shape are not the expected, or the bytes do not fill the shape.
+    """
+    if array.dtype != dtype:
+        raise ProtocolError(f"{what} has dtype {array.dtype}, expected {dtype}")
+    wanted = tuple(extents.get(dim, dim) if isinstance(dim, str) else dim for dim in dims)
+    fits = len(wanted) == len(array.shape) and all(
+        isinstance(want, str) or want == extent for want, extent in zip(wanted, array.shape, strict=True)
+    )
+    if not fits:
+        raise ProtocolError(f"{what} has shape {array.shape}, expected ({', '.join(map(str, wanted))})")
+    extents.update((want, n) for want, n in zip(wanted, array.shape, strict=True) if isinstance(want, str))
+    expected = NATIVE[dtype].itemsize * math.prod(array.shape)
+    if array.data.nbytes != expected:
+        raise ProtocolError(
+            f"{what} of shape {array.shape} has {array.data.nbytes} bytes, expected {expected}"
+        )
+    return np.ndarray(array.shape, dtype, array.data).astype(NATIVE[dtype])
+
+
+def check_finite(what: str, array: NDArray[Any] | float) -> None:
+    """ProtocolError if there is an infinity or something that is not a number."""
+    if not np.all(np.isfinite(array)):
+        raise ProtocolError(f"{what} holds values that are not finite")
+
+
+def check_numbers(what: str, array: NDArray[Any]) -> None:
+    """ProtocolError if there is something that is not a number; infinities pass."""
+    if array.dtype.kind == "f" and np.any(np.isnan(array)):
+        raise ProtocolError(f"{what} holds values that are not numbers")
+
+
+def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> None:
+    """ProtocolError if there is a value beyond plus or minus `largest`, or something that is no number."""
+    if array.size and not np.abs(array).max() <= largest:  # nor for a NaN
+        check_finite(what, array)
+        raise ProtocolError(f"{what} holds values above {largest:g}")
+
+
+def check_range(what: str, value: float, least: float, largest: float) -> None:
+    """ProtocolError unless least <= value <= largest."""
+    if not least <= value <= largest:
+        raise ProtocolError(f"{what} is {value:g}, expected {least:g} to {largest:g}")
+
+
+def check_indices(what: str, array: NDArray[Any], least: int, end: int) -> None:
+    """ProtocolError unless least <= every index < end."""
+    if array.size and (array.min() < least or array.max() >= end):
+        raise ProtocolError(f"{what} points outside of {least}..{end - 1}")

@@ -13,9 +13,16 @@ import zenoh
 from zenoh import ext, handlers
 
 from common.closing import Closing
-from common.transport.publishers import FramePublisher, Publisher, number_of
-from common.transport.requests import Arrivals, Asker, Payload, Requests
-from common.transport.zenoh_errors import mapped
+from common.transport.channels import (
+    Arrivals,
+    Asker,
+    FramePublisher,
+    Payload,
+    Publisher,
+    Requests,
+    mapped,
+    number_of,
+)
 
 FRAMES_KEPT = 2  # for late joiners
 HEARTBEAT_S = 0.5

@@ -1,16 +1,27 @@
-"""Endpoints: where a session listens or connects to, and which of them may go without encryption."""
+"""Endpoints: where a session listens or connects to, which of them need encryption, and why one refuses us.
+
+Zenoh does not report why it refuses a connection, so a plain TLS handshake finds out.
+"""
 
 from __future__ import annotations
 
 import ipaddress
 import re
+import socket
+import ssl
+from contextlib import suppress
 
 from common.errors import InputError
-from common.transport.credentials import Credentials
+from common.transport.credentials import MEND, Credentials
 
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
 ENCRYPTED, LOCAL = "tls", "unixsock-stream"
 TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
+PATIENCE = 2.0  # seconds for each step
+ALERT_WAIT = 0.5  # seconds; a refusal follows the handshake by one way through the network
+NO_MESSAGE = b"\x01\x00\x00"  # one byte long, and of no kind that the bus has: it says goodbye
+TLS_ALERT = b"\x15"
+HOSTNAME_MISMATCH, ADDRESS_MISMATCH = 62, 64  # OpenSSL's codes
 
 
 def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
@@ -55,3 +66,94 @@ def host_and_port(endpoint: str) -> tuple[str, int]:
     address = re.split(r"[?#]", endpoint.partition("/")[2], maxsplit=1)[0]
     host, _, port = address.rpartition(":")
     return host.strip("[]"), int(port) if port.isascii() and port.isdigit() else 0
+
+
+def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
+    """One line on why an endpoint refuses us; None if it does not, or nobody answers there."""
+    address = host_and_port(endpoint)
+    try:
+        if protocol_of(endpoint) == ENCRYPTED:
+            return probe_handshake(endpoint, address, credentials)
+        if protocol_of(endpoint) == "tcp" and speaks_tls(address):
+            return f"{endpoint} admits encrypted connections only; give tls/HOST:PORT with {TLS_OPTIONS}"
+    except OSError:
+        pass  # nobody is there, or the network failed: nothing that we could be refused by
+    return None
+
+
+def probe_handshake(endpoint: str, address: tuple[str, int], credentials: Credentials | None) -> str | None:
+    """Do a TLS handshake, and describe why either side ends it; None if neither does."""
+    try:
+        with (
+            socket.create_connection(address, PATIENCE) as link,
+            context_for(credentials).wrap_socket(link, server_hostname=address[0]) as encrypted,
+        ):
+            await_alert(encrypted)
+    except ssl.SSLCertVerificationError as error:
+        return describe_distrust(endpoint, error, credentials)
+    except ssl.SSLError as error:
+        return describe_alert(endpoint, error.reason or "", credentials)
+    except TimeoutError:
+        if speaks_plainly(address):
+            return f"{endpoint} is not encrypted on the other side; have that listen on tls/HOST:PORT"
+    return None
+
+
+def await_alert(encrypted: ssl.SSLSocket) -> None:
+    """Wait for the alert that refuses our certificate, as an SSLError: it comes after the handshake."""
+    encrypted.settimeout(ALERT_WAIT)
+    with suppress(TimeoutError):
+        encrypted.recv(1)
+
+
+def context_for(credentials: Credentials | None) -> ssl.SSLContext:
+    """A client with our certificate; without one, a client that trusts whomever it meets."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    if credentials is None:
+        context.check_hostname = False
+        context.verify_mode = ssl.CERT_NONE
+    else:
+        context.load_verify_locations(credentials.ca)
+        context.load_cert_chain(credentials.cert, credentials.key)
+    return context
+
+
+def describe_distrust(
+    endpoint: str, error: ssl.SSLCertVerificationError, credentials: Credentials | None
+) -> str:
+    """One line on why we refuse the other side."""
+    if error.verify_code in (HOSTNAME_MISMATCH, ADDRESS_MISMATCH):
+        return f"{endpoint} shows a certificate for another host; connect by a host name or address in it"
+    ca = None if credentials is None else credentials.ca
+    return f"{endpoint} shows a certificate that is not valid under {ca}: {error.verify_message}; give its CA"
+
+
+def describe_alert(endpoint: str, reason: str, credentials: Credentials | None) -> str:
+    """One line on why the other side refuses us, from the reason of its alert."""
+    if credentials is None or "CERTIFICATE_REQUIRED" in reason:
+        return f"{endpoint} refuses us without a certificate; add {TLS_OPTIONS}"
+    cert = credentials.cert
+    if "EXPIRED" in reason:
+        return f"{endpoint} refuses {cert}: it has expired; {MEND}"
+    if any(word in reason for word in ("UNKNOWN_CA", "DECRYPT_ERROR", "BAD_CERTIFICATE")):
+        return f"{endpoint} refuses {cert}: another authority signed it; have it signed by the one there"
+    return f"{endpoint} refuses {cert}: {reason.lower().replace('_', ' ')}; {MEND}"
+
+
+def speaks_tls(address: tuple[str, int]) -> bool:
+    """Whether a listener answers a TLS handshake, be it with a refusal."""
+    try:
+        with socket.create_connection(address, PATIENCE) as link, context_for(None).wrap_socket(link):
+            return True
+    except ssl.SSLError as error:
+        return "ALERT" in (error.reason or "")
+    except TimeoutError:
+        return False
+
+
+def speaks_plainly(address: tuple[str, int]) -> bool:
+    """Whether a listener that did not answer TLS answers a message that is none."""
+    with socket.create_connection(address, PATIENCE) as link:
+        link.sendall(NO_MESSAGE)
+        link.settimeout(PATIENCE)
+        return link.recv(1) not in (b"", TLS_ALERT)

@@ -11,9 +11,9 @@ import zenoh
 
 from common.errors import BusError, InputError
 from common.transport.bus import Bus
+from common.transport.channels import bus_error
+from common.transport.endpoints import why_refused
 from common.transport.session import Security, session_settings
-from common.transport.tls_probe import why_refused
-from common.transport.zenoh_errors import bus_error
 
 ATTEMPT_MS = 2_000  # to connect, until we ask why we are not let in
 UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time

@@ -1,19 +1,34 @@
-"""What a session is opened with, in the form that Zenoh reads; a router of its own reads the same."""
+"""What a session is opened with, in the form that Zenoh reads; a router of its own reads the same.
+
+The side that listens also says who may do what on the bus. What no rule allows is denied, and dropped without
+a word to who tried it. A rule is for the name that a certificate is made out to:
+
+    worker      its own keys; the frames and models of runs, to read
+    coordinator, router     everything under `gepf/`
+    any other   nothing
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from common.protocol import keys
 from common.protocol.wire import MAX_BYTES
-from common.transport.access import access_control
 from common.transport.credentials import Credentials
 
 LEASE_MS = 1_000  # a peer that is silent for so long is gone
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
 WAIT_BEFORE_CLOSE_US = 1_500_000  # above the lease, or a lost worker's token stays
 FOR_EVER_MS = -1
+COORDINATOR = "coordinator"
+ROUTER = "router"
+IN, OUT = "ingress", "egress"
+READ = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
+SERVE = ("declare_queryable", "reply", "liveliness_token")
+PUBLISH = ("put", "delete")
+Rules = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,4 +86,44 @@ def encryption(credentials: Credentials) -> dict[str, Any]:
             "connect_certificate": cert,
             "connect_private_key": key,
         },
+    }
+
+
+def access_control(workers: Sequence[str]) -> Rules:
+    """Rules that let in these workers, coordinators and routers, and our own workers through a socket."""
+    everything = ["everything of ours"]
+    rules = [
+        allow(everything[0], (IN, OUT), (*READ, *SERVE, *PUBLISH), keys.ALL),
+        allow("ask a run", (IN,), READ, keys.READABLE),
+        allow("be sent to by a run", (OUT,), (*SERVE, *PUBLISH), keys.READABLE),
+    ]
+    subjects = [
+        {"id": "our own", "link_protocols": ["unixsock-stream"]},
+        {"id": "the same side", "cert_common_names": [COORDINATOR, ROUTER]},
+    ]
+    policies = [{"rules": everything, "subjects": ["our own", "the same side"]}]
+    for worker in workers:
+        be, hear = f"be {worker}", f"hear as {worker}"
+        own = (keys.worker_all(worker),)
+        rules.append(allow(be, (IN,), (*SERVE, "declare_liveliness_subscriber", "liveliness_query"), own))
+        rules.append(allow(hear, (OUT,), ("query", "liveliness_token", "reply"), own))
+        subjects.append({"id": worker, "cert_common_names": [worker]})
+        policies.append({"rules": [be, hear, "ask a run", "be sent to by a run"], "subjects": [worker]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def allow(name: str, flows: Iterable[str], messages: Iterable[str], key_expressions: Iterable[str]) -> Rules:
+    """One rule."""
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": list(flows),
+        "messages": list(messages),
+        "key_exprs": list(key_expressions),
     }

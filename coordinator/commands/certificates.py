@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from coordinator.commands.options.arguments import CertificateOptions
 from coordinator.commands.options.choices import at_least
+from coordinator.security.access import choose_names
 from coordinator.security.certificates import make_certificates
-from coordinator.security.roster import choose_names
 
 
 def run_certificates(options: CertificateOptions, say: Callable[[str], None]) -> None:

@@ -13,8 +13,8 @@ from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
 from common.protocol.keys import check_stream
 from common.transport.bus import Bus
+from common.transport.channels import Publisher
 from common.transport.opening import open_coordinator, open_worker
-from common.transport.publishers import Publisher
 from coordinator.commands.console.interrupts import INTERRUPTS
 from coordinator.commands.console.progress import Show
 from coordinator.commands.options.arguments import PublishOptions, SecurityOptions

@@ -5,8 +5,8 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 
-from common.transport.access import ROUTER
 from common.transport.opening import open_router
+from common.transport.session import ROUTER
 from coordinator.commands.options.arguments import RouterOptions, SecurityOptions
 from coordinator.commands.options.choices import secure
 

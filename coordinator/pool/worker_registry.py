@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from common.protocol import keys
 from common.transport.bus import Bus
-from common.transport.requests import Asker
+from common.transport.channels import Asker
 from coordinator.pool.dispatch.hearing import REQUEST_TIMEOUT
 from coordinator.pool.local_workers import LocalWorkers
 from coordinator.pool.no_worker_timeout import NoWorkerTimeout

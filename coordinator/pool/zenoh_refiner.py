@@ -22,9 +22,9 @@ from common.protocol.messages import OfSizes, RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body, Sized, as_sizes
+from common.transport.channels import Publisher
 from common.transport.endpoints import LOCAL
 from common.transport.opening import open_coordinator
-from common.transport.publishers import Publisher
 from coordinator.pool.exchange import Exchange
 from coordinator.pool.local_workers import LocalWorkers, private_folder
 from coordinator.pool.options import Pool, no_worker_timeout

@@ -20,6 +20,7 @@ from common.errors import ProtocolError
 from common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
 from common.protocol.frames import decode_frame, decode_live, encode_frame
 from common.protocol.messages import (
+    MAX_REASON,
     OfSizes,
     decode_refined,
     decode_refusal,
@@ -29,7 +30,7 @@ from common.protocol.messages import (
     encode_request,
 )
 from common.protocol.models import MODEL_ARRAYS, decode_model
-from common.protocol.wire import LIVE, MAX_BYTES, MAX_REASON, PROTOCOL
+from common.protocol.wire import LIVE, MAX_BYTES, PROTOCOL
 from common.refinement import Refined
 from tests.support.messages.kinds import (
     COUNT,
@@ -375,9 +376,9 @@ BAD = {
     ),
     "picked order": ("frame", set_to("picked", value=packed(np.array([5, 5], np.uint32))), "ascending order"),
     "depth size": ("frame", set_to("intrinsics", "width", value=31), r"expected \(32, 31\)"),
-    "focal": ("frame", set_to("intrinsics", "fx", value=0.0), "must be above zero"),
-    "nan camera": ("frame", set_to("intrinsics", "cy", value=float("nan")), "camera holds values"),
-    "scale": ("frame", set_to("depth_scale", value=-1.0), "must be above zero"),
+    "focal": ("frame", set_to("intrinsics", "fx", value=0.0), "a focal length is 0, expected"),
+    "nan camera": ("frame", set_to("intrinsics", "cy", value=float("nan")), "centre is nan"),
+    "scale": ("frame", set_to("depth_scale", value=-1.0), "depth scale is -1, expected"),
     "time": ("frame", set_to("time_s", value=float("inf")), "time holds values"),
     "kinds range": (
         "frame",

@@ -40,8 +40,8 @@ from common.protocol.messages import (
 from common.protocol.models import decode_model, encode_model
 from common.settings import RefineSettings, preset
 from common.transport.bus import Bus
+from common.transport.channels import FramePublisher
 from common.transport.opening import open_worker
-from common.transport.publishers import FramePublisher
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.messages.extremes import Extremes

@@ -25,8 +25,8 @@ from common.refinement import Refined, concatenate
 from common.settings import RefineSettings
 from common.sizes import Sized, Sizes
 from common.transport.bus import Bus
+from common.transport.channels import WAITING_REQUESTS, Arrivals, Request
 from common.transport.opening import open_coordinator, open_router, open_worker
-from common.transport.requests import WAITING_REQUESTS, Arrivals, Request
 from coordinator.pool.dispatch.scheduler import REFUSALS_LEAST
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner

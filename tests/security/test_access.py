@@ -13,9 +13,9 @@ import pytest
 from common.errors import InputError
 from common.protocol import keys
 from common.protocol.messages import encode_request
+from common.transport.endpoints import why_refused
 from common.transport.opening import open_router, open_session, open_worker
 from common.transport.session import Security
-from common.transport.tls_probe import why_refused
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.certificates import make_certificates

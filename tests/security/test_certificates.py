@@ -9,8 +9,8 @@ import pytest
 
 from common.errors import InputError
 from common.transport.credentials import check_holder, holder_of
+from coordinator.security.access import read_roster
 from coordinator.security.certificates import make_certificates
-from coordinator.security.roster import read_roster
 from tests.support.processes.certificates import Folder, make_folder
 
 

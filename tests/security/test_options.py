@@ -11,8 +11,7 @@ from common.transport.credentials import Credentials, check_holder, holder_of, r
 from common.transport.endpoints import check_endpoint, check_listening, host_and_port, is_loopback
 from common.transport.session import Security
 from coordinator.cli import main
-from coordinator.security.roster import choose_names
-from coordinator.security.tls import TlsFiles, choose_security
+from coordinator.security.access import TlsFiles, choose_names, choose_security
 from tests.support.processes.certificates import Folder
 
 LISTENING = {

@@ -10,9 +10,9 @@ import pytest
 from common.errors import BusError, InputError
 from common.protocol import keys
 from common.transport.credentials import Credentials
+from common.transport.endpoints import why_refused
 from common.transport.opening import open_coordinator, open_router, open_session, open_worker
 from common.transport.session import Security, session_settings
-from common.transport.tls_probe import why_refused
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.certificates import STRANGER, Folder, free_port

@@ -8,12 +8,11 @@ import msgspec
 
 from common.errors import InputError
 from common.settings import Settings
-from common.transport.access import COORDINATOR
-from common.transport.session import Security
+from common.transport.session import COORDINATOR, Security
 from coordinator.commands.options.arguments import SecurityOptions
 from coordinator.filters.methods import find_method, settings_for
 from coordinator.pool.options import Pool
-from coordinator.security.tls import TlsFiles, choose_security
+from coordinator.security.access import TlsFiles, choose_security
 
 LARGEST_NOISE = 1.0  # metres
 

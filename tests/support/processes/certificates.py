@@ -7,12 +7,10 @@ import socket
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.transport.access import COORDINATOR, ROUTER
 from common.transport.credentials import Credentials
-from common.transport.session import Security
-from coordinator.security.authority import Holder, issue
-from coordinator.security.certificates import find_authority, make_certificates, save
-from coordinator.security.roster import read_roster
+from common.transport.session import COORDINATOR, ROUTER, Security
+from coordinator.security.access import read_roster
+from coordinator.security.certificates import Holder, find_authority, issue, make_certificates, save
 
 WORKERS = ("w0", "w1")
 STRANGER = "stranger"  # signed, but not listed

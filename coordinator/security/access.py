@@ -1,12 +1,18 @@
-"""The workers that are let in: a text file beside the authority's certificate, one name a line."""
+"""Whom a run or router lets in, and which certificate it shows.
+
+The workers that are let in stand in a text file beside the certificate of the authority, one name a line.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from common.errors import InputError
 from common.protocol.keys import check_name
-from common.transport.access import COORDINATOR, ROUTER
+from common.transport.credentials import check_holder, read_credentials
+from common.transport.endpoints import check_endpoint, check_listening
+from common.transport.session import COORDINATOR, ROUTER, Security
 
 ROSTER = "workers.txt"
 
@@ -43,3 +49,35 @@ def check_worker(name: str) -> str:
     if name in (COORDINATOR, ROUTER):
         raise InputError(f"a worker cannot be called '{name}'; give another name")
     return check_name("worker name", name)
+
+
+@dataclass(frozen=True, slots=True)
+class TlsFiles:
+    """Who we are to others: the certificate of who signs all, our own, and its key; all three or none."""
+
+    ca: str | Path | None = None
+    cert: str | Path | None = None
+    key: str | Path | None = None
+
+
+def choose_security(
+    listen: str | None,
+    connect: str | None,
+    files: TlsFiles,
+    *,
+    holder: str = COORDINATOR,
+    insecure: bool = False,
+) -> Security | None:
+    """Certificate and access rules for these endpoints; None for neither.
+
+    InputError for a certificate that is not `holder`'s, and for listening where strangers could come in.
+    """
+    credentials = read_credentials(files.ca, files.cert, files.key)
+    if listen is not None:
+        check_listening(listen, credentials, insecure=insecure)
+    if connect is not None:
+        check_endpoint("--connect", connect, credentials)
+    if credentials is None:
+        return None
+    check_holder(credentials, holder)
+    return Security(credentials, None if listen is None else read_roster(credentials.ca))

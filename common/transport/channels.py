@@ -1,22 +1,84 @@
-"""Requests to one worker: as the coordinator sends them, and as the worker receives them."""
+"""What goes over a session: published frames and messages, and requests to a worker, on both sides."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import zenoh
-from zenoh import handlers
+from zenoh import ext, handlers
 
-from common.transport.zenoh_errors import bus_error, mapped
+from common.errors import BusError
 
 WAITING_REQUESTS = 64  # at one worker; the oldest is dropped, and so sent elsewhere
 SIGNALS_S = 0.2  # between looks for a signal that came just before a wait, which it would not end
-
 Payload = Callable[[bytes], None]
+
+
+@contextmanager
+def mapped(doing: str) -> Iterator[None]:
+    """Turn Zenoh's errors into BusError, without the places in its sources."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise bus_error(doing, error) from error
+
+
+def bus_error(doing: str, error: zenoh.ZError) -> BusError:
+    """An error of Zenoh's as one of ours."""
+    return BusError(f"{doing}: {plain(str(error))}")
+
+
+def plain(text: Any) -> str:
+    """Zenoh's message up to where it names its own source files."""
+    return re.split(r"\.? at /", str(text), maxsplit=1)[0]
+
+
+class FramePublisher:
+    """Publishes frames under their numbers."""
+
+    def __init__(self, publisher: ext.AdvancedPublisher) -> None:
+        self._publisher = publisher
+
+    def put(self, number: int, payload: bytes) -> None:
+        """Publish one frame. A subscriber that is too slow for it can fetch it by number."""
+        with mapped("publishing a frame"):
+            self._publisher.put(payload, attachment=str(number))
+
+
+class Publisher:
+    """Publishes messages; what an overloaded link cannot take is dropped."""
+
+    def __init__(self, session: zenoh.Session, publisher: zenoh.Publisher) -> None:
+        self._session = session
+        self._publisher = publisher
+
+    @property
+    def followed(self) -> bool:
+        """Whether anybody listens."""
+        with mapped("looking for listeners"):
+            return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
+
+    def put(self, payload: bytes) -> None:
+        """Publish a message."""
+        with mapped(f"publishing on {self._publisher.key_expr}"):
+            self._publisher.put(payload)
+
+    def put_surely(self, payload: bytes) -> None:
+        """Publish a message that waits for its turn on an overloaded link."""
+        with mapped(f"publishing on {self._publisher.key_expr}"):
+            key, block = self._publisher.key_expr, zenoh.CongestionControl.BLOCK
+            self._session.put(key, payload, congestion_control=block)
+
+
+def number_of(attachment: zenoh.ZBytes | None) -> int | None:
+    """A frame's number from its attachment; None where that is no number."""
+    text = b"" if attachment is None else attachment.to_bytes()
+    return int(text) if re.fullmatch(rb"[0-9]{1,15}", text) else None
 
 
 class Requests:
