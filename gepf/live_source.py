@@ -61,6 +61,16 @@ class LiveSource(Closing):
         return self._frames.counts.skipped
 
     @property
+    def rejected(self) -> int:
+        """How many of them were of another camera, or of the past, and were left out."""
+        return self._frames.counts.rejected
+
+    @property
+    def stream(self) -> int:
+        """Changes before the first image of another stream; tracking has to start anew with it."""
+        return self._frames.stream
+
+    @property
     def malformed(self) -> int:
         """How many messages came besides that make no sense."""
         return self._frames.counts.malformed

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
+from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import DepthFrame
 from common.protocol.frames import decode_live
 from common.protocol.keys import check_stream
 
 SCHEME = "zenoh:"
-NOTICE = 5.0  # seconds without a frame until we say so
+NOTICE_S = 5.0  # without a frame until that is reported
+NEW_STREAM_FRAMES = 5  # that fit each other
 
 
 def live_key(sequence: Path) -> str | None:
@@ -25,30 +30,58 @@ def live_key(sequence: Path) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class LiveCounts:
-    """What has become of the messages that came."""
+    """What has become of the messages that came. Received frames are tracked, skipped or rejected."""
 
     received: int = 0  # depth frames
-    skipped: int = 0  # of them: a newer one came before they could be tracked
-    malformed: int = 0  # not among them: messages that make no sense
+    skipped: int = 0  # a newer one came before they could be tracked
+    other_size: int = 0  # rejected: not of the stream's width and height
+    other_intrinsics: int = 0  # rejected: not of the stream's camera
+    other_depth_scale: int = 0  # rejected: not in the stream's units
+    out_of_order: int = 0  # rejected: number or time not after those of the frame before
+    malformed: int = 0  # not received: messages that make no sense
+
+    @property
+    def rejected(self) -> int:
+        """Depth frames that do not belong to the stream."""
+        return self.other_size + self.other_intrinsics + self.other_depth_scale + self.out_of_order
+
+
+class Header(NamedTuple):
+    """What has to agree, or to go on, from frame to frame of a stream."""
+
+    camera: Intrinsics
+    depth_scale: float
+    number: int
+    time_s: float
 
 
 class LiveFrames:
     """The newest frame whenever one is asked for; iterates until the stream ends.
 
+    All frames of a stream have one size, camera and depth scale, and their numbers and times increase. A
+    frame that does not fit is rejected and counted. `NEW_STREAM_FRAMES` frames that fit each other, while
+    none comes that fits the stream, begin another stream: the publisher was started again, or there is
+    another camera. `stream` counts these; it changes just before the first frame of a new stream is yielded,
+    and tracking has to start anew with that frame.
+
     Messages are received on a thread of the bus. `report` is called with a line for people when the stream
-    is silent, and at the first message that makes no sense. The stream also ends when it was silent for
-    `idle` seconds; None to wait for ever.
+    is silent, when a new one begins, and at the first frame that is rejected for each cause. The stream also
+    ends when it was silent for `idle` seconds; None to wait for ever.
     """
 
     def __init__(
-        self, key: str, report: Callable[[str], None], notice: float = NOTICE, idle: float | None = None
+        self, key: str, report: Callable[[str], None], notice: float = NOTICE_S, idle: float | None = None
     ) -> None:
+        self.stream = 0  # of the frame that was yielded last
         self._key = key
         self._idle = math.inf if idle is None else idle
         self._notice = notice
         self._report = report
         self._changed = threading.Condition()
-        self._newest: DepthFrame | None = None
+        self._newest: tuple[int, DepthFrame] | None = None  # its stream, and what waits to be yielded
+        self._last: Header | None = None  # of the last frame that was accepted
+        self._last_stream = 0
+        self._rejected: deque[Header] = deque(maxlen=2 * NEW_STREAM_FRAMES)  # since then
         self._ended = False
         self._counts = LiveCounts()
 
@@ -63,14 +96,20 @@ class LiveFrames:
         try:
             frame = decode_live(payload)
         except ProtocolError as error:
-            self._count_malformed(error)
+            with self._changed:
+                first = self._count("malformed") == 1
+            if first:
+                self._report(f"a message on {self._key} makes no sense: {error}")
             return
+        said = None
         with self._changed:
             if frame is None:
                 self._ended = True
             elif not self._ended:
-                self._keep(frame)
+                said = self._accept(frame)
             self._changed.notify_all()
+        if said is not None:
+            self._report(said)
 
     def end(self) -> None:
         """End the stream as its publisher does: who waits for a frame gets those that came, and no more."""
@@ -79,17 +118,34 @@ class LiveFrames:
             self._changed.notify_all()
 
     def __iter__(self) -> Iterator[DepthFrame]:
-        while (frame := self._take()) is not None:
+        while (taken := self._take()) is not None:
+            self.stream, frame = taken
             yield frame
 
-    def _keep(self, frame: DepthFrame) -> None:
-        counts = self._counts
-        skipped = counts.skipped + (self._newest is not None)
-        self._counts = replace(counts, received=counts.received + 1, skipped=skipped)
-        self._newest = frame
+    def _accept(self, frame: DepthFrame) -> str | None:
+        """Keep a frame that belongs to the stream or begins another; gives what is to be reported, if any."""
+        header = Header(frame.intrinsics, frame.depth_scale, frame.number, frame.time_s)
+        self._count("received")
+        misfit = None if self._last is None else find_misfit(header, self._last)
+        if misfit is not None:
+            self._rejected.append(header)
+            if not is_a_stream([other for other in self._rejected if other[:2] == header[:2]]):
+                cause, words = misfit
+                first = self._count(cause) == 1
+                return f"a frame on {self._key} {words}; such frames are left out" if first else None
+            self._last_stream += 1
+        if self._newest is not None:
+            self._count("skipped")
+        self._newest = self._last_stream, frame
+        self._last = header
+        self._rejected.clear()
+        if misfit is None:
+            return None
+        size = f"{header.camera.width}x{header.camera.height}"
+        return f"another stream of frames, {size}, has begun on {self._key}; tracking starts anew"
 
-    def _take(self) -> DepthFrame | None:
-        """The newest frame as soon as there is one; None at the end."""
+    def _take(self) -> tuple[int, DepthFrame] | None:
+        """The newest frame and its stream, as soon as there is one; None at the end."""
         with self._changed:
             if not self._wait(min(self._notice, self._idle)) and self._notice < self._idle:
                 self._report(f"no frame comes on {self._key}; waiting for one")
@@ -97,8 +153,8 @@ class LiveFrames:
             if not self._is_ready():
                 self._report(f"no frame came on {self._key} for {self._idle:g} s; ending")
                 self._ended = True
-            frame, self._newest = self._newest, None
-            return frame
+            taken, self._newest = self._newest, None
+            return taken
 
     def _wait(self, seconds: float) -> bool:
         return self._changed.wait_for(self._is_ready, None if math.isinf(seconds) else seconds)
@@ -106,12 +162,36 @@ class LiveFrames:
     def _is_ready(self) -> bool:
         return self._newest is not None or self._ended
 
-    def _count_malformed(self, error: ProtocolError) -> None:
-        with self._changed:
-            malformed = self._counts.malformed + 1
-            self._counts = replace(self._counts, malformed=malformed)
-        if malformed == 1:
-            self._report(f"a message on {self._key} makes no sense: {error}")
+    def _count(self, name: str) -> int:
+        """One more of them; gives how many there are now."""
+        number: int = getattr(self._counts, name) + 1
+        self._counts = replace(self._counts, **{name: number})
+        return number
+
+
+def find_misfit(frame: Header, last: Header) -> tuple[str, str] | None:
+    """Why a frame cannot follow another one, as the name of its count and in words; None if it can."""
+    camera, other = frame.camera, last.camera
+    if (camera.width, camera.height) != (other.width, other.height):
+        return (
+            "other_size",
+            f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}",
+        )
+    if camera != other:
+        return "other_intrinsics", "has other intrinsics than those before"
+    if frame.depth_scale != last.depth_scale:
+        scales = f"{frame.depth_scale:g} units of depth per metre, those before {last.depth_scale:g}"
+        return "other_depth_scale", f"has {scales}"
+    if frame.number <= last.number or frame.time_s <= last.time_s:
+        placed = f"is number {frame.number} of {frame.time_s:g} s"
+        return "out_of_order", f"{placed}, the one before number {last.number} of {last.time_s:g} s"
+    return None
+
+
+def is_a_stream(frames: Sequence[Header]) -> bool:
+    """Whether the last `NEW_STREAM_FRAMES` frames of one camera follow each other."""
+    last = frames[-NEW_STREAM_FRAMES:]
+    return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))
 
 
 def from_first_seen(frames: Iterator[DepthFrame], report: Callable[[str], None]) -> Iterator[DepthFrame]:

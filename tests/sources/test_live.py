@@ -20,17 +20,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
-from common.protocol.wire import LIVE
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
 from coordinator.results.log import read_log
 from coordinator.results.track import read_track
-from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
 from tests.support.asked import Asked, refining
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import started, wait_until
@@ -62,82 +59,6 @@ def image(number: int, depth: int = 2000) -> DepthFrame:
     seen = np.zeros((CAMERA.height, CAMERA.width), dtype=np.uint16)
     seen[8:24, 8:24] = depth
     return DepthFrame(number, number / 30, seen, 1000.0, CAMERA)
-
-
-def heard(notice: float = 60.0) -> tuple[LiveFrames, list[str]]:
-    """Live frames, and what is reported."""
-    said: list[str] = []
-    return LiveFrames(KEY, said.append, notice), said
-
-
-def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
-    """Whoever asks gets the frame that came last, each once; the end comes after the last frame."""
-    frames, said = heard()
-    numbers = iter(frames)
-    for number in (0, 1, 2):
-        frames.receive(encode_live(image(number)))
-    assert next(numbers).number == 2
-    frames.receive(encode_live(image(3)))
-    assert next(numbers).number == 3
-    for message in (encode_live(image(4)), encode_live_end(), encode_live(image(5))):
-        frames.receive(message)
-    assert [frame.number for frame in numbers] == [4]
-    assert frames.counts == LiveCounts(received=5, skipped=2, malformed=0)
-    assert said == []
-
-
-def test_what_makes_no_sense_is_counted_and_reported_once() -> None:
-    """Rubbish does not displace a frame that waits, and does not end the stream."""
-    frames, said = heard()
-    frames.receive(encode_live(image(7)))
-    for rubbish in (
-        b"",
-        b"\xc1" * 100,
-        encode_live(image(8)).replace(b"version" + bytes([LIVE]), b"version\x09"),
-    ):
-        frames.receive(rubbish)
-    frames.receive(encode_live_end())
-    assert [frame.number for frame in frames] == [7]
-    assert frames.counts == LiveCounts(received=1, skipped=0, malformed=3)
-    assert said == [
-        f"a message on {KEY} makes no sense: not a live-frame or live-end message: Input data was truncated"
-    ]
-
-
-def test_a_frame_is_waited_for_and_silence_is_reported() -> None:
-    """Who asks too early gets the frame when it comes; after a while the silence is reported."""
-    frames, said = heard(notice=0.05)
-    threading.Timer(0.2, lambda: frames.receive(encode_live(image(1)))).start()
-    assert next(iter(frames)).number == 1
-    assert said == [f"no frame comes on {KEY}; waiting for one"]
-
-
-def test_a_stream_whose_publisher_died_is_over_after_a_while() -> None:
-    """The frame that waits is still given; then silence ends it, with a line. A frame starts it anew."""
-    said: list[str] = []
-    frames = LiveFrames(KEY, said.append, notice=60.0, idle=0.3)
-    frames.receive(encode_live(image(1)))
-    numbers = iter(frames)
-    assert next(numbers).number == 1
-    threading.Timer(0.1, lambda: frames.receive(encode_live(image(2)))).start()
-    assert [frame.number for frame in numbers] == [2]
-    assert said == [f"no frame came on {KEY} for 0.3 s; ending"]
-
-
-def test_nothing_starts_from_frames_without_depth() -> None:
-    """Empty frames before the first with depth are passed over, which is said once; later ones count."""
-    frames = [image(0, depth=0), image(1, depth=0), image(2), image(3, depth=0)]
-    said: list[str] = []
-    assert [frame.number for frame in from_first_seen(iter(frames), said.append)] == [2, 3]
-    assert said == ["frames come, but nothing is measured in them; waiting for one that shows depth"]
-
-
-@pytest.mark.parametrize("key", ["", "/a", "../a", "a/*", "a?b", "a b", "@adv/x", "x" * 99])
-def test_a_key_names_one_place(key: str) -> None:
-    """Patterns and malformed keys are refused in a line that shows a good one."""
-    with pytest.raises(InputError, match="such as camera/depth"):
-        live_key(Path("zenoh:" + key))
-    assert live_key(Path("recording")) is None
 
 
 class Still:
@@ -263,6 +184,28 @@ def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_pat
     assert summary["frames_skipped"] == 30 - len(track.frame) > 10
     assert track.frame[-1] == 29
     assert np.all(np.diff(track.frame) > 0)
+
+
+def test_a_frame_of_another_camera_is_left_out_and_counted(
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A frame of another size, and one of the past, do not reach the tracker; that is reported."""
+    small = replace(image(3), depth=image(3).depth[:16], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 16))
+    shown = [image(1), image(2), small, image(1), image(4)]
+
+    def rest(stop: threading.Event) -> None:
+        stop.wait(0.3)
+
+    with staged(endpoint, [*map(encode_live, shown), encode_live_end()], rest, Finder()):
+        assert track_live(endpoint, tmp_path / "run", "--no-pictures") == 0
+    track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
+    assert track.frame[-1] == 4
+    assert np.all(np.diff(track.frame) > 0)
+    assert summary["frames_received"] == 5
+    assert (summary["frames_other_size"], summary["frames_out_of_order"]) == (1, 1)
+    lines = capsys.readouterr().err
+    assert "is 32x16, those before 32x32; such frames are left out" in lines
+    assert "is number 1 of 0.0333333 s, the one before number 2 of 0.0666667 s" in lines
 
 
 def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_path: Path) -> None:

@@ -1,0 +1,226 @@
+"""Frames of a live stream: the newest is yielded, what does not belong to it is rejected and counted."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.frame import DepthFrame
+from common.protocol.frames import encode_live, encode_live_end
+from common.protocol.wire import LIVE
+from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
+
+KEY = "camera/depth"
+CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)
+LONG = Intrinsics(4, 3, 11.0, 10.0, 2.0, 1.5)
+WIDE = Intrinsics(6, 3, 10.0, 10.0, 3.0, 1.5)
+
+
+def image(
+    number: int,
+    time_s: float | None = None,
+    camera: Intrinsics = CAMERA,
+    depth_scale: float = 1000.0,
+    depth: int = 2000,
+) -> DepthFrame:
+    """A frame that shows a wall; by default of the camera that all tests begin with."""
+    seen = np.full((camera.height, camera.width), depth, dtype=np.uint16)
+    return DepthFrame(number, number / 30 if time_s is None else time_s, seen, depth_scale, camera)
+
+
+def opened(notice: float = 60.0, idle: float | None = None) -> tuple[LiveFrames, list[str]]:
+    """Live frames, and what is reported."""
+    reports: list[str] = []
+    return LiveFrames(KEY, reports.append, notice, idle), reports
+
+
+def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
+    """Each iteration yields the frame that came last, each once; the end comes after the last frame."""
+    frames, reports = opened()
+    numbers = iter(frames)
+    for number in (0, 1, 2):
+        frames.receive(encode_live(image(number)))
+    assert next(numbers).number == 2
+    frames.receive(encode_live(image(3)))
+    assert next(numbers).number == 3
+    for message in (encode_live(image(4)), encode_live_end(), encode_live(image(5))):
+        frames.receive(message)
+    assert [frame.number for frame in numbers] == [4]
+    assert frames.counts == LiveCounts(received=5, skipped=2)
+    assert reports == []
+
+
+def test_malformed_messages_are_counted_and_reported_once() -> None:
+    """They do not displace a frame that waits, and do not end the stream."""
+    frames, reports = opened()
+    frames.receive(encode_live(image(7)))
+    other_version = encode_live(image(8)).replace(b"version" + bytes([LIVE]), b"version\x09")
+    for malformed in (b"", b"\xc1" * 100, other_version):
+        frames.receive(malformed)
+    frames.receive(encode_live_end())
+    assert [frame.number for frame in frames] == [7]
+    assert frames.counts == LiveCounts(received=1, malformed=3)
+    assert reports == [
+        f"a message on {KEY} makes no sense: not a live-frame or live-end message: Input data was truncated"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("odd", "count", "line"),
+    [
+        (image(3, camera=WIDE), "other_size", "is 6x3, those before 4x3"),
+        (image(3, camera=LONG), "other_intrinsics", "has other intrinsics"),
+        (image(3, depth_scale=5000.0), "other_depth_scale", "has 5000 units of depth per metre"),
+        (image(2), "out_of_order", "is number 2 of 0.0666667 s"),
+        (image(3, time_s=0.01), "out_of_order", "is number 3 of 0.01 s"),
+        (image(1, time_s=9.0), "out_of_order", "is number 1 of 9 s"),
+    ],
+)
+def test_an_odd_frame_is_rejected(odd: DepthFrame, count: str, line: str) -> None:
+    """It is counted by its cause, reported the first time, and the stream goes on."""
+    frames, reports = opened()
+    numbers = iter(frames)
+    frames.receive(encode_live(image(2)))
+    assert next(numbers).number == 2
+    for message in (odd, odd, image(4), odd, image(5)):
+        frames.receive(encode_live(message))
+    assert next(numbers).number == 5
+    assert frames.stream == 0
+    assert frames.counts == replace(LiveCounts(received=6, skipped=1), **{count: 3})
+    assert frames.counts.rejected == 3
+    assert len(reports) == 1
+    assert reports[0].startswith(f"a frame on {KEY} {line}")
+
+
+@pytest.mark.parametrize(
+    "other", [{"camera": WIDE}, {"depth_scale": 5000.0}, {}], ids=["camera", "scale", "start"]
+)
+def test_frames_that_fit_each_other_are_a_new_stream(other: dict[str, object]) -> None:
+    """A camera that changes its mode, or a publisher that starts again from 0: tracking starts anew."""
+    frames, reports = opened()
+    numbers = iter(frames)
+    for number in range(100, 103):
+        frames.receive(encode_live(image(number)))
+    for number in range(5):
+        assert frames.stream == 0
+        frames.receive(encode_live(image(number, **other)))  # type: ignore[arg-type]
+    frame = next(numbers)
+    assert (frames.stream, frame.number) == (1, 4)
+    assert frames.counts.rejected == 4
+    assert len(reports) == 2
+    assert reports[1].endswith("tracking starts anew")
+    frames.receive(encode_live(image(103)))
+    frames.receive(encode_live(image(5, **other)))  # type: ignore[arg-type]
+    assert next(numbers).number == (5 if other else 103)
+    assert frames.stream == 1
+
+
+def test_two_cameras_on_one_key_leave_the_first_one_tracked() -> None:
+    """And where both start again, tracking goes on with one of them."""
+    frames, _ = opened()
+    numbers = iter(frames)
+    yielded: list[tuple[int, Intrinsics]] = []
+    for _ in range(2):
+        for number in range(40):
+            frames.receive(encode_live(image(number, camera=WIDE if number % 2 else CAMERA)))
+            counts = frames.counts
+            if counts.received - counts.skipped - counts.rejected > len(yielded):
+                yielded.append((frames.stream, next(numbers).intrinsics))
+    assert [camera for _, camera in yielded] == [CAMERA] * (20 + 16)
+    assert frames.stream == 1
+
+
+runs = st.lists(
+    st.tuples(
+        st.sampled_from([CAMERA, WIDE, LONG]),
+        st.sampled_from([1000.0, 5000.0]),
+        st.integers(0, 30),  # first number
+        st.floats(0.0, 30.0),  # first time
+        st.integers(-1, 3),  # from number to number
+        st.sampled_from([-1.0, 0.0, 0.1, 1.0]),  # from time to time
+        st.integers(1, 10),  # frames
+    ),
+    max_size=12,
+)
+
+
+@given(runs, st.data())
+def test_a_stream_never_changes_silently(
+    runs: list[tuple[Intrinsics, float, int, float, int, float, int]], data: st.DataObject
+) -> None:
+    """Law: frames yielded with one `stream` have one camera and scale; their numbers and times increase."""
+    frames, _ = opened()
+    numbers = iter(frames)
+    yielded: list[tuple[int, DepthFrame]] = []
+
+    def take() -> None:
+        counts = frames.counts
+        waiting = counts.received - counts.skipped - counts.rejected - len(yielded)
+        assert waiting in (0, 1)
+        if waiting:
+            frame = next(numbers)
+            yielded.append((frames.stream, frame))
+
+    for camera, scale, number, time_s, step, interval, length in runs:
+        for k in range(length):
+            frames.receive(
+                encode_live(image(max(0, number + k * step), time_s + k * interval, camera, scale))
+            )
+            if data.draw(st.booleans()):
+                take()
+        if length >= 8 and step > 0 and interval > 0.0:
+            take()
+            assert yielded[-1][1].intrinsics == camera
+            assert yielded[-1][1].time_s == time_s + (length - 1) * interval
+    for (stream, before), (next_stream, after) in pairwise(yielded):
+        if stream == next_stream:
+            assert (before.intrinsics, before.depth_scale) == (after.intrinsics, after.depth_scale)
+            assert before.depth.shape == after.depth.shape
+            assert before.number < after.number
+            assert before.time_s < after.time_s
+        else:
+            assert stream < next_stream
+
+
+def test_a_frame_is_waited_for_and_silence_is_reported() -> None:
+    """An iteration that begins too early gets the frame when it comes; after a while silence is reported."""
+    frames, reports = opened(notice=0.05)
+    threading.Timer(0.2, lambda: frames.receive(encode_live(image(1)))).start()
+    assert next(iter(frames)).number == 1
+    assert reports == [f"no frame comes on {KEY}; waiting for one"]
+
+
+def test_a_stream_whose_publisher_died_is_over_after_a_while() -> None:
+    """The frame that waits is still given; then silence ends it, with a line. A frame restarts the clock."""
+    frames, reports = opened(idle=0.3)
+    frames.receive(encode_live(image(1)))
+    numbers = iter(frames)
+    assert next(numbers).number == 1
+    threading.Timer(0.1, lambda: frames.receive(encode_live(image(2)))).start()
+    assert [frame.number for frame in numbers] == [2]
+    assert reports == [f"no frame came on {KEY} for 0.3 s; ending"]
+
+
+def test_nothing_starts_from_frames_without_depth() -> None:
+    """Empty frames before the first with depth are passed over, which is reported once; later ones count."""
+    frames = [image(0, depth=0), image(1, depth=0), image(2), image(3, depth=0)]
+    reports: list[str] = []
+    assert [frame.number for frame in from_first_seen(iter(frames), reports.append)] == [2, 3]
+    assert reports == ["frames come, but nothing is measured in them; waiting for one that shows depth"]
+
+
+@pytest.mark.parametrize("key", ["", "/a", "../a", "a/*", "a?b", "a b", "@adv/x", "x" * 99])
+def test_a_key_names_one_place(key: str) -> None:
+    """Patterns and malformed keys are refused in a line that shows a good one."""
+    with pytest.raises(InputError, match="such as camera/depth"):
+        live_key(Path("zenoh:" + key))
+    assert live_key(Path("recording")) is None
