@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from common.errors import ProtocolError
+from common.refinement import triangle_size
 from common.settings import RefineSettings
-from common.triangles import triangle_size
 
 MAX_PARTICLES = 100_000  # of one batch
 MAX_ITERATIONS = 100

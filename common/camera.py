@@ -6,6 +6,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+
+STRAIGHT_DOWN = 0.1  # sine of the angle between the line of sight and the vertical
+
 
 class Intrinsics(msgspec.Struct, frozen=True):
     """Pinhole intrinsics in pixels, without distortion."""
@@ -36,3 +40,19 @@ def back_project(depth_m: NDArray[np.floating], camera: Intrinsics) -> NDArray[n
     return np.stack(
         [(u - camera.cx) / camera.fx * depth_m, (v - camera.cy) / camera.fy * depth_m, depth_m], axis=-1
     )
+
+
+def level_from_camera(up: Array | None) -> Array:
+    """The rotation (3, 3) into axes that are the camera's, had it been held level: x right, y down, z ahead.
+
+    Args:
+        up: Unit vector (3,) away from the ground, camera frame; None where it is not known: no rotation.
+    """
+    if up is None:
+        return np.eye(3)
+    down = -np.asarray(up, dtype=np.float64) / np.linalg.norm(up)
+    ahead = np.array([0.0, 0.0, 1.0]) - down[2] * down
+    if np.linalg.norm(ahead) < STRAIGHT_DOWN:  # then what is at the picture's top is ahead
+        ahead = np.array([0.0, -1.0, 0.0]) + down[1] * down
+    ahead /= np.linalg.norm(ahead)
+    return np.stack([np.cross(down, ahead), down, ahead])

@@ -19,7 +19,7 @@ Sensor = Literal["distance", "camera"]
 """What a pose is held against: the distances of observed points alone, or all that a camera tells.
 
 That is empty space, too, and points that belong to nobody, and where depth is by far the noisiest, soft
-correspondences, for as many iterations more. `worker.kernel.packing` has the numbers of both choices.
+correspondences, for as many iterations more. `worker.kernel.parameters` has the numbers of both choices.
 """
 
 

@@ -15,10 +15,9 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from common.body import ROTATION, BodyModel
-from common.camera import back_project
+from common.camera import back_project, level_from_camera
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
-from common.level import level_from_camera
 from coordinator.pictures.overlay import bones
 from coordinator.pictures.plots import STATUS
 from coordinator.results.track import Track

@@ -11,7 +11,7 @@ from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
-from worker.kernel.job import refine
+from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
 
 

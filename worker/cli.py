@@ -26,9 +26,7 @@ from common.transport.credentials import Credentials, check_holder, holder_of, r
 from common.transport.endpoints import check_endpoint
 from common.transport.session import Security
 from worker.activity import StatusLine, counted
-from worker.admission import check_admission
-from worker.connection import Destination, checked_timeout, connect_to
-from worker.health import check_alive
+from worker.connection import Destination, check_admission, check_alive, checked_timeout, connect_to
 from worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
@@ -174,8 +172,7 @@ def serve_session(identity: Identity, kernel: Kernel[Any], *, quiet: bool) -> bo
 def load_kernel(lanes: int = 1) -> Kernel[Any]:
     """The kernel, compiled and loaded, on so many lanes."""
     from worker.kernel.observation import observe
-    from worker.lanes import Lanes
-    from worker.side_by_side import SideBySide
+    from worker.lanes import Lanes, SideBySide
     from worker.warm_up import warm_up
 
     side_by_side = SideBySide(Lanes(lanes))

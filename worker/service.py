@@ -1,4 +1,4 @@
-"""The worker's loop: a request's bytes in, refine, the reply's bytes out.
+"""The worker's loop: a request's bytes in, refine, the reply's bytes out; runs take turns.
 
 What a worker remembers, frames and models, only saves it from asking again: a result depends on its
 request alone.
@@ -7,6 +7,7 @@ request alone.
 from __future__ import annotations
 
 import logging
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -27,15 +28,55 @@ from common.sizes import Body
 from common.transport.bus import Bus
 from common.transport.channels import Request, Requests
 from worker.activity import Activity
-from worker.contents import Contents
-from worker.dead_link import DeadLink
-from worker.fair_queue import FairQueue
-from worker.store import Memory, RunMemory
+from worker.connection import DeadLink
+from worker.memory import Contents, Memory, RunMemory
+
+T = TypeVar("T")
+
+MOST = 64  # requests that may wait
+
 
 log = logging.getLogger(__name__)
-
 O = TypeVar("O")  # noqa: E741 - what `observe` makes of a frame
 O_contra = TypeVar("O_contra", contravariant=True)
+
+
+class FairQueue(Generic[T]):
+    """Requests in the order they came within a run, and round-robin between runs."""
+
+    def __init__(self) -> None:
+        self._waiting: OrderedDict[str, deque[T]] = OrderedDict()  # whose turn it is first
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
+
+    def put(self, run: str, request: T) -> T | None:
+        """Add a request; a run that had none waiting comes last. Returns the request dropped for it, if any.
+
+        When too many wait, that is the oldest of the run that has most of them.
+        """
+        self._waiting.setdefault(run, deque()).append(request)
+        if sum(map(len, self._waiting.values())) <= MOST:
+            return None
+        longest = max(self._waiting, key=lambda name: len(self._waiting[name]))
+        oldest = self._waiting[longest].popleft()
+        if not self._waiting[longest]:
+            del self._waiting[longest]
+        return oldest
+
+    def take(self) -> T:
+        """Remove the next request and return it; IndexError if none waits."""
+        if not self._waiting:
+            raise IndexError("no request waits")
+        run, requests = self._waiting.popitem(last=False)
+        request = requests.popleft()
+        if requests:
+            self._waiting[run] = requests
+        return request
+
+    def forget(self, run: str) -> list[T]:
+        """Remove all requests of a run and return them."""
+        return list(self._waiting.pop(run, ()))
 
 
 class Refine(Protocol[O_contra]):

@@ -25,7 +25,7 @@ from common.camera import Intrinsics
 from common.settings import RefineSettings, preset
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from tests.support.kernel import plain_path
-from worker.kernel.job import refine
+from worker.kernel.icp import refine
 
 POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS, SEED = 10_000, 3, 51, 3, 0
 LARGE = Intrinsics(1920, 1440, 3 * CAMERA.fx, 3 * CAMERA.fy, 959.5, 719.5)

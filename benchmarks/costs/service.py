@@ -39,8 +39,7 @@ from coordinator.pool.local_workers import COMMAND
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.tracking.observing.sensor_noise import SensorNoise
-from worker.lanes import Lanes
-from worker.side_by_side import SideBySide
+from worker.lanes import Lanes, SideBySide
 
 Array = NDArray[np.float64]
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from benchmarks.costs.standing import Case
 from common.kinematics.chain import forward_kinematics
-from common.kinematics.limits import clamp_to_limits
+from common.kinematics.manifold import clamp_to_limits
 from common.settings import RefineSettings
+from worker.kernel.correspondence import find_correspondences
+from worker.kernel.gauss_newton import minimise, over_relax
 from worker.kernel.icp import solver_parameters
 from worker.kernel.likelihood import evaluate
-from worker.kernel.packing import pack_observation, pack_parameters
-from worker.kernel.search.warm_start import find_correspondences
-from worker.kernel.solver.gauss_newton import minimise, over_relax
+from worker.kernel.observation import pack_observation
+from worker.kernel.parameters import pack_parameters
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_surface, repose_visible, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
@@ -66,7 +67,7 @@ def descend(case: Case, settings: RefineSettings) -> Counter[str]:
             repose_visible(pose, visible, skeleton, surface, workspace.transforms, workspace.visibility)
             clock.lap("pose")
         before[:] = pose
-        last_count = find_correspondences(visible, last_count, surface, packed, parameters, workspace)
+        last_count = find_correspondences(visible, last_count, surface, packed, workspace)
         clock.lap("closest points")
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         clock.lap("moments")

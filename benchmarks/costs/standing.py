@@ -18,8 +18,7 @@ from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
-from worker.kernel.observation import Observation, observe
-from worker.kernel.packing import pack_observation
+from worker.kernel.observation import Observation, observe, pack_observation
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import update_visibility
 from worker.kernel.workspace import make_workspace

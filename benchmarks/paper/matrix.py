@@ -11,7 +11,7 @@ from common.settings import Settings
 from coordinator.filters.annealed import ANNEALED
 from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
-from worker.kernel.packing import pack_parameters
+from worker.kernel.parameters import pack_parameters
 
 NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 SEEDS = 10

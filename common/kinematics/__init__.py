@@ -6,10 +6,15 @@ joints, `rotations` what they all stand on. The functions that take a `BodyModel
 compiled kernels from their modules.
 """
 
-from common.kinematics.chain import dof_transforms, link_transforms, step_axes
-from common.kinematics.limits import natural_angles, within_limits
-from common.kinematics.manifold import difference, retract
-from common.kinematics.skinning import bounding_box, joint_positions, pose_vertices
+from common.kinematics.chain import (
+    bounding_box,
+    dof_transforms,
+    joint_positions,
+    link_transforms,
+    pose_vertices,
+    step_axes,
+)
+from common.kinematics.manifold import difference, natural_angles, retract, within_limits
 
 __all__ = [
     "bounding_box",

@@ -40,9 +40,8 @@ from common.protocol.wire import (
     pack,
     unpack,
 )
-from common.refinement import Refined
+from common.refinement import Refined, row_starts, triangle_size
 from common.settings import RefineSettings
-from common.triangles import row_starts, triangle_size
 
 MAX_REASON = 1_000  # characters
 

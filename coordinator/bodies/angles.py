@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.level import level_from_camera
+from common.camera import level_from_camera
 from coordinator.bodies.human.dofs import JOINT_ANGLES
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.skeleton import ARM_TILT, Dof, Skeleton, build_skeleton

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.level import level_from_camera
+from common.camera import level_from_camera
 from coordinator.results.track import (
     Track,
     TrackedBody,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.compiling import numba
 from common.kinematics import difference
-from common.triangles import lower_triangular
+from common.refinement import lower_triangular
 
 Array = NDArray[np.float64]
 

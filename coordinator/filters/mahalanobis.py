@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.compiling import numba
-from common.kinematics.arrays import contiguous
+from common.kinematics.chain import contiguous
 from common.kinematics.manifold import ball_vector
 from common.kinematics.rotations import handedness
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from common.kinematics.arrays import contiguous
+from common.kinematics.chain import contiguous
 from coordinator.tracking.certainty.certainty import OFF, PROBABLE, SUSPECTED, Certainty
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.search.watch import Watch

@@ -49,7 +49,7 @@ from tests.support.messages.kinds import KINDS
 from tests.support.messages.mutator import Mutator
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import MODEL, POSES, expected, refined_bytes, running, serving
-from worker.kernel.job import refine
+from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 from worker.service import Batch, Kernel, Service
 from worker.warm_up import tiny_frame, warm_up

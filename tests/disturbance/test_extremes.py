@@ -14,19 +14,18 @@ from numpy.typing import NDArray
 from common.bounds import LARGEST_LOG_LIKELIHOOD, LARGEST_POSE, MOST_PIXELS, check_work
 from common.errors import ProtocolError
 from common.protocol.messages import decode_refined, encode_refined
-from common.refinement import Refined
+from common.refinement import Refined, triangle_size
 from common.settings import RefineSettings, preset
-from common.triangles import triangle_size
 from coordinator.filters.gradient_enhanced import begin
 from tests.disturbance.fuzz import fuzz_kernel
 from tests.support.filtering import advance
 from tests.support.messages.extremes import Extremes
 from tests.support.processes.serving import MODEL, POSES
-from worker.kernel.icp import reject_diverged
-from worker.kernel.job import refine
+from worker.kernel.icp import refine, reject_diverged
 from worker.kernel.observation import observe
 from worker.kernel.surface import pack_model
-from worker.kernel.visibility import LARGEST_SIDE, SPARE, make_visibility_buffers, rasterise_front
+from worker.kernel.visibility import rasterise_front
+from worker.kernel.workspace import LARGEST_SIDE, ROW_PADDING, make_visibility_buffers
 from worker.warm_up import tiny_frame, tiny_model
 
 
@@ -103,7 +102,7 @@ def test_drawing_ends() -> None:
     view = make_visibility_buffers(3 * (full + 1))
     view.image[:] = np.tile(corners, (full + 1, 1))
     view.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
-    buffer = np.empty((side, side + SPARE), dtype=np.float32)
+    buffer = np.empty((side, side + ROW_PADDING), dtype=np.float32)
     triangles = np.arange(3 * (full + 1), dtype=np.uint32).reshape(-1, 3)
     rasterise_front(view, triangles, 0, 0, buffer)
     assert np.all(view.front)

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from common.body import BodyModel
-from common.camera import Intrinsics
+from common.camera import Intrinsics, level_from_camera
 from common.kinematics.rotations import euler_angles, euler_matrix
-from common.level import level_from_camera
 from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
 from coordinator.results.log import floor_up

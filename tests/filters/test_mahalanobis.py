@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from common.body import ROTATION
 from common.kinematics import difference, retract
-from common.refinement import Refined
+from common.refinement import Refined, lower_triangular, triangle_size
 from common.settings import preset
-from common.triangles import lower_triangular, triangle_size
 from coordinator.filters.covariance import TARGET_WORTH, estimate_covariances, found_by_descent, shrink
 from coordinator.filters.gradient_enhanced import begin, propose, update
 from coordinator.filters.mahalanobis import VALLEY, merge_by_mahalanobis

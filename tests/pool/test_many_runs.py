@@ -32,9 +32,8 @@ from tests.support.processes.serving import (
     refined_bytes,
     running,
 )
-from worker.fair_queue import MOST, FairQueue
-from worker.service import Kernel, Service
-from worker.store import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
+from worker.memory import FRAMES_OF_RUN, MODELS_OF_RUN, RUNS, Memory
+from worker.service import MOST, FairQueue, Kernel, Service
 
 
 @given(st.lists(st.sampled_from("abc"), max_size=30))

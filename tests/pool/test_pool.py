@@ -43,12 +43,11 @@ from tests.support.processes.serving import (
     refined_bytes,
     serving,
 )
-from worker.kernel.job import refine as real_refine
+from worker.kernel.icp import refine as real_refine
 from worker.kernel.observation import observe as real_observe
-from worker.lanes import Lanes
+from worker.lanes import Lanes, SideBySide
+from worker.memory import Memory, Recent
 from worker.service import Kernel
-from worker.side_by_side import SideBySide
-from worker.store import Memory, Recent
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])

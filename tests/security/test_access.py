@@ -23,7 +23,7 @@ from tests.support.processes.certificates import STRANGER, WORKERS, Folder, free
 from tests.support.processes.programs import INSTANT, started, wait_until
 from tests.support.processes.secure import listening, secure_worker
 from tests.support.processes.serving import REQUEST, expected, refined_bytes, serving
-from worker.admission import check_admission
+from worker.connection import check_admission
 
 SHORT = 0.3  # seconds in which something that must not happen would have happened
 
@@ -70,7 +70,7 @@ def test_other_workers_name_is_never_seen(place: str, ours: Folder) -> None:
         refiner.wait_for(1)
         with secure_worker(place, ours, "w0", claim="w1") as bus:
             with pytest.raises(InputError, match=r"does not let .*w0\.pem be worker 'w1'; have 'w1' listed"):
-                check_admission(bus, "w1", [place], Security(ours.of("w0")), patience=1.0)
+                check_admission(bus, "w1", [place], Security(ours.of("w0")), patience_s=1.0)
             for number in range(3):
                 assert refined_bytes(refiner, number) == expected(number)
         assert refiner.statistics.workers_seen == ("w0",)
@@ -90,7 +90,7 @@ def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
             assert bus.fetch(keys.run_model(refiner.run, "*"), 1.0) is None
             assert refined_bytes(refiner, 2) == expected(2)
             with pytest.raises(InputError, match=f"be worker '{STRANGER}'; have '{STRANGER}' listed"):
-                check_admission(bus, STRANGER, [place], Security(ours.of(STRANGER)), patience=SHORT)
+                check_admission(bus, STRANGER, [place], Security(ours.of(STRANGER)), patience_s=SHORT)
         assert set(seen) <= {keys.worker_alive(STRANGER)}  # its own, which never leaves it
         assert refiner.statistics.workers_seen == ("w0",)
 

@@ -11,16 +11,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from worker.kernel.observation import BLOCK, TILE, pad_to_blocks
-from worker.kernel.search.correspondence import (
-    bounding_boxes,
-    boxes_of,
-    closest_points,
-    closest_points_from_guess,
-    make_search_buffers,
-)
-from worker.kernel.search.neighbourhoods import neighbourhoods
+from worker.kernel.correspondence import bounding_boxes, closest_points, closest_points_from_guess
+from worker.kernel.neighbourhoods import BLOCK, TILE, boxes_of, neighbourhoods
+from worker.kernel.observation import pad_to_blocks
 from worker.kernel.surface import LEAF
+from worker.kernel.workspace import make_search_buffers
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]

@@ -11,32 +11,26 @@ import pytest
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
-from common.refinement import Refined
+from common.refinement import Refined, lower_triangular, triangle_size
 from common.settings import RefineSettings
-from common.triangles import lower_triangular, triangle_size
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.finite_differences import tangents
 from tests.support.kernel.held_posterior import Held, Samples, hold, log_density
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER, TRUTH, starts, subject
 from tests.support.kernel.posterior_cases import BODIES, SETTINGS, PosteriorCase, posterior_case, random_poses
-from worker.kernel.icp import solver_parameters
-from worker.kernel.job import refine
-from worker.kernel.observation import observe
-from worker.kernel.packing import pack_observation, pack_parameters
-from worker.kernel.search.warm_start import find_correspondences
-from worker.kernel.soft.fisher_scoring import fisher_scoring_step
-from worker.kernel.soft.responsibilities import sample_distance
-from worker.kernel.soft.samples import SampleGrid, sample
-from worker.kernel.solver.covariance import fill_covariance_root
-from worker.kernel.solver.gauss_newton import minimise
-from worker.kernel.solver.priors import LIMIT_SHARE
+from worker.kernel.correspondence import find_correspondences
+from worker.kernel.gauss_newton import fill_covariance_root, minimise
+from worker.kernel.icp import refine, solver_parameters
+from worker.kernel.observation import observe, pack_observation
+from worker.kernel.parameters import pack_parameters
+from worker.kernel.priors import LIMIT_SHARE
+from worker.kernel.soft import SampleGrid, fisher_scoring_step, sample, sample_distance
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import update_visibility
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import make_workspace
-from worker.lanes import Lanes
-from worker.side_by_side import SideBySide
+from worker.lanes import Lanes, SideBySide
 
 Array = NDArray[np.float64]
 
@@ -55,12 +49,12 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
     workspace, moved = make_workspace(skeleton, surface, packed), pose.copy()
     visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
     if parameters.soft:
-        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.soft)
         exact = soft_information(of, pose, grid)
         fisher_scoring_step(moved, skeleton, surface, packed, parameters, workspace)
     else:
         exact = hard_information(of, pose)
-        find_correspondences(visible, 0, surface, packed, parameters, workspace)
+        find_correspondences(visible, 0, surface, packed, workspace)
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         once = solver_parameters(parameters, packed.count)._replace(iterations=1)
         minimise(skeleton, moved, workspace.transforms, once, workspace.equations)

@@ -16,7 +16,7 @@ from common.transport.opening import open_coordinator, open_router, open_worker
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import INSTANT, started, wait_until
 from tests.support.processes.serving import expected, pool, refined_bytes, running
-from worker.dead_link import ASKED_S, MOST_IN_VAIN, DeadLink
+from worker.connection import ASKED_S, MOST_IN_VAIN, DeadLink
 from worker.service import Service
 
 
@@ -39,7 +39,7 @@ def test_a_worker_stays_at_a_router_and_with_a_run(
     open_end: Callable[[Any], Any], endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At a router there need not be a run; a coordinator answers, though it sends no requests."""
-    monkeypatch.setattr("worker.dead_link.ASKED_S", 0.1)
+    monkeypatch.setattr("worker.connection.ASKED_S", 0.1)
     with (
         open_end([endpoint] if open_end is open_router else endpoint),
         open_worker([endpoint]) as own,
@@ -54,7 +54,7 @@ def test_a_worker_leaves_a_run_that_is_announced_and_does_not_answer(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A token may outlive its run, where the link does."""
-    monkeypatch.setattr("worker.dead_link.ASKED_S", 0.1)
+    monkeypatch.setattr("worker.connection.ASKED_S", 0.1)
     with open_coordinator([endpoint]) as silent, open_worker([endpoint]) as own:
         silent.announce(keys.run_alive("r"))
         service = Service(own, "w", KERNEL)

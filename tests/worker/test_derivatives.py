@@ -14,10 +14,10 @@ from common.kinematics import difference, pose_vertices, step_axes
 from common.kinematics.rotations import euler_matrix
 from tests.support.bodies import moves, puppet
 from tests.support.kernel.finite_differences import tangents
-from worker.kernel.robust import robust_cost, robust_weight
-from worker.kernel.solver.normal_equations import jacobian_matrix
-from worker.kernel.solver.priors import add_limit_prior, add_rest_prior, euler_rates
+from worker.kernel.normal_equations import jacobian_matrix
+from worker.kernel.priors import add_limit_prior, add_rest_prior, euler_rates
 from worker.kernel.surface import Skeleton, pack_model
+from worker.kernel.weighting import robust_cost, robust_weight
 
 Array = NDArray[np.float64]
 Prior = Callable[[Skeleton, Array, float, Array, Array], None]

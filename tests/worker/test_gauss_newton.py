@@ -24,20 +24,15 @@ from tests.support.kernel.kernel_cases import (
     starts,
     subject,
 )
-from worker.kernel.observation import observe
-from worker.kernel.packing import STEPS, pack_observation, pack_parameters
-from worker.kernel.search.warm_start import find_correspondences
-from worker.kernel.solver.gauss_newton import SolverParameters, minimise, solve_ltl
-from worker.kernel.solver.normal_equations import (
-    NormalEquations,
-    make_equations,
-    normal_equations,
-    subtree_moments,
-)
-from worker.kernel.solver.priors import LIMIT_SHARE
-from worker.kernel.solver.sums import add_correspondences
+from worker.kernel.correspondence import find_correspondences
+from worker.kernel.gauss_newton import SolverParameters, minimise, solve_ltl
+from worker.kernel.normal_equations import normal_equations, subtree_moments
+from worker.kernel.observation import observe, pack_observation
+from worker.kernel.parameters import STEPS, pack_parameters
+from worker.kernel.priors import LIMIT_SHARE
 from worker.kernel.surface import pack_model
-from worker.kernel.weighting import accumulate_correspondences
+from worker.kernel.weighting import accumulate_correspondences, add_correspondences
+from worker.kernel.workspace import NormalEquations, make_equations
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -94,7 +89,7 @@ def test_moments_match(name: str) -> None:
     skeleton, surface = pack_model(model)
     packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
     workspace, _, visible = posed_in(model, pose, settings)
-    find_correspondences(visible, 0, surface, packed, parameters, workspace)
+    find_correspondences(visible, 0, surface, packed, workspace)
     accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
     found = workspace.equations.moments, workspace.equations.crosses
     factors = plain_path.weigh_correspondences(

@@ -10,7 +10,7 @@ import pytest
 from common.errors import BusError
 from common.transport.opening import open_coordinator
 from tests.support.processes.serving import serving
-from worker.health import check_alive
+from worker.connection import check_alive
 
 PATIENCE = 0.5  # seconds
 

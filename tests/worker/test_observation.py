@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from common.camera import Intrinsics, back_project, project
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame, SubjectFrame
-from worker.kernel.observation import BLOCK, Observation, observe
-from worker.kernel.silhouette import nearest_occupied_pixels
+from worker.kernel.neighbourhoods import BLOCK
+from worker.kernel.observation import Observation, nearest_occupied_pixels, observe
 
 CAMERA = Intrinsics(40, 30, 35.0, 36.0, 18.2, 14.9)
 

@@ -15,15 +15,12 @@ from tests.support.kernel import plain_path
 from tests.support.kernel.held_posterior import Held, hold, log_posterior, slope
 from tests.support.kernel.kernel_cases import DEFAULT
 from tests.support.kernel.posterior_cases import BODIES, SETTINGS, PosteriorCase, posterior_case, random_poses
-from worker.kernel.icp import solver_parameters
-from worker.kernel.job import refine
-from worker.kernel.observation import observe
-from worker.kernel.packing import pack_observation, pack_parameters
-from worker.kernel.search.warm_start import find_correspondences
-from worker.kernel.soft.fisher_scoring import fill_soft_equations
-from worker.kernel.soft.responsibilities import sample_distance
-from worker.kernel.soft.samples import sample
-from worker.kernel.solver.gauss_newton import fill_equations
+from worker.kernel.correspondence import find_correspondences
+from worker.kernel.gauss_newton import fill_equations
+from worker.kernel.icp import refine, solver_parameters
+from worker.kernel.observation import observe, pack_observation
+from worker.kernel.parameters import pack_parameters
+from worker.kernel.soft import fill_soft_equations, sample, sample_distance
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import update_visibility
 from worker.kernel.weighting import accumulate_correspondences
@@ -43,12 +40,12 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     equations = workspace.equations
     if parameters.soft:
         fill_soft_equations(pose, skeleton, surface, packed, parameters, workspace)
-        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.soft)
         scale = of.settings.independent_points / of.settings.noise_lateral**2
         held = hold(of.model, pose, of.subject, of.settings, grid)
         return -scale / packed.count * equations.gradient, held
     visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
-    find_correspondences(visible, 0, surface, packed, parameters, workspace)
+    find_correspondences(visible, 0, surface, packed, workspace)
     accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
     equations.reference[:] = equations.moved[:] = workspace.transforms[:-1]
     fill_equations(skeleton, pose, solver_parameters(parameters, packed.count), equations)

@@ -25,8 +25,9 @@ from tests.support.kernel.kernel_cases import (
     starts,
     subject,
 )
-from worker.kernel import icp, job
-from worker.kernel.observation import BLOCK, Observation, observe
+from worker.kernel import icp
+from worker.kernel.neighbourhoods import BLOCK
+from worker.kernel.observation import Observation, observe
 
 
 @pytest.mark.parametrize("name", SETTINGS)
@@ -38,7 +39,7 @@ def test_refinement_matches(name: str) -> None:
     """
     model, settings = puppet(), SETTINGS[name]
     poses = starts(3)
-    found = job.refine(model, observe(subject()), poses, settings)
+    found = icp.refine(model, observe(subject()), poses, settings)
     expected = [plain_path.refine(model, subject(), pose, settings) for pose in poses]
     off = np.abs(found.poses - np.array([pose for pose, _, _ in expected])).max(axis=1)
     assert np.median(off) < 1e-6
@@ -53,10 +54,10 @@ def test_refinement_matches(name: str) -> None:
 def test_a_batch_is_its_particles_one_by_one() -> None:
     """Poses, likelihoods and residuals have the same bytes in any batch, in any order."""
     model, observation, poses = puppet(), observe(subject()), starts(5)
-    together = job.refine(model, observation, poses, DEFAULT)
-    backward = job.refine(model, observation, np.asfortranarray(poses[::-1]), DEFAULT)
+    together = icp.refine(model, observation, poses, DEFAULT)
+    backward = icp.refine(model, observation, np.asfortranarray(poses[::-1]), DEFAULT)
     for n in range(len(poses)):
-        alone = job.refine(model, observation, poses[n : n + 1], DEFAULT)
+        alone = icp.refine(model, observation, poses[n : n + 1], DEFAULT)
         for field in ("poses", "log_likelihood", "residual"):
             mine = getattr(alone, field)[0].tobytes()
             assert getattr(together, field)[n].tobytes() == mine
@@ -74,7 +75,7 @@ def test_what_was_refined_before_leaves_nothing_behind() -> None:
     ]
 
     def refine(which: int) -> bytes:
-        found = job.refine(*asked[which])
+        found = icp.refine(*asked[which])
         return found.poses.tobytes() + found.log_likelihood.tobytes() + found.residual.tobytes()
 
     alone = [refine(which) for which in range(len(asked))]
@@ -87,9 +88,9 @@ def test_what_was_refined_before_leaves_nothing_behind() -> None:
 def test_without_iterations_poses_are_only_evaluated() -> None:
     """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them."""
     model, observation = puppet(), observe(subject())
-    refined = job.refine(model, observation, starts(3), DEFAULT)
+    refined = icp.refine(model, observation, starts(3), DEFAULT)
     assess = msgspec.structs.replace(DEFAULT, icp_iterations=0)
-    assessed = job.refine(model, observation, refined.poses, assess)
+    assessed = icp.refine(model, observation, refined.poses, assess)
     np.testing.assert_array_equal(assessed.poses, refined.poses)
     np.testing.assert_array_equal(assessed.log_likelihood, refined.log_likelihood)
     np.testing.assert_array_equal(assessed.residual, refined.residual)
@@ -99,7 +100,7 @@ def test_what_is_asked_for_is_not_changed() -> None:
     """The poses of a request stay as they were, and need not be writable."""
     poses = starts(2)
     poses.setflags(write=False)
-    refined = job.refine(puppet(), observe(subject()), poses, DEFAULT)
+    refined = icp.refine(puppet(), observe(subject()), poses, DEFAULT)
     assert refined.poses.flags.writeable
     np.testing.assert_array_equal(poses, starts(2))
 
@@ -112,8 +113,8 @@ def test_padding_does_not_count() -> None:
     points = observation.points.copy()
     points[POINTS:] = points[:1] + np.float32(0.5)
     for settings in (PAPER, DEFAULT):
-        one = job.refine(puppet(), observation, starts(2), settings)
-        other = job.refine(puppet(), replace(observation, points=points), starts(2), settings)
+        one = icp.refine(puppet(), observation, starts(2), settings)
+        other = icp.refine(puppet(), replace(observation, points=points), starts(2), settings)
         np.testing.assert_allclose(other.poses, one.poses, atol=1e-9)
         np.testing.assert_allclose(other.log_likelihood, one.log_likelihood, rtol=1e-9)
         np.testing.assert_allclose(other.residual, one.residual, rtol=1e-9)
@@ -127,7 +128,7 @@ def test_a_body_that_is_nowhere_in_sight_is_impossible() -> None:
     model = replace(
         model, vertices=model.vertices - (model.skin_links[:, :1] == 0) * np.array([0.0, 0.0, 9.0])
     )
-    found = job.refine(model, observe(subject()), behind[None], PAPER)
+    found = icp.refine(model, observe(subject()), behind[None], PAPER)
     np.testing.assert_array_equal(found.poses[0], behind)
     assert found.log_likelihood[0] == -np.inf
     assert found.residual[0] == np.inf
@@ -142,7 +143,7 @@ def observe_few() -> Observation:
 
 def test_nothing_compiles_in_mid_run() -> None:
     """After the first particle no kernel is compiled for other bodies, frames, batches or settings."""
-    job.refine(puppet(), observe(subject()), starts(1), PAPER)
+    icp.refine(puppet(), observe(subject()), starts(1), PAPER)
     pose = np.zeros((2, len(person().dof_names)))
     gc.unfreeze()  # a worker in this process would have hidden them
     kernels = [
@@ -153,7 +154,7 @@ def test_nothing_compiles_in_mid_run() -> None:
     assert len(before) > 20
     pose[:, 2] = 2.0
     for settings in SETTINGS.values():
-        job.refine(person(), observe_few(), pose, settings)
+        icp.refine(person(), observe_few(), pose, settings)
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
     assert len(icp.refine_next.signatures) == 1

@@ -12,10 +12,10 @@ from common.errors import ProtocolError
 from common.refinement import Refined
 from tests.support.bodies import hinges, puppet
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER, starts, subject
-from worker.kernel.job import refine
-from worker.kernel.observation import BLOCK, observe
-from worker.lanes import Lanes
-from worker.side_by_side import SideBySide
+from worker.kernel.icp import refine
+from worker.kernel.neighbourhoods import BLOCK
+from worker.kernel.observation import observe
+from worker.lanes import Lanes, SideBySide
 
 
 def as_bytes(refined: Refined) -> bytes:

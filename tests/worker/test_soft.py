@@ -22,16 +22,21 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
-from worker.kernel.job import refine
+from worker.kernel.icp import refine
 from worker.kernel.likelihood import mean_log_density
-from worker.kernel.observation import Observation, observe
-from worker.kernel.packing import KernelParameters, PackedObservation, pack_observation, pack_parameters
-from worker.kernel.soft.fisher_scoring import accumulate_scores, fill_soft_equations
-from worker.kernel.soft.responsibilities import OUTLIER_DENSITY, decay, sample_distance
-from worker.kernel.soft.samples import SampleGrid, sample
-from worker.kernel.solver.normal_equations import NormalEquations
+from worker.kernel.observation import Observation, PackedObservation, observe, pack_observation
+from worker.kernel.parameters import KernelParameters, pack_parameters
+from worker.kernel.soft import (
+    OUTLIER_DENSITY,
+    SampleGrid,
+    accumulate_scores,
+    decay,
+    fill_soft_equations,
+    sample,
+    sample_distance,
+)
 from worker.kernel.surface import Skeleton, pack_model
-from worker.kernel.workspace import Workspace, make_workspace
+from worker.kernel.workspace import NormalEquations, Workspace, make_workspace
 
 Array = NDArray[np.float64]
 
@@ -78,7 +83,7 @@ def packed_up(
     packed, parameters = pack_observation(seen(0, FEW), settings), pack_parameters(settings)
     workspace = make_workspace(skeleton, surface, packed)
     fill_soft_equations(truth, skeleton, surface, packed, parameters, workspace)  # poses the surface
-    grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+    grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.soft)
     return skeleton, packed, parameters, workspace, grid
 
 

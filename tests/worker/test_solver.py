@@ -19,7 +19,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
 from tests.support.bodies import person
-from worker.kernel.job import refine
+from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
 
 Array = NDArray[np.float64]

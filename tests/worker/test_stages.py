@@ -20,9 +20,9 @@ from tests.support.kernel.kernel_cases import (
     starts,
     subject,
 )
-from worker.kernel.observation import observe
-from worker.kernel.packing import pack_observation, pack_parameters
-from worker.kernel.search.warm_start import find_correspondences
+from worker.kernel.correspondence import find_correspondences
+from worker.kernel.observation import observe, pack_observation
+from worker.kernel.parameters import pack_parameters
 from worker.kernel.surface import pack_model, weights_first
 
 
@@ -71,7 +71,7 @@ def test_correspondences_match(name: str) -> None:
     pose = near()
     packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
     workspace, posed, visible = posed_in(model, pose, settings)
-    find_correspondences(visible, 0, pack_model(model)[1], packed, parameters, workspace)
+    find_correspondences(visible, 0, pack_model(model)[1], packed, workspace)
     index, squared = workspace.search.closest, workspace.search.squared
     points = packed.points[:, :POINTS].T / np.array([1.0, 1.0, parameters.stretch])
     expected, apart = plain_path.closest_points(points, posed[visible], settings)

@@ -11,7 +11,8 @@ from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES, Scene
-from worker.kernel.visibility import TOLERANCE, make_visibility_buffers, visible_vertices
+from worker.kernel.visibility import TOLERANCE, visible_vertices
+from worker.kernel.workspace import make_visibility_buffers
 
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
 SEEN, HIDDEN = 0.003, TOLERANCE + 0.02  # metres behind the z-buffer

@@ -3,32 +3,41 @@
 Closest points hold the model back: iterations lead the same way with ever shorter steps. So preset `default`
 over-relaxes each iteration but the last (it goes twice as far) and determines once which points are visible.
 
-A particle's result depends on its own pose, the model, the observation and the settings; never on the
-batch it came in.
+Any number of lanes refine the particles of one request together: every lane takes them one by one from a
+counter that all share, so that none idles while another has two left. A particle's result depends on its own
+pose, the model, the observation and the settings; never on the lane that took it, or on its batch.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from common.bounds import LARGEST_POSE
+from common.bounds import LARGEST_POSE, check_work
 from common.compiling import numba
-from common.kinematics.limits import clamp_to_limits
+from common.kinematics.manifold import clamp_to_limits
+from common.refinement import Refined, triangle_size
+from common.settings import RefineSettings
+from common.sizes import Body, parts_of
+from worker.kernel.correspondence import find_correspondences
+from worker.kernel.gauss_newton import SolverParameters, fill_covariance_root, minimise, over_relax
 from worker.kernel.likelihood import evaluate
-from worker.kernel.packing import KernelParameters, PackedObservation
-from worker.kernel.search.warm_start import find_correspondences
+from worker.kernel.observation import Observation, PackedObservation, pack_observation
+from worker.kernel.parameters import KernelParameters, pack_parameters
+from worker.kernel.priors import LIMIT_SHARE
 from worker.kernel.shared_counter import take_next
-from worker.kernel.soft.fisher_scoring import fisher_scoring_step
-from worker.kernel.solver.covariance import fill_covariance_root
-from worker.kernel.solver.gauss_newton import SolverParameters, minimise, over_relax
-from worker.kernel.solver.priors import LIMIT_SHARE
-from worker.kernel.surface import Skeleton, Surface
+from worker.kernel.soft import fisher_scoring_step
+from worker.kernel.surface import Skeleton, Surface, pack_model
 from worker.kernel.visibility import repose_visible, update_visibility
 from worker.kernel.weighting import accumulate_correspondences, metric_of
-from worker.kernel.workspace import Workspace
+from worker.kernel.workspace import Workspace, make_workspace
 
 Array = NDArray[np.float64]
+
+
+MOST_AT_ONCE = 16  # particles that a lane refines in one call, so that it can react to signals in between
 
 
 @numba.njit(cache=True, nogil=True)
@@ -99,7 +108,7 @@ def refine_particle(
             last_count = 0
             break
         before[:] = pose
-        last_count = find_correspondences(visible, last_count, surface, observed, parameters, workspace)  # 4c
+        last_count = find_correspondences(visible, last_count, surface, observed, workspace)  # 4c
         accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
         minimise(skeleton, pose, transforms, solver, workspace.equations)  # 4d
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
@@ -121,3 +130,120 @@ def solver_parameters(parameters: KernelParameters, count: int) -> SolverParamet
         LIMIT_SHARE * count,
         parameters.gauss_newton_iterations,
     )
+
+
+class Job(NamedTuple):
+    """Particles of one body, which lanes share."""
+
+    skeleton: Skeleton
+    surface: Surface
+    observed: PackedObservation
+    parameters: KernelParameters
+    before: Array  # (N, D)
+    poses: Array  # (N, D) refined in place
+    log_likelihood: Array  # (N,)
+    residual: Array  # (N,) metres
+    covariance_roots: NDArray[np.float32]  # (N, D (D + 1) / 2); (N, 0) where nobody asks for them
+    counter: NDArray[np.int64]  # (1,) the next particle that nobody has taken
+
+
+class Jobs(NamedTuple):
+    """The particles of a request: a job for each of their bodies, which hold parts of what is refined."""
+
+    each: list[Job]
+    refined: Refined
+
+
+def refine(
+    body: Body,
+    observation: Observation,
+    poses: NDArray[np.float64],
+    settings: RefineSettings,
+    *,
+    covariance: bool = False,
+) -> Refined:
+    """Refine particles, one after another.
+
+    Args:
+        body: Of all particles, or of each.
+        observation: The frame's observed points, camera frame, metres.
+        poses: Particles (N, D) before their descent, metres and radians.
+        settings: How to refine.
+        covariance: Whether it is asked for, too.
+
+    Returns:
+        Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order given.
+
+    Raises:
+        ProtocolError: The work would not end within any sensible time.
+    """
+    jobs = make_jobs(body, observation, poses, settings, covariance=covariance)
+    for job in jobs.each:
+        work_on(job, make_workspace(job.skeleton, job.surface, job.observed))
+    return finish(jobs)
+
+
+def make_jobs(
+    body: Body,
+    observation: Observation,
+    poses: NDArray[np.float64],
+    settings: RefineSettings,
+    *,
+    covariance: bool = False,
+) -> Jobs:
+    """Pack the particles of a request; arguments and errors as of `refine`."""
+    observed, parameters = pack_observation(observation, settings), pack_parameters(settings)
+    before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
+    roots = np.empty((len(poses), triangle_size(poses.shape[1]) if covariance else 0), np.float32)
+    refined = Refined(
+        before.copy(), np.empty(len(poses)), np.empty(len(poses)), roots if covariance else None
+    )
+    jobs = []
+    for model, start, stop in parts_of(body, len(poses)):
+        check_work(settings, poses.shape, observation.count, len(model.vertices))
+        particles = slice(start, stop)
+        jobs.append(
+            Job(
+                *pack_model(model),
+                observed,
+                parameters,
+                before[particles],
+                refined.poses[particles],
+                refined.log_likelihood[particles],
+                refined.residual[particles],
+                roots[particles],
+                np.zeros(1, dtype=np.int64),
+            )
+        )
+    return Jobs(jobs, refined)
+
+
+def work_on(job: Job, workspace: Workspace) -> None:
+    """Refine particles that no other lane has taken, until there are no more."""
+    while refine_next(
+        job.counter,
+        MOST_AT_ONCE,
+        job.poses,
+        job.skeleton,
+        job.surface,
+        job.observed,
+        job.parameters,
+        workspace,
+        job.log_likelihood,
+        job.residual,
+        job.covariance_roots,
+    ):
+        pass
+
+
+def abandon(jobs: Jobs) -> None:
+    """Have all lanes stop after the particle that they are at."""
+    for job in jobs.each:
+        job.counter[0] = len(job.poses)
+
+
+def finish(jobs: Jobs) -> Refined:
+    """What came out, when every lane has returned."""
+    for job in jobs.each:
+        reject_diverged(job.before, job.poses, job.log_likelihood, job.residual)
+    return jobs.refined

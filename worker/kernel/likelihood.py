@@ -4,7 +4,7 @@ The paper says only "calculated from the residual error". Here the log posterior
 
     -1/2 (mean over observed points of rho(d_i) + w_f mean over visible model points of rho(f_v) + prior) / T
 
-with the prior that the descent has, too (see `solver.priors`), d_i the distance of an observed point from
+with the prior that the descent has, too (see `priors`), d_i the distance of an observed point from
 its closest visible model point and f_v the distance by which a model point lies where the camera saw
 nothing, both in units of the lateral noise, and rho the squared distance, or what a robust kernel makes of
 it. With soft correspondences the points' mean log density takes the place of both, and nothing is said of
@@ -21,24 +21,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from worker.kernel.observation import BLOCK
-from worker.kernel.packing import KernelParameters, PackedObservation
-from worker.kernel.robust import robust_cost
-from worker.kernel.search.correspondence import SearchBuffers
-from worker.kernel.search.warm_start import find_correspondences
-from worker.kernel.soft.responsibilities import (
+from worker.kernel.correspondence import find_correspondences
+from worker.kernel.neighbourhoods import BLOCK
+from worker.kernel.observation import PackedObservation
+from worker.kernel.parameters import KernelParameters
+from worker.kernel.priors import prior_cost
+from worker.kernel.soft import (
     OUTLIER_DENSITY,
-    SoftBuffers,
+    SampleGrid,
     compute_responsibilities,
+    sample,
     sample_distance,
     sample_radius,
 )
-from worker.kernel.soft.samples import SampleGrid, sample
-from worker.kernel.solver.priors import prior_cost
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import update_visibility
-from worker.kernel.weighting import find_silhouette_points
-from worker.kernel.workspace import Workspace
+from worker.kernel.weighting import find_silhouette_points, robust_cost
+from worker.kernel.workspace import SearchBuffers, SoftBuffers, Workspace
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint32]  # of vertices
@@ -61,11 +60,11 @@ def evaluate(
     visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
     if len(visible) == 0 or observed.count == 0:
         return -np.inf, np.inf
-    find_correspondences(visible, last_count, surface, observed, parameters, workspace)
+    find_correspondences(visible, last_count, surface, observed, workspace)
     residual = mean_distance(observed, parameters, workspace.search)
     prior = prior_cost(skeleton, pose, parameters.rest_weight)
     if parameters.soft:
-        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.samples)
+        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.soft)
         log_density = mean_log_density(grid, observed, parameters, workspace.soft)
         cost = 0.5 * prior / parameters.noise_lateral**2
         return parameters.independent_points * (log_density - cost), residual

@@ -6,6 +6,8 @@ Done once per frame and shared by all its particles.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +15,13 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.compiling import numba
 from common.frame import EMPTY, UNMEASURED, SubjectFrame
-from worker.kernel.search.neighbourhoods import neighbourhoods
-from worker.kernel.silhouette import nearest_occupied_pixels
+from common.settings import RefineSettings
+from worker.kernel.neighbourhoods import BLOCK, TILE, boxes_of, neighbourhoods
 
-TILE = 16  # points that are searched for together
-BLOCK = 64  # points that share a list of candidates
+Pixels = NDArray[np.int32]
+
+FAR = -1  # no row: no occupied pixel in a column
+KEPT = 2  # packed observations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +38,23 @@ class Observation:
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
     view: NDArray[np.int64]  # (4,)
+
+
+class PackedObservation(NamedTuple):
+    """An observation for the kernel, depth stretched so that noise is alike in all directions."""
+
+    points: NDArray[np.float32]  # (3, blocks * BLOCK) metres, z times `stretch`
+    blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
+    tiles: NDArray[np.float32]  # (6, tiles) and of smaller parts
+    count: int  # type: ignore[assignment]  # tuples have a method of that name
+    emptiness: NDArray[np.float32]  # (H, W) 0 to 1
+    nearest: NDArray[np.int32]  # (2, H, W)
+    seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    stretch: float  # lateral over depth noise
 
 
 def observe(subject: SubjectFrame) -> Observation:
@@ -91,3 +112,95 @@ def pad_to_blocks(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """Points filled up to whole blocks with copies of the last."""
     missing = -len(points) % BLOCK
     return np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])
+
+
+def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
+    """Pack an observation in the metric of the noise; those that were asked for last are kept."""
+    return stretch(observation, settings.noise_lateral / settings.noise_depth)
+
+
+@lru_cache(maxsize=KEPT)
+def stretch(observation: Observation, ratio: float) -> PackedObservation:
+    """Pack an observation, its depths multiplied by a ratio."""
+    points = np.ascontiguousarray(observation.points.T)
+    points[2] *= np.float32(ratio)
+    camera = observation.camera
+    return PackedObservation(
+        points,
+        boxes_of(points, BLOCK),
+        boxes_of(points, TILE),
+        observation.count,
+        observation.emptiness,
+        observation.nearest,
+        observation.view,
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+        ratio,
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_occupied_pixels(occupied: NDArray[np.bool_]) -> Pixels:
+    """Row and column (2, H, W) of the nearest occupied pixel; its own where there is none.
+
+    Exact, in two passes (Meijster, Roerdink and Hesselink, 2000): along columns, and then along rows by the
+    lower envelope of the parabolas that the columns leave. scipy.ndimage finds the same, but its import would
+    be a quarter of a worker's start.
+    """
+    height, width = occupied.shape
+    found = np.empty((2, height, width), dtype=np.int32)
+    nearest_rows(occupied, found[0])
+    row, best, start = found[0].copy(), np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
+    for v in range(height):
+        last = lower_envelope(v, row[v], best, start)
+        for u in range(width - 1, -1, -1):
+            if last < 0:
+                found[0, v, u], found[1, v, u] = v, u
+                continue
+            found[0, v, u], found[1, v, u] = row[v, best[last]], best[last]
+            if u == start[last]:
+                last -= 1
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_rows(occupied: NDArray[np.bool_], out: Pixels) -> None:
+    """Fill out (H, W) with the row of the nearest occupied pixel in the same column, FAR without any."""
+    height, width = occupied.shape
+    for v in range(height):
+        for u in range(width):
+            above = out[v - 1, u] if v > 0 else FAR
+            out[v, u] = v if occupied[v, u] else above
+    for v in range(height - 2, -1, -1):
+        for u in range(width):
+            below = out[v + 1, u]
+            if below != FAR and (out[v, u] == FAR or below - v < v - out[v, u]):
+                out[v, u] = below
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def lower_envelope(v: int, row: Pixels, best: NDArray[np.int64], start: NDArray[np.int64]) -> int:
+    """Which columns are nearest along row v: best[k] from column start[k] on; gives the last k, -1 for none.
+
+    row (W,) holds the nearest row in each column.
+    """
+    last = -1
+    for u in range(len(row)):
+        if row[u] == FAR:
+            continue
+        high, begins = (v - row[u]) ** 2, 0
+        while last >= 0:
+            other = best[last]
+            lead = u * u - other * other + high - (v - row[other]) ** 2
+            begins = int(np.floor(lead / (2.0 * (u - other)))) + 1  # of equally near columns the first stays
+            if begins > start[last]:
+                break
+            last -= 1
+        if last < 0:
+            begins = 0
+        if begins < len(row):
+            last += 1
+            best[last], start[last] = u, begins
+    return last

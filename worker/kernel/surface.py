@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
 from common.compiling import numba
-from worker.kernel.search.neighbourhoods import neighbourhoods
+from worker.kernel.neighbourhoods import neighbourhoods
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

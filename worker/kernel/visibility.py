@@ -6,8 +6,6 @@ of about PIXEL metres at the body's distance, whatever the real camera's resolut
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +15,7 @@ from common.kinematics.chain import forward_kinematics
 from worker.kernel.drawing import LANES, draw_row
 from worker.kernel.rows import pose_lanes
 from worker.kernel.surface import Skeleton, Surface
+from worker.kernel.workspace import LARGEST_SIDE, ROW_PADDING, VisibilityBuffers
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -25,29 +24,6 @@ Numbers = NDArray[np.uint32]  # of vertices and links, as the surface has them
 PIXEL = 0.012  # metres at the body's mean distance
 TOLERANCE = 0.03  # metres that a visible point may lie behind the depth buffer
 NEAR = 0.1  # metres; what is closer to the camera's plane is not drawn
-LARGEST_SIDE = 512  # pixels
-SPARE = LANES - 1  # pixels at the end of each row, in which nothing is
-
-
-class VisibilityBuffers(NamedTuple):
-    """Buffers for a surface in a pose; whatever they held before is written over."""
-
-    posed: Array  # (V, 3) metres, camera frame
-    image: Array  # (V, 2) pixels of the depth buffer
-    front: NDArray[np.bool_]  # (V,) part of a triangle that faces us
-    buffer: NDArray[np.float32]  # (LARGEST_SIDE * (LARGEST_SIDE + SPARE),)
-    visible: Numbers  # (V,)
-
-
-def make_visibility_buffers(vertices: int) -> VisibilityBuffers:
-    """Allocate buffers for a surface of so many vertices."""
-    return VisibilityBuffers(
-        np.empty((vertices, 3)),
-        np.empty((vertices, 2)),
-        np.empty(vertices, dtype=np.bool_),
-        np.empty(LARGEST_SIDE * (LARGEST_SIDE + SPARE), dtype=np.float32),
-        np.empty(vertices, dtype=np.uint32),
-    )
 
 
 @numba.njit(cache=True, nogil=True)
@@ -88,7 +64,7 @@ def visible_vertices(view: VisibilityBuffers, triangles: Numbers) -> Numbers:
     left, top, right, bottom = project_vertices(view.posed, view.image)
     width = max(1, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
     height = max(1, min(LARGEST_SIDE, bottom - top + 1))
-    buffer = view.buffer[: height * (width + SPARE)].reshape(height, width + SPARE)
+    buffer = view.buffer[: height * (width + ROW_PADDING)].reshape(height, width + ROW_PADDING)
     rasterise_front(view, triangles, left, top, buffer)
     posed, image, front, visible = view.posed, view.image, view.front, view.visible
     count = 0
@@ -108,7 +84,7 @@ def rasterise_front(
 ) -> None:
     """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
 
-    The last SPARE columns of the buffer (H, W + SPARE) stay infinite: a row is drawn LANES pixels at a time.
+    The last ROW_PADDING columns of the buffer stay infinite: a row is drawn LANES pixels at a time.
     What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing: no surface can
     keep us drawing for ever. All in one function: what is called for each triangle counts references.
     """
@@ -126,7 +102,7 @@ def rasterise_front(
         ax, ay = image[a, 0] - left, image[a, 1] - top
         first_column = max(0, ceiling(ax + min(0.0, bx, cx)))
         first_row = max(0, ceiling(ay + min(0.0, by, cy)))
-        last_column = min(buffer.shape[1] - 1 - SPARE, int(ax + max(0.0, bx, cx)))
+        last_column = min(buffer.shape[1] - 1 - ROW_PADDING, int(ax + max(0.0, bx, cx)))
         last_row = min(buffer.shape[0] - 1, int(ay + max(0.0, by, cy)))
         if first_column > last_column or first_row > last_row or budget <= 0:
             continue

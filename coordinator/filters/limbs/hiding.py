@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.compiling import numba
 from common.kinematics import link_transforms
-from common.kinematics.skinning import blend_each
+from common.kinematics.chain import blend_each
 from coordinator.filters.limbs.layout import LEAST, Flags, Indices, Limb, LimbView, Ways, draw_ways
 
 Array = NDArray[np.float64]

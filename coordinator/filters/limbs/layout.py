@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
 from common.kinematics import link_transforms
-from common.kinematics.arrays import contiguous
-from common.kinematics.skinning import blend_each
+from common.kinematics.chain import blend_each, contiguous
 from coordinator.filters.exploration import find_limbs
 from coordinator.filters.limbs.explaining import compare_limbs, mark_by_limb, try_and_vary
 

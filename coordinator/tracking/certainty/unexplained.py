@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from common.frame import SubjectFrame
-from common.kinematics.arrays import contiguous
+from common.kinematics.chain import contiguous
 from coordinator.tracking.observing.sighting import some_points
 
 Array = NDArray[np.float64]

@@ -23,10 +23,9 @@ from common.frame import SubjectFrame
 from common.kinematics import difference, link_transforms, pose_vertices, retract
 from common.settings import RefineSettings
 from tests.support.kernel import plain_path
-from worker.kernel.packing import FREE_SPACE_WEIGHT, pack_parameters
-from worker.kernel.soft.responsibilities import OUTLIER_DENSITY, sample_radius
-from worker.kernel.soft.samples import SampleGrid
-from worker.kernel.solver.priors import LIMIT_SHARE
+from worker.kernel.parameters import FREE_SPACE_WEIGHT, pack_parameters
+from worker.kernel.priors import LIMIT_SHARE
+from worker.kernel.soft import OUTLIER_DENSITY, SampleGrid, sample_radius
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -15,8 +15,7 @@ from common.settings import RefineSettings, preset
 from coordinator.tracking.observing.subject import isolate
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
-from worker.kernel.observation import observe
-from worker.kernel.packing import pack_observation
+from worker.kernel.observation import observe, pack_observation
 from worker.kernel.surface import order_vertices, pack_model
 from worker.kernel.visibility import update_visibility
 from worker.kernel.workspace import Workspace, make_workspace

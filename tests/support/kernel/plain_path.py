@@ -26,10 +26,11 @@ from common.kinematics import (
 )
 from common.settings import RefineSettings
 from tests.support.bodies import moves
-from worker.kernel.packing import FREE_SPACE_WEIGHT, OUTLIER_DISTANCE, STEPS
-from worker.kernel.solver.gauss_newton import CONVERGED
-from worker.kernel.solver.priors import LIMIT_SHARE
-from worker.kernel.visibility import LARGEST_SIDE, NEAR, PIXEL, TOLERANCE
+from worker.kernel.gauss_newton import CONVERGED
+from worker.kernel.parameters import FREE_SPACE_WEIGHT, OUTLIER_DISTANCE, STEPS
+from worker.kernel.priors import LIMIT_SHARE
+from worker.kernel.visibility import NEAR, PIXEL, TOLERANCE
+from worker.kernel.workspace import LARGEST_SIDE
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

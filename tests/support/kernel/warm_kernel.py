@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from worker.cli import load_kernel
-from worker.lanes import Lanes
+from worker.lanes import Lanes, SideBySide
 from worker.service import Kernel
-from worker.side_by_side import SideBySide
 
 KERNEL = load_kernel()
 

@@ -12,55 +12,15 @@ G M_s G^T and C_s to G C_s, so a step costs the same for a thousand points as fo
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
 from common.kinematics.chain import motion_axes
 from worker.kernel.surface import Skeleton
+from worker.kernel.workspace import NormalEquations
 
 Array = NDArray[np.float64]
-
-
-class NormalEquations(NamedTuple):
-    """Buffers for the sums and for Eq. 4; whatever they held before is written over."""
-
-    sums: Array  # (L, 4, 8) both of the following in a row, as they are summed up
-    moments: Array  # (L, 4, 4)
-    crosses: Array  # (L, 4, 3)
-    reference: Array  # (D, 3, 4) T_camera_rest where the sums were taken
-    moved: Array  # (D, 3, 4) T_camera_rest now
-    w: Array  # (D, 3)
-    q: Array  # (D, 3)
-    subtree_m: Array  # (D, 4, 4)
-    subtree_c: Array  # (D, 4, 3)
-    columns: Array  # (D, 3, 4)
-    gram: Array  # (D, D)
-    information: Array  # (D, D) the last step's gram, before it is damped and limits hold
-    gradient: Array  # (D,)
-    step: Array  # (D,)
-
-
-def make_equations(dofs: int, links: int) -> NormalEquations:
-    """Allocate buffers for a body of so many degrees of freedom and links."""
-    return NormalEquations(
-        np.empty((links, 4, 8)),
-        np.empty((links, 4, 4)),
-        np.empty((links, 4, 3)),
-        np.empty((dofs, 3, 4)),
-        np.empty((dofs, 3, 4)),
-        np.empty((dofs, 3)),
-        np.empty((dofs, 3)),
-        np.empty((dofs, 4, 4)),
-        np.empty((dofs, 4, 3)),
-        np.empty((dofs, 3, 4)),
-        np.empty((dofs, dofs)),
-        np.empty((dofs, dofs)),
-        np.empty(dofs),
-        np.empty(dofs),
-    )
 
 
 @numba.njit(cache=True, nogil=True)

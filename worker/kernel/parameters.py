@@ -1,20 +1,13 @@
-"""Observation and settings packed for compiled code: plain arrays, fixed dtypes, the kernel's own units."""
+"""Settings in the units of the compiled kernel."""
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from common.bounds import GAUSS_NEWTON_ITERATIONS
 from common.settings import Descent, RefineSettings
-from worker.kernel.observation import BLOCK, TILE, Observation
-from worker.kernel.search.correspondence import boxes_of
 
-KEPT = 2  # packed observations
 OUTLIER_DISTANCE = 0.1  # metres: residuals beyond it lose influence
 FREE_SPACE_WEIGHT = 1.0  # of model points seen where nothing was observed
 DAMPING_SHARE = 0.0003  # of lambda, that each observed point adds to it in an accelerated descent
@@ -36,23 +29,6 @@ STEPS: dict[Descent, Steps] = {
 }
 
 
-class PackedObservation(NamedTuple):
-    """An observation for the kernel, depth stretched so that noise is alike in all directions."""
-
-    points: NDArray[np.float32]  # (3, blocks * BLOCK) metres, z times `stretch`
-    blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
-    tiles: NDArray[np.float32]  # (6, tiles) and of smaller parts
-    count: int  # type: ignore[assignment]  # tuples have a method of that name
-    emptiness: NDArray[np.float32]  # (H, W) 0 to 1
-    nearest: NDArray[np.int32]  # (2, H, W)
-    seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    stretch: float  # lateral over depth noise
-
-
 class KernelParameters(NamedTuple):
     """Settings in the kernel's own units."""
 
@@ -71,33 +47,6 @@ class KernelParameters(NamedTuple):
     independent_points: float
     noise_depth: float  # metres
     noise_lateral: float
-
-
-def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
-    """Pack an observation in the metric of the noise; those that were asked for last are kept."""
-    return stretch(observation, settings.noise_lateral / settings.noise_depth)
-
-
-@lru_cache(maxsize=KEPT)
-def stretch(observation: Observation, ratio: float) -> PackedObservation:
-    """Pack an observation, its depths multiplied by a ratio."""
-    points = np.ascontiguousarray(observation.points.T)
-    points[2] *= np.float32(ratio)
-    camera = observation.camera
-    return PackedObservation(
-        points,
-        boxes_of(points, BLOCK),
-        boxes_of(points, TILE),
-        observation.count,
-        observation.emptiness,
-        observation.nearest,
-        observation.view,
-        camera.fx,
-        camera.fy,
-        camera.cx,
-        camera.cy,
-        ratio,
-    )
 
 
 def rest_weight(settings: RefineSettings, soft: bool) -> float:

@@ -1,4 +1,4 @@
-"""An order of points in which neighbours stand together, so that a few in a row have a small box."""
+"""An order of points in which neighbours stand together, so that a few in a row have a small bounding box."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from numpy.typing import NDArray
 from common.compiling import numba
 
 Array = NDArray[np.float64]
+Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
+
+TILE = 16  # observed points that are searched for together
+BLOCK = 64  # observed points that share a list of candidates
 
 
 @numba.njit(cache=True, nogil=True)
@@ -80,3 +84,22 @@ def swap(points: Array, order: Indices, i: int, j: int) -> None:
     for a in range(3):
         points[i, a], points[j, a] = points[j, a], points[i, a]
     order[i], order[j] = order[j], order[i]
+
+
+def boxes_of(points: Points, size: int) -> Points:
+    """Bounding boxes (6, K) of every `size` points in a row, of points (3, P)."""
+    boxes = np.empty((6, points.shape[1] // size), dtype=np.float32)
+    enclose_rows(points, size, boxes)
+    return boxes
+
+
+@numba.njit(cache=True, nogil=True)
+def enclose_rows(points: Points, size: int, boxes: Points) -> None:
+    """Fill boxes (6, K): lowest and highest x, y, z of every `size` points (3, P) in a row."""
+    for a in range(3):
+        for k in range(boxes.shape[1]):
+            low = high = points[a, k * size]
+            for i in range(k * size + 1, (k + 1) * size):
+                low = min(low, points[a, i])
+                high = max(high, points[a, i])
+            boxes[a, k], boxes[3 + a, k] = low, high

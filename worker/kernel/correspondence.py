@@ -1,21 +1,23 @@
 """The closest visible model point of each observed point (step 4c), exactly, leaf by leaf.
 
 Observed points come in tiles, model points in leaves and groups of leaves, all of them neighbours, so each
-has a small bounding box. A guess bounds each observed point's distance: what it had before, or the best of
-the leaf that is centred nearest. The bounds of a tile rule out most groups, and most leaves of the others, by
-the distance of the boxes; those of its points most of what is left, which is searched point by point.
+has a small bounding box. A guess bounds each observed point's distance: its closest point of the last search,
+or the best of the leaf that is centred nearest. The bounds of a tile rule out most groups, and most leaves of
+the others, by the distance of the boxes; those of its points most of what is left, which is searched point by
+point.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from worker.kernel.observation import BLOCK, TILE
+from worker.kernel.neighbourhoods import BLOCK, TILE
+from worker.kernel.observation import PackedObservation
+from worker.kernel.surface import Surface
 from worker.kernel.tiles import box_within, boxes_within, largest_of, lowest_bit, search_lanes
+from worker.kernel.workspace import SearchBuffers, Workspace
 
 Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
@@ -24,57 +26,67 @@ Numbers = NDArray[np.uint32]
 LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that a guess itself is found again
 
 
-class SearchBuffers(NamedTuple):
-    """Buffers for a search; whatever they held before is written over, a guess aside."""
+@numba.njit(cache=True, nogil=True)
+def find_correspondences(
+    visible: Numbers,
+    last_count: int,
+    surface: Surface,
+    observed: PackedObservation,
+    workspace: Workspace,
+) -> int:
+    """Find the closest visible vertex of each observed point; returns how many vertices were searched.
 
-    model: Points  # (M, 3) visible points
-    last_visible: Numbers  # (M,) the vertices of the last search
-    remapped: Numbers  # (M,) their places among the visible ones now
-    starts: Indices  # (K + 1,) where their leaves begin, and the last ends
-    leaves: Points  # (6, K) bounding boxes, padded to whole tiles with what is infinitely far
-    groups: Points  # (6, K / TILE) those of TILE leaves in a row, padded alike
-    centre_distances: Points  # (K,) squared distances of the leaves' centres
-    closest: Numbers  # (P,) which of them
-    squared: Points  # (P,)
-    largest: Points  # (P / TILE,) of a tile's
-    weights: NDArray[np.float64]  # (P,)
-
-
-def make_search_buffers(points: int, vertices: int, leaves: int) -> SearchBuffers:
-    """Allocate buffers for so many observed points, padded, model points and leaves."""
-    groups = -(-leaves // TILE)
-    return SearchBuffers(
-        np.empty((vertices, 3), dtype=np.float32),
-        np.empty(vertices, dtype=np.uint32),
-        np.empty(vertices, dtype=np.uint32),
-        np.empty(leaves + 1, dtype=np.int64),
-        np.empty((6, groups * TILE), dtype=np.float32),
-        np.empty((6, -(-groups // TILE) * TILE), dtype=np.float32),
-        np.empty(leaves, dtype=np.float32),
-        np.empty(points, dtype=np.uint32),
-        np.empty(points, dtype=np.float32),
-        np.empty(points // TILE, dtype=np.float32),
-        np.empty(points),
-    )
-
-
-def boxes_of(points: Points, size: int) -> Points:
-    """Bounding boxes (6, K) of every `size` points in a row, of points (3, P)."""
-    boxes = np.empty((6, points.shape[1] // size), dtype=np.float32)
-    enclose_rows(points, size, boxes)
-    return boxes
+    Fills workspace.search.closest with places in `visible` and .squared with squared distances, depth
+    stretched. `last_count` is what the particle's last search returned, which warm-starts this one; 0 for
+    the first.
+    """
+    search, leaves = workspace.search, fill_leaves(visible, surface, observed.stretch, workspace)
+    if last_count == 0:
+        closest_points(observed.points, observed.blocks, observed.tiles, leaves, search)
+    else:
+        if not same_vertices(search.last_visible[:last_count], visible):
+            remap_closest(search.last_visible[:last_count], visible, search.remapped, search.closest)
+        closest_points_from_guess(observed.points, observed.tiles, leaves, search)
+    search.last_visible[: len(visible)] = visible
+    return len(visible)
 
 
 @numba.njit(cache=True, nogil=True)
-def enclose_rows(points: Points, size: int, boxes: Points) -> None:
-    """Fill boxes (6, K): lowest and highest x, y, z of every `size` points (3, P) in a row."""
-    for a in range(3):
-        for k in range(boxes.shape[1]):
-            low = high = points[a, k * size]
-            for i in range(k * size + 1, (k + 1) * size):
-                low = min(low, points[a, i])
-                high = max(high, points[a, i])
-            boxes[a, k], boxes[3 + a, k] = low, high
+def same_vertices(some: Numbers, others: Numbers) -> bool:
+    """Whether these are the same vertices."""
+    differences = np.uint32(0)
+    for m in range(min(len(some), len(others))):
+        differences |= some[m] ^ others[m]
+    return len(some) == len(others) and differences == 0
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_leaves(visible: Numbers, surface: Surface, stretch: float, workspace: Workspace) -> int:
+    """Fill workspace.search.model with the visible vertices and .starts by leaf; returns how many leaves."""
+    model, starts = workspace.search.model, workspace.search.starts
+    posed, leaf_of = workspace.visibility.posed, surface.leaves
+    leaves, leaf = 0, -1
+    for m in range(len(visible)):
+        v = visible[m]
+        model[m, 0], model[m, 1], model[m, 2] = posed[v, 0], posed[v, 1], posed[v, 2] * stretch
+        if leaf_of[v] != leaf:
+            leaf = leaf_of[v]
+            starts[leaves] = m
+            leaves += 1
+    starts[leaves] = len(visible)
+    return leaves
+
+
+@numba.njit(cache=True, nogil=True)
+def remap_closest(before: Numbers, visible: Numbers, remapped: Numbers, closest: Numbers) -> None:
+    """Map `closest` from places in `before` to those of the same vertices in `visible`, or of the next."""
+    place = 0
+    for m in range(len(before)):
+        while place < len(visible) - 1 and visible[place] < before[m]:
+            place += 1
+        remapped[m] = place
+    for i in range(len(closest)):
+        closest[i] = remapped[closest[i]]
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})

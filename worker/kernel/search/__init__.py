@@ -1,1 +1,0 @@
-"""Closest visible model points of observed points (step 4c): exact, in tiles, each search from the last."""

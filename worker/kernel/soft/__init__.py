@@ -1,1 +1,0 @@
-"""Soft correspondences: a density of each observed point over samples of the visible surface."""

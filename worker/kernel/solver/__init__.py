@@ -1,1 +1,0 @@
-"""Step 4d: the pose that suits given correspondences best."""
