@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources.arrays import camera_of, whole_depth
-from coordinator.sources.camera import DEFAULT_FPS
+from coordinator.sources.arrays import whole_depth
+from coordinator.sources.camera import DEFAULT_FPS, pinhole
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +30,6 @@ class Images:
         if image.ndim != 2 or 0 in image.shape:
             raise InputError(f"depth has shape {image.shape}; give rows of columns (H, W)")
         units, scale = whole_depth(image, self.depth_scale, "depth")
-        camera = camera_of(np.asarray(self.camera), image.shape[1], image.shape[0], "camera")
+        camera = pinhole(self.camera, image.shape[1], image.shape[0], "camera")
         when = number / DEFAULT_FPS if time_s is None else time_s
         return DepthFrame(number, when, units, scale, camera)

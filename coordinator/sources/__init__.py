@@ -32,16 +32,16 @@ class Format:
     open: Callable[[Path, CameraOptions], Source]
 
 
-def open_azure_kinect(path: Path, given: CameraOptions) -> Source:
+def open_azure_kinect(path: Path, options: CameraOptions) -> Source:
     """An `.mkv`, by PyAV, which takes a while to load."""
     from coordinator.sources.azure_kinect import AzureKinectFile
 
-    return AzureKinectFile(path, given)
+    return AzureKinectFile(path, options)
 
 
 def own(open_path: Callable[[Path], Source]) -> Callable[[Path, CameraOptions], Source]:
-    """A format that knows its camera, which what is given then overrides."""
-    return lambda path, given: with_options(open_path(path), given)
+    """A format that knows its camera, which the user's options then override."""
+    return lambda path, options: with_options(open_path(path), options)
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:
@@ -75,16 +75,14 @@ FORMATS = (
 DEPTH_PNG = (
     "write its depth as 16-bit PNG of millimetres in depth/000000.png, ..., and add --intrinsics fx,fy,cx,cy"
 )
+ROS_FOLDER = "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes that anew"
 CONVERSIONS = {
-    ".mp4": f"a film holds colours, not depth; {DEPTH_PNG}",
-    ".avi": f"a film holds colours, not depth; {DEPTH_PNG}",
+    **dict.fromkeys((".mp4", ".avi"), f"a film holds colours, not depth; {DEPTH_PNG}"),
+    **dict.fromkeys((".svo", ".svo2"), f"ZED's files need its SDK: {DEPTH_PNG}"),
+    **dict.fromkeys((".db3", ".mcap"), ROS_FOLDER),
     ".oni": f"OpenNI's files need its driver: {DEPTH_PNG}",
-    ".svo": f"ZED's files need its SDK: {DEPTH_PNG}",
-    ".svo2": f"ZED's files need its SDK: {DEPTH_PNG}",
     ".xef": f"Kinect Studio's files need its tools: {DEPTH_PNG}",
     ".exr": f"floats in EXR: {DEPTH_PNG}",
-    ".db3": "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes that anew",
-    ".mcap": "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes that anew",
     ".h5": "save depth by numpy.save as (frames, rows, columns), metres, and add --intrinsics fx,fy,cx,cy",
     ".tiff": f"TIFF is not read: {DEPTH_PNG}",
     ".png": "give the folder that the pictures are in",
@@ -92,14 +90,14 @@ CONVERSIONS = {
 """Suffix of what is not read -> how to make of it what is."""
 
 
-def open_source(path: Path | str, given: CameraOptions = AS_RECORDED) -> Source:
-    """The sequence at `path`, whatever its format; with the camera and units that are `given`, if any.
+def open_source(path: Path | str, options: CameraOptions = AS_RECORDED) -> Source:
+    """The sequence at `path`, whatever its format; with the camera and units of `options`, if any.
 
     Reads what is needed to know the camera and the frames' numbers. Raises InputError where there is no
     sequence, or where its description is damaged.
     """
     path = Path(path)
-    return find_format(path).open(path, given)
+    return find_format(path).open(path, options)
 
 
 def find_format(path: Path) -> Format:
@@ -126,13 +124,10 @@ def within(folder: Path) -> str:
     A `.npz` may be a truth or a track, and is not proposed.
     """
     inside = sorted(islice(folder.iterdir(), MOST_LOOKED_AT)) if folder.is_dir() else []
-    first = next((each for each in inside if each.suffix.lower() != ".npz" and is_known(each)), None)
-    return "" if first is None else f"{first}, or "
-
-
-def is_known(path: Path) -> bool:
-    """Whether something is in a format that is read; not if it cannot be looked at."""
-    try:
-        return any(form.fits(path) for form in FORMATS)
-    except OSError:
-        return False
+    for path in inside:
+        try:
+            if path.suffix.lower() != ".npz" and any(form.fits(path) for form in FORMATS):
+                return f"{path}, or "
+        except OSError:  # it cannot be looked at
+            continue
+    return ""

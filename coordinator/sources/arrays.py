@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files import ArrayFile, read_arrays
-from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, MILLIMETRES, CameraOptions
+from coordinator.files import read_arrays
+from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, MILLIMETRES, CameraOptions, pinhole
 from coordinator.sources.source import Recording
 
 logger = logging.getLogger(__name__)
@@ -52,7 +51,7 @@ class ArraySource(Recording):
         if not 0 < fps < np.inf:
             raise InputError(f"{name}: {fps} frames a second make no sense; give a positive number")
         self._depth, self._scale = whole_depth(array, depth_scale, name)
-        self.intrinsics = camera_of(np.asarray(matrix), array.shape[2], array.shape[1], name)
+        self.intrinsics = pinhole(matrix, array.shape[2], array.shape[1], name)
         self.numbers = range(len(array))
 
     def frame(self, number: int) -> DepthFrame:
@@ -60,35 +59,25 @@ class ArraySource(Recording):
         return DepthFrame(number, number / self.fps, self._depth[number], self._scale, self.intrinsics)
 
 
-def read_array_source(path: Path, given: CameraOptions = AS_RECORDED) -> ArraySource:
+def read_array_source(path: Path, options: CameraOptions = AS_RECORDED) -> ArraySource:
     """An `.npz` file: `depth`, `intrinsics` (3, 3), for whole numbers `depth_scale`; optional `fps`."""
     arrays = read_arrays(path)
-    scale = number_in(arrays, "depth_scale") if "depth_scale" in arrays else None
-    fps = number_in(arrays, "fps") if "fps" in arrays else DEFAULT_FPS
-    matrix = matrix_of(given) if given.intrinsics is not None else arrays.floats("intrinsics", (3, 3))
-    return ArraySource(arrays.any("depth"), matrix, given.depth_scale or scale, fps, path.stem)
+    scale, fps = (float(arrays.floats(key, ())) if key in arrays else None for key in ("depth_scale", "fps"))
+    own = options.intrinsics is None
+    matrix = arrays.floats("intrinsics", (3, 3)) if own else options.matrix(path.stem)
+    return ArraySource(
+        arrays.any("depth"), matrix, options.depth_scale or scale, fps or DEFAULT_FPS, path.stem
+    )
 
 
-def read_array(path: Path, given: CameraOptions) -> ArraySource:
-    """An `.npy` file of depth (F, H, W); the camera has to be given, whole numbers are millimetres."""
+def read_array(path: Path, options: CameraOptions) -> ArraySource:
+    """An `.npy` file of depth (F, H, W); the camera has to be options, whole numbers are millimetres."""
     try:
         depth = np.load(path, allow_pickle=False, mmap_mode="r")
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{path} is damaged or no array of numbers ({error}); save it again") from error
-    given.camera(1, 1, str(path))
-    scale = given.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
-    return ArraySource(depth, matrix_of(given), scale, name=path.stem)
-
-
-def matrix_of(given: CameraOptions) -> NDArray[np.float64]:
-    """The camera's matrix (3, 3) that is given."""
-    fx, fy, cx, cy = given.intrinsics or (0.0, 0.0, 0.0, 0.0)
-    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-
-
-def number_in(arrays: ArrayFile, key: str) -> float:
-    """A single number."""
-    return float(arrays.floats(key, ()))
+    scale = options.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
+    return ArraySource(depth, options.matrix(str(path)), scale, name=path.stem)
 
 
 def whole_depth(
@@ -118,16 +107,3 @@ def to_units(metres: NDArray[np.float64]) -> NDArray[np.uint16]:
     """Metres in whole units; 0 where nothing was measured or it is too far."""
     units = np.rint(np.nan_to_num(metres, nan=0.0, posinf=0.0, neginf=0.0) * UNITS_PER_METRE)
     return np.where((units > 0) & (units <= np.iinfo(np.uint16).max), units, 0).astype(np.uint16)
-
-
-def camera_of(matrix: NDArray[np.generic], width: int, height: int, name: str) -> Intrinsics:
-    """Intrinsics from a matrix; InputError unless it is one of a pinhole camera without skew."""
-    if matrix.shape != (3, 3) or matrix.dtype.kind not in "iuf":
-        raise InputError(f"{name}: intrinsics are not a 3 x 3 matrix; give fx 0 cx, 0 fy cy, 0 0 1")
-    (fx, _, cx), (_, fy, cy), _ = matrix.astype(np.float64).tolist()
-    good = matrix.tolist() == [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] and min(fx, fy) > 0
-    if not (good and np.isfinite([fx, fy, cx, cy]).all()):
-        raise InputError(
-            f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1 with positive fx, fy; mend them"
-        )
-    return Intrinsics(width, height, fx, fy, cx, cy)

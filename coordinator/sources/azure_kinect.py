@@ -82,20 +82,20 @@ class Calibration(msgspec.Struct):
 class AzureKinectFile(Recording):
     """The depth frames of one `.mkv`, numbered from 0; times are the recording's, from the first frame."""
 
-    def __init__(self, path: Path, given: CameraOptions = AS_RECORDED) -> None:
+    def __init__(self, path: Path, options: CameraOptions = AS_RECORDED) -> None:
         self.name, self._path = path.stem, path
         self._container = opened(path)
         self._stream = depth_stream(self._container, path)
         self._times, samples = scan(self._container, self._stream, path)
         size = (self._stream.width, self._stream.height)
         calibration = read_calibration(self._container, path)
-        if calibration is None or given.intrinsics is not None:
-            self.intrinsics, self._undistort = given.camera(*size, str(path)), None
+        if calibration is None or options.intrinsics is not None:
+            self.intrinsics, self._undistort = options.camera(*size, str(path)), None
         else:
             self.intrinsics, distortion = depth_camera(calibration, mode_of(self._stream, size, path), size)
             self._undistort = Undistortion(self.intrinsics, distortion)
         self.gravity = gravity_of(calibration, samples)
-        self._scale = given.depth_scale or MILLIMETRES
+        self._scale = options.depth_scale or MILLIMETRES
         self.numbers = range(len(self._times))
         self.fps = rate_of(self._times)
         self._next, self._frames = 0, self._decode(0)

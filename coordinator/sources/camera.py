@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
@@ -37,11 +37,11 @@ class CameraFile(msgspec.Struct):
     fps: Positive = DEFAULT_FPS
 
 
-def read_camera(path: Path) -> CameraFile:
-    """The camera file's content with types and ranges checked."""
+def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
+    """Intrinsics, units of depth per metre and frames per second of a camera file; InputError if damaged."""
     try:
         content = json.loads(path.read_bytes(), parse_constant=_refuse_constant)
-        return msgspec.convert(content, CameraFile)
+        camera = msgspec.convert(content, CameraFile)
     except FileNotFoundError:
         raise InputError(
             f"{path} is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it with width, height, "
@@ -51,23 +51,25 @@ def read_camera(path: Path) -> CameraFile:
         raise InputError(f"cannot read {path}: {error.strerror}; mend its permissions") from error
     except (ValueError, RecursionError) as error:  # of json, of msgspec, of the text's encoding
         raise InputError(f"{path}: {error}; mend that entry") from error
+    matrix = np.reshape(camera.intrinsic_matrix, (3, 3)).T
+    intrinsics = pinhole(matrix, camera.width, camera.height, f"{path}, read column by column")
+    if not np.isfinite([camera.depth_scale, camera.fps]).all():
+        raise InputError(f"{path}: depth_scale or fps is not finite; mend that entry")
+    return intrinsics, camera.depth_scale, camera.fps
 
 
-def pinhole(camera: CameraFile, path: Path) -> Intrinsics:
-    """Intrinsics from a matrix given column by column: fx 0 0  0 fy 0  cx cy 1."""
-    matrix = camera.intrinsic_matrix
-    numbers = [*matrix, camera.depth_scale, camera.fps]
-    if not all(map(math.isfinite, numbers)):
-        raise InputError(f"{path}: a number is not finite; mend that entry")
-    fx, fy, cx, cy = matrix[0], matrix[4], matrix[6], matrix[7]
-    if matrix != [fx, 0, 0, 0, fy, 0, cx, cy, 1]:
+def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics:
+    """Intrinsics from a matrix (3, 3); InputError unless it is one of a pinhole camera without skew."""
+    values = np.asarray(matrix)
+    if values.shape != (3, 3) or values.dtype.kind not in "iuf" or min(width, height) < 1:
+        raise InputError(f"{name}: intrinsics are not a 3 x 3 matrix; give fx 0 cx, 0 fy cy, 0 0 1")
+    (fx, _, cx), (_, fy, cy), _ = values.astype(np.float64).tolist()
+    good = values.tolist() == [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] and min(fx, fy) > 0
+    if not (good and np.isfinite([fx, fy, cx, cy]).all()):
         raise InputError(
-            f"{path}: intrinsic_matrix is not [fx, 0, 0, 0, fy, 0, cx, cy, 1]; "
-            "write it column by column and without skew"
+            f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1 with positive fx, fy; mend them"
         )
-    if fx <= 0 or fy <= 0:
-        raise InputError(f"{path}: focal lengths {fx:g} and {fy:g} must be positive; mend intrinsic_matrix")
-    return Intrinsics(camera.width, camera.height, fx, fy, cx, cy)
+    return Intrinsics(width, height, fx, fy, cx, cy)
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -81,14 +83,19 @@ class CameraOptions:
     intrinsics: tuple[float, float, float, float] | None = None
     depth_scale: float | None = None
 
-    def camera(self, width: int, height: int, name: str) -> Intrinsics:
-        """The camera of images of a size; InputError where neither says which."""
+    def matrix(self, name: str) -> list[list[float]]:
+        """The camera's matrix (3, 3); InputError where the user gives none for the recording of this name."""
         if self.intrinsics is None:
             raise InputError(
                 f"{name} does not say its camera; add --intrinsics fx,fy,cx,cy (pixels), or write "
                 "camera_intrinsic.json beside the frames"
             )
-        return Intrinsics(width, height, *self.intrinsics)
+        fx, fy, cx, cy = self.intrinsics
+        return [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+
+    def camera(self, width: int, height: int, name: str) -> Intrinsics:
+        """The camera of images of a size; InputError as for `matrix`."""
+        return pinhole(self.matrix(name), width, height, name)
 
 
 AS_RECORDED = CameraOptions()

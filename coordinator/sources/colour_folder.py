@@ -22,7 +22,11 @@ class ColourFolder:
     """
 
     def __init__(self, path: Path, camera: Intrinsics, numbers: Sequence[int]) -> None:
-        self._files = find_pictures(path)
+        if not path.is_dir():
+            raise InputError(f"no such folder of colour frames: {path}; give another --color")
+        files = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
+        digits = [re.findall(r"\d+", file.stem) for file in files]
+        self._files = {int(found[-1]): file for found, file in zip(digits, files, strict=True) if found}
         missing = [number for number in numbers if number not in self._files]
         if missing:
             raise InputError(
@@ -57,12 +61,3 @@ class ColourFolder:
                 f"{camera.width}x{camera.height}; register colour to depth, or leave --color out"
             )
         return opened
-
-
-def find_pictures(path: Path) -> dict[int, Path]:
-    """Pictures of a folder by the last number in their names."""
-    if not path.is_dir():
-        raise InputError(f"no such folder of colour frames: {path}; give another --color")
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
-    numbered = ((re.findall(r"\d+", file.stem), file) for file in files)
-    return {int(digits[-1]): file for digits, file in numbered if digits}

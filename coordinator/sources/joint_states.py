@@ -46,7 +46,11 @@ class JointStates:
 
     def check_names(self, known: Collection[str]) -> None:
         """InputError unless at least one joint is a degree of freedom of the body; a warning for others."""
-        foreign = [suggest(name, known) for name in self.names if name not in known]
+        foreign = []
+        for name in self.names:
+            if name not in known:
+                alike = get_close_matches(name, known, n=1)
+                foreign.append(f"{name} (is {alike[0]} meant?)" if alike else name)
         if len(foreign) == len(self.names):
             raise InputError(
                 f"the joint states are of {', '.join(foreign[:SOME])}, none of which the body has; "
@@ -62,12 +66,6 @@ class JointStates:
         if not self.times_s[0] <= time_s <= self.times_s[-1]:
             return np.full(len(self.names), np.nan)
         return np.array([np.interp(time_s, self.times_s, column) for column in self.values.T])
-
-
-def suggest(name: str, known: Collection[str]) -> str:
-    """A name that is not known, with the one that is most like it, if one is."""
-    alike = get_close_matches(name, known, n=1)
-    return f"{name} (is {alike[0]} meant?)" if alike else name
 
 
 def read_joint_states(path: Path) -> JointStates:
@@ -117,15 +115,9 @@ def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
         raise InputError(
             f"{path}: messages of {topics[0]} name different joints; write them to a CSV instead"
         )
-    began = bag.times(depth_topic(bag))[0] if has_depth(bag) else stamps[0]
+    try:
+        began = bag.times(depth_topic(bag))[0]
+    except InputError:  # it holds no depth
+        began = stamps[0]
     times = np.array([(time - began) * NANOSECONDS for time in stamps])
     return names, times, np.array([np.asarray(message.position, dtype=np.float64) for message in messages])
-
-
-def has_depth(bag: Bag) -> bool:
-    """Whether a bag holds depth images, too."""
-    try:
-        depth_topic(bag)
-    except InputError:
-        return False
-    return True

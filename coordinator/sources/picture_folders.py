@@ -15,6 +15,8 @@ from __future__ import annotations
 import logging
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,67 +27,55 @@ from PIL import Image
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.files import CAMERA_FILE
 from coordinator.sources.camera import (
     AS_RECORDED,
     DEFAULT_FPS,
     MILLIMETRES,
     NOMINAL,
     CameraOptions,
-    pinhole,
     read_camera,
 )
-from coordinator.sources.source import Recording, if_there, rate_of
+from coordinator.sources.source import FolderRecording, rate_of
 
 SIXTEEN_BIT_GREY = "I;16"
+TIME_FILES = ("timestamps.txt", "times.txt", "depth_timestamps.txt")
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?=\D*$)")
+SHORTEST_FRAME_US = 3000.0
+"""Steps between the numbers in names that are longer are micro- or nanoseconds: 300 frames a second."""
+LONGEST_FRAME_US = 2e6
+"""And those that are longer than this are nanoseconds."""
 
 
 def read_depth(path: Path, camera: Intrinsics) -> NDArray[np.uint16]:
     """Depth (H, W) of a 16-bit PNG; InputError if it is damaged, of another depth or another size."""
+    with opened(path) as image:
+        if image.mode != SIXTEEN_BIT_GREY:
+            kind = {"1": "1-bit", "L": "8-bit"}.get(image.mode, f"of kind {image.mode}")
+            raise InputError(
+                f"{path} is {kind}, not 16-bit grey; save depth as uint16 with depth_scale units per metre"
+            )
+        if image.size != (camera.width, camera.height):
+            width, height = image.size
+            raise InputError(
+                f"{path} is {width}x{height}, but {CAMERA_FILE} says {camera.width}x{camera.height}; "
+                "all frames must have the camera's size"
+            )
+        image.verify()  # all checksums: decoding alone lets a missing end and altered last bytes pass
+    with opened(path) as image:
+        return np.asarray(image).astype(np.uint16, copy=False)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Image.Image]:
+    """A PNG; InputError if it is damaged."""
     try:
         with Image.open(path, formats=["PNG"]) as image:
-            _check_form(image, path, camera)
-            image.verify()  # all checksums: decoding alone lets a missing end and altered last bytes pass
-        with Image.open(path, formats=["PNG"]) as image:
-            return np.asarray(image).astype(np.uint16, copy=False)
+            yield image
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path} is damaged or no PNG ({_reason(error)}); copy it again") from error
-
-
-def picture_size(path: Path) -> tuple[int, int]:
-    """Width and height, from the file's head; InputError if it is damaged."""
-    try:
-        with Image.open(path, formats=["PNG"]) as image:
-            return image.size
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path} is damaged or no PNG ({_reason(error)}); copy it again") from error
-
-
-def _check_form(image: Image.Image, path: Path, camera: Intrinsics) -> None:
-    if image.mode != SIXTEEN_BIT_GREY:
-        kind = {"1": "1-bit", "L": "8-bit"}.get(image.mode, f"of kind {image.mode}")
-        raise InputError(
-            f"{path} is {kind}, not 16-bit grey; save depth as uint16 with depth_scale units per metre"
-        )
-    if image.size != (camera.width, camera.height):
-        width, height = image.size
-        raise InputError(
-            f"{path} is {width}x{height}, but {CAMERA_FILE} says {camera.width}x{camera.height}; "
-            "all frames must have the camera's size"
-        )
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    return "cut short or not a picture" if "cannot identify" in str(error) else str(error)
-
-
-TIME_FILES = ("timestamps.txt", "times.txt", "depth_timestamps.txt")
-NUMBER = re.compile(r"\d+(?:\.\d+)?(?=\D*$)")
-FAR_APART = 3000.0
-"""Steps between numbers that are longer than this are microseconds or nanoseconds: at 300 frames a second."""
-NANOSECOND_STEPS = 2e6
+        reason = getattr(error, "strerror", None) or str(error)
+        reason = "cut short or not a picture" if "cannot identify" in reason else reason
+        raise InputError(f"{path} is damaged or no PNG ({reason}); copy it again") from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,19 +138,16 @@ def times_in_names(values: list[float]) -> list[float] | None:
     step = float(np.median(np.diff(values)))
     if any(not value.is_integer() for value in values):
         unit = 1.0
-    elif step < FAR_APART:
+    elif step < SHORTEST_FRAME_US:
         return None
     else:
-        unit = 1e-9 if step > NANOSECOND_STEPS else 1e-6
+        unit = 1e-9 if step > LONGEST_FRAME_US else 1e-6
     return [(value - values[0]) * unit for value in values]
 
 
 def listed_times(path: Path, names: list[str]) -> list[float]:
     """Seconds for each name; InputError that says what is wrong with the file."""
-    try:
-        lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as text ({error}); copy it again") from error
+    lines = [line.split() for line in read_lines(path)]
     rows = [cells for cells in lines if cells and not cells[0].startswith("#")]
     by_name = {Path(cell).name: cells for cells in rows if len(cells) > 1 for cell in cells}
     if any(name in by_name for name in names):
@@ -180,11 +167,11 @@ def listed_times(path: Path, names: list[str]) -> list[float]:
 logger = logging.getLogger(__name__)
 
 
-class RecordedFolder(Recording):
+class RecordedFolder(FolderRecording):
     """A depth sequence in a folder; `numbers` are those of the files, or counted where these are times."""
 
-    def __init__(self, path: Path, given: CameraOptions = AS_RECORDED) -> None:
-        self.name = path.resolve().name
+    def __init__(self, path: Path, options: CameraOptions = AS_RECORDED) -> None:
+        super().__init__(path)
         folder = path / "depth" if (path / "depth").is_dir() else path
         pictures = find_frames(folder, path)
         if not pictures:
@@ -192,13 +179,13 @@ class RecordedFolder(Recording):
                 f"{path} holds no depth/000000.png; give a folder as Open3D's recorders write it "
                 f"(depth/*.png and {CAMERA_FILE})"
             )
-        self.depth_scale, self.fps = given.depth_scale or MILLIMETRES, DEFAULT_FPS
-        if given.intrinsics is None or (path / CAMERA_FILE).exists():
-            camera = read_camera(path / CAMERA_FILE)
-            self.intrinsics = pinhole(camera, path / CAMERA_FILE)
-            self.depth_scale, self.fps = given.depth_scale or camera.depth_scale, camera.fps
-        if given.intrinsics is not None:
-            self.intrinsics = given.camera(*picture_size(pictures[0].file), str(path))
+        self.depth_scale, self.fps = options.depth_scale or MILLIMETRES, DEFAULT_FPS
+        if options.intrinsics is None or (path / CAMERA_FILE).exists():
+            self.intrinsics, depth_scale, self.fps = read_camera(path / CAMERA_FILE)
+            self.depth_scale = options.depth_scale or depth_scale
+        if options.intrinsics is not None:
+            with opened(pictures[0].file) as image:
+                self.intrinsics = options.camera(*image.size, str(path))
         self._files = {picture.number: picture.file for picture in pictures}
         times = [picture.time_s for picture in pictures if picture.time_s is not None]
         self._times = {p.number: t for p, t in zip(pictures, times, strict=False)}
@@ -212,8 +199,6 @@ class RecordedFolder(Recording):
                 "%s: %d of %d frames are missing, frame %d first; the others keep their times",
                 folder, last - first + 1 - len(pictures), last - first + 1, missing,
             )  # fmt: skip
-        self.truth = if_there(path / TRUTH_FILE)
-        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """One frame, decoded and checked against the camera's size."""
@@ -236,23 +221,20 @@ TUM_CAMERAS = {
 }
 
 
-class TumFolder(Recording):
+class TumFolder(FolderRecording):
     """The pictures that depth.txt lists, numbered from 0; times are those of the list, from 0."""
 
     def __init__(self, path: Path) -> None:
-        self.name = path.resolve().name
+        super().__init__(path)
         self._times, self._files = read_list(path / TUM_LIST)
         self._scale = TUM_UNITS_PER_METRE
         self.intrinsics = next((c for key, c in TUM_CAMERAS.items() if key in self.name), NOMINAL)
         if (path / CAMERA_FILE).exists():
-            camera = read_camera(path / CAMERA_FILE)
-            self.intrinsics, self._scale = pinhole(camera, path / CAMERA_FILE), camera.depth_scale
+            self.intrinsics, self._scale, _ = read_camera(path / CAMERA_FILE)
         else:
-            check_size(self._files[0], self.intrinsics)
+            self._check_size()
         self.numbers = range(len(self._files))
         self.fps = rate_of(self._times)
-        self.truth = if_there(path / TRUTH_FILE)
-        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """One frame, decoded and checked against the camera's size."""
@@ -260,33 +242,31 @@ class TumFolder(Recording):
         time_s = self._times[number] - self._times[0]
         return DepthFrame(number, time_s, depth, self._scale, self.intrinsics)
 
-
-def check_size(path: Path, camera: Intrinsics) -> None:
-    """InputError unless a picture has the size that the data set's cameras have."""
-    width, height = picture_size(path)
-    if (width, height) != (camera.width, camera.height):
-        raise InputError(
-            f"{path} is {width}x{height}, but the camera that the data set documents has "
-            f"{camera.width}x{camera.height}; add {CAMERA_FILE} to the folder"
-        )
+    def _check_size(self) -> None:
+        """InputError unless the pictures have the size that the data set's cameras have."""
+        camera = self.intrinsics
+        with opened(self._files[0]) as image:
+            width, height = image.size
+        if (width, height) != (camera.width, camera.height):
+            raise InputError(
+                f"{self._files[0]} is {width}x{height}, but the camera that the data set documents has "
+                f"{camera.width}x{camera.height}; add {CAMERA_FILE} to the folder"
+            )
 
 
 def read_list(path: Path) -> tuple[list[float], list[Path]]:
     """Times in seconds, ascending, and pictures; InputError names the line that is at fault."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; mend its permissions") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is no text ({error.reason}); copy it again") from error
     times: list[float] = []
     files: list[Path] = []
-    for n, line in enumerate(lines, start=1):
+    for n, line in enumerate(read_lines(path), start=1):
         cells = line.split()
         if not cells or line.startswith("#"):
             continue
-        time_s = seconds(cells[0]) if len(cells) == 2 else math.nan
-        if math.isnan(time_s) or (times and time_s <= times[-1]):
+        try:
+            time_s = float(cells[0]) if len(cells) == 2 else math.nan
+        except ValueError:
+            time_s = math.nan
+        if not (math.isfinite(time_s) and (not times or time_s > times[-1])):
             raise InputError(f"{path}, line {n}: '{line}' is not a later time and a picture; mend that line")
         times.append(time_s)
         files.append(path.parent / cells[1])
@@ -295,10 +275,9 @@ def read_list(path: Path) -> tuple[list[float], list[Path]]:
     return times, files
 
 
-def seconds(cell: str) -> float:
-    """The number in a cell, NaN where there is none."""
+def read_lines(path: Path) -> list[str]:
+    """A text's lines; InputError if it is none."""
     try:
-        value = float(cell)
-    except ValueError:
-        return math.nan
-    return value if math.isfinite(value) else math.nan
+        return path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is no text that can be read ({error}); copy it again") from error

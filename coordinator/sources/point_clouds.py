@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics, project
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.files import CAMERA_FILE
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, pinhole, read_camera
-from coordinator.sources.source import Recording, if_there
+from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, read_camera
+from coordinator.sources.source import FolderRecording
 
 Array = NDArray[np.float64]
 
@@ -28,21 +28,18 @@ SUFFIXES = (".ply", ".pcd")
 LARGEST_MISFIT = 0.05  # pixels that a pinhole camera's points may lie off their pixels
 
 
-class PointClouds(Recording):
+class PointClouds(FolderRecording):
     """Clouds in the order of the numbers in their names, numbered from 0."""
 
     def __init__(self, path: Path) -> None:
-        self.name = path.resolve().name
+        super().__init__(path)
         self._files = cloud_files(path)
         self.fps = DEFAULT_FPS
         if (path / CAMERA_FILE).exists():
-            camera = read_camera(path / CAMERA_FILE)
-            self.intrinsics, self.fps = pinhole(camera, path / CAMERA_FILE), camera.fps
+            self.intrinsics, _, self.fps = read_camera(path / CAMERA_FILE)
         else:
             self.intrinsics = own_camera(self._files[0])
         self.numbers = range(len(self._files))
-        self.truth = if_there(path / TRUTH_FILE)
-        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """One cloud as the camera sees it."""

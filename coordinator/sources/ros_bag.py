@@ -20,7 +20,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.camera import AS_RECORDED, CameraOptions
+from coordinator.sources.camera import AS_RECORDED, CameraOptions, pinhole
 from coordinator.sources.source import Recording, rate_of
 
 Result = TypeVar("Result")
@@ -36,12 +36,12 @@ NANOSECONDS = 1e-9
 class RosBag(Recording):
     """The depth images of a bag, numbered from 0; times are the bag's, from 0."""
 
-    def __init__(self, path: Path, given: CameraOptions = AS_RECORDED) -> None:
+    def __init__(self, path: Path, options: CameraOptions = AS_RECORDED) -> None:
         self.name, self._bag = path.stem, Bag(path)
         self._topic = depth_topic(self._bag)
         self._times = self._bag.times(self._topic)
-        self.intrinsics = camera_of(self._bag, self._topic, given)
-        self._scale = given.depth_scale or round(1.0 / units_of(self._bag, self._topic), 6)
+        self.intrinsics = camera_of(self._bag, self._topic, options)
+        self._scale = options.depth_scale or round(1.0 / units_of(self._bag, self._topic), 6)
         self.numbers = range(len(self._times))
         self.fps = rate_of([t * NANOSECONDS for t in self._times])
 
@@ -122,39 +122,31 @@ def depth_topic(bag: Bag) -> str:
     raise InputError(f"{bag.path} holds no depth images (16UC1 or 32FC1); record the camera's depth topic")
 
 
-def camera_of(bag: Bag, topic: str, given: CameraOptions = AS_RECORDED) -> Intrinsics:
+def camera_of(bag: Bag, topic: str, options: CameraOptions = AS_RECORDED) -> Intrinsics:
     """The camera of a topic's images: the camera_info whose name has most in common with theirs."""
     infos = bag.topics(CAMERA)
-    if given.intrinsics is not None:
+    if options.intrinsics is not None:
         first = bag.message(topic)
-        return given.camera(first.width, first.height, str(bag.path))
+        return options.camera(first.width, first.height, str(bag.path))
     if not infos:
         raise InputError(
             f"{bag.path} holds no camera_info, so its camera is unknown; "
             "record it with the depth, or add --intrinsics fx,fy,cx,cy"
         )
     info = bag.message(nearest(topic, infos))
-    matrix = info.K if hasattr(info, "K") else info.k  # ROS 1, ROS 2
-    fx, cx, fy, cy = (float(matrix[k]) for k in (0, 2, 4, 5))
-    if not (np.isfinite([fx, fy, cx, cy]).all() and min(fx, fy) > 0 and min(info.width, info.height) > 0):
-        raise InputError(
-            f"{bag.path}: the depth camera's intrinsics are not set; record with a calibrated camera"
-        )
-    return Intrinsics(info.width, info.height, fx, fy, cx, cy)
+    matrix = np.reshape(info.K if hasattr(info, "K") else info.k, (3, 3))  # ROS 1, ROS 2
+    return pinhole(matrix, info.width, info.height, f"{bag.path}: camera_info, from a calibrated camera")
 
 
 def units_of(bag: Bag, topic: str) -> float:
     """Metres that a unit of depth stands for."""
     options = [t for t in bag.topics(NUMBER) if t.endswith(UNITS_OPTION)]
-    metres = shortest(bag.message(nearest(topic, options)).data) if options else MILLIMETRE
+    metres = MILLIMETRE
+    if options:  # a float32: 0.001 is meant by 0.0010000000474974513
+        metres = float(str(np.float32(bag.message(nearest(topic, options)).data)))
     if not 0 < metres < np.inf:
         raise InputError(f"{bag.path}: a unit of depth is said to be {metres} m; record it again")
     return metres
-
-
-def shortest(value: float) -> float:
-    """The decimal number that was meant by a float32: 0.001 for 0.0010000000474974513."""
-    return float(str(np.float32(value)))
 
 
 def nearest(topic: str, others: list[str]) -> str:

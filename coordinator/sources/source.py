@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
+from coordinator.files import START_FILE, TRUTH_FILE
 from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, CameraOptions
 
 
@@ -84,9 +85,13 @@ class Recording:
         return map(self.frame, self.numbers)
 
 
-def if_there(path: Path) -> Path | None:
-    """The path, if there is such a file."""
-    return path if path.is_file() else None
+class FolderRecording(Recording):
+    """A recording in a folder, in which truth and start may lie beside the frames."""
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.resolve().name
+        beside = (path / TRUTH_FILE, path / START_FILE)
+        self.truth, self.init = (file if file.is_file() else None for file in beside)
 
 
 def rate_of(seconds: Sequence[float]) -> float:
@@ -99,22 +104,19 @@ def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     if wanted is None:
         return numbers
     first, colon, end = wanted.partition(":")
+    there = f"frames {numbers[0]}:{numbers[-1] + 1}"
     if not colon or not all(part.strip().isdecimal() for part in (first, end) if part):
-        raise InputError(f"--frames '{wanted}' is not of the form A:B; this sequence has {_span(numbers)}")
+        raise InputError(f"--frames '{wanted}' is not of the form A:B; this sequence has {there}")
     start = int(first) if first else numbers[0]
     stop = int(end) if end else numbers[-1] + 1
     if not numbers[0] <= start < stop <= numbers[-1] + 1:
-        raise InputError(f"--frames {wanted} is out of range; this sequence has {_span(numbers)}")
+        raise InputError(f"--frames {wanted} is out of range; this sequence has {there}")
     if isinstance(numbers, range):
         return range(start, stop)
     chosen = tuple(number for number in numbers if start <= number < stop)
     if not chosen:
         raise InputError(f"--frames {wanted} is a gap of this sequence; choose other frames")
     return chosen
-
-
-def _span(numbers: Sequence[int]) -> str:
-    return f"frames {numbers[0]}:{numbers[-1] + 1}"
 
 
 class OverriddenSource(Recording):

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files import START_FILE, TRUTH_FILE
 from coordinator.sources.arrays import UNITS_PER_METRE, to_units
 from coordinator.sources.camera import DEFAULT_FPS
-from coordinator.sources.source import Recording, if_there
+from coordinator.sources.source import FolderRecording
 
 Array = NDArray[np.float64]
 
@@ -45,11 +44,11 @@ class StereoRig:
     fps: float
 
 
-class StereoFolder(Recording):
+class StereoFolder(FolderRecording):
     """Pairs of pictures of the same name in left/ and right/, numbered from 0 in the order of their names."""
 
     def __init__(self, path: Path) -> None:
-        self.name = path.resolve().name
+        super().__init__(path)
         self._cv = load_opencv(path)
         rig = read_rig(find_calibration(path), self._cv)
         self._pairs = find_pairs(path)
@@ -58,8 +57,6 @@ class StereoFolder(Recording):
         self._rectify(rig)
         self.numbers = range(len(self._pairs))
         self.fps = rig.fps
-        self.truth = if_there(path / TRUTH_FILE)
-        self.init = if_there(path / START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
         """The depth of one pair."""

@@ -21,6 +21,7 @@ from coordinator.sources.source import Recording
 KINECT = Intrinsics(320, 240, 285.63, 285.63, 160.0, 120.0)
 FPS = 30.0
 VARIABLE = "d_depth"
+MEND = "give one of the data set's *_depth.mat files"
 
 
 class UtdMhadFile(Recording):
@@ -54,18 +55,9 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
     if depth.ndim == 2:
         depth = depth[:, :, None]  # MATLAB drops a last axis of one frame
     if depth.ndim != 3 or depth.shape[:2] != (KINECT.height, KINECT.width) or not depth.shape[2]:
-        raise InputError(f"{path}: {VARIABLE} has shape {depth.shape}, not (240, 320, frames); {_MEND}")
-    return _as_uint16(depth, path)
-
-
-_MEND = "give one of the data set's *_depth.mat files"
-
-
-def _as_uint16(depth: NDArray[np.generic], path: Path) -> NDArray[np.uint16]:
-    if depth.dtype == np.uint16:
-        return depth.astype(np.uint16, copy=False)
+        raise InputError(f"{path}: {VARIABLE} has shape {depth.shape}, not (240, 320, frames); {MEND}")
     with np.errstate(invalid="ignore"):
         whole = depth.astype(np.uint16) if depth.dtype.kind in "iuf" else None
     if whole is None or not np.array_equal(whole, depth):
-        raise InputError(f"{path}: {VARIABLE} holds more than whole millimetres as {depth.dtype}; {_MEND}")
+        raise InputError(f"{path}: {VARIABLE} holds more than whole millimetres as {depth.dtype}; {MEND}")
     return whole

@@ -182,7 +182,7 @@ DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("tum", "depth.txt", text("1.0 a.png\n1.0 b.png\n"), "line 2: '1.0 b.png' is not a later time"),
     ("tum", "depth.txt", text("soon a.png\n"), "line 1: 'soon a.png' is not a later time"),
     ("tum", "depth.txt", text("1.0 a.png\n"), "a.png is damaged or no PNG"),
-    ("tum", "depth.txt", lambda path: path.write_bytes(b"\xff\xfe\x00"), "depth.txt is no text"),
+    ("tum", "depth.txt", lambda path: path.write_bytes(b"\xff\xfe\x00"), "is no text that can be read"),
     (
         "tum",
         "camera_intrinsic.json",

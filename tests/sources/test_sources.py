@@ -172,8 +172,8 @@ def test_a_damaged_picture_is_found_and_named(
     [
         ({"intrinsic_matrix": [float("nan"), 0, 0, 0, 11, 0, 4, 3, 1]}, "NaN is not a number"),
         ({"intrinsic_matrix": [float("inf"), 0, 0, 0, 11, 0, 4, 3, 1]}, "Infinity is not a number"),
-        ({"intrinsic_matrix": [10, 0, 4, 0, 11, 3, 0, 0, 1]}, "column by column"),
-        ({"intrinsic_matrix": [10, 0, 0, 0, -11, 0, 4, 3, 1]}, "must be positive"),
+        ({"intrinsic_matrix": [10, 0, 4, 0, 11, 3, 0, 0, 1]}, "read column by column: intrinsics are not"),
+        ({"intrinsic_matrix": [10, 0, 0, 0, -11, 0, 4, 3, 1]}, "with positive fx, fy"),
         ({"intrinsic_matrix": [10, 0, 0]}, "length >= 9"),
         ({"intrinsic_matrix": None}, "intrinsic_matrix"),
         ({"intrinsic_matrix": ["10", 0, 0, 0, 11, 0, 4, 3, 1]}, "intrinsic_matrix"),
