@@ -2,7 +2,8 @@
 
 A Butterworth filter of second order, run forward and backward, as movement laboratories use it (Winter,
 "Biomechanics and Motor Control of Human Movement"): of fourth order in effect, with half the power left at
-the cut-off. Frames that are lost do not count: they are bridged first, and so are frames that are missing.
+the cut-off. Frames whose pose is not known (lost, searching, absent) do not count: they are bridged first, and
+so are frames that are missing.
 """
 
 from __future__ import annotations
@@ -34,15 +35,22 @@ def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
         track,
         angle=None if track.angle is None else low_pass(track.angle),
         joint_positions=low_pass(track.joint_positions),
-        pose=smooth_pose(model, track.pose, low_pass),
+        pose=smooth_pose(model, track.pose[last_known(~track.unknown)], low_pass),
     )
+
+
+def last_known(known: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The last known frame (F,) up to each, the first one for those before it; of none known, each itself."""
+    if not known.any():
+        return np.arange(len(known))
+    return np.maximum.accumulate(np.where(known, np.arange(len(known)), np.argmax(known)))
 
 
 class LowPass:
     """Smooths values of a track's frames; they are taken at its rate, and given back at its times."""
 
     def __init__(self, track: Track, cutoff_hz: float) -> None:
-        kept = track.status != "lost"
+        kept = ~track.unknown
         self._times = track.time_s
         self._kept = kept if kept.sum() > 1 else np.ones_like(kept)
         steps = np.diff(self._times)
@@ -56,24 +64,19 @@ class LowPass:
             )
         count = max(3, round((self._times[-1] - self._times[0]) * rate) + 1)
         self._even = np.linspace(self._times[0], self._times[-1], count)
-        warped = np.tan(np.pi * cutoff_hz / rate) / (2.0 ** (1.0 / PASSES) - 1.0) ** (
-            0.5 / ORDER
-        )  # one of two
+        of_one_pass = (2.0 ** (1.0 / PASSES) - 1.0) ** (0.5 / ORDER)
+        warped = np.tan(np.pi * cutoff_hz / rate) / of_one_pass
         self._filter = butter(ORDER, np.arctan(warped) / np.pi * rate, fs=rate)
 
     def __call__(self, values: Array) -> Array:
         """Values (F, ...) low-passed over the frames."""
         columns = values.reshape(len(values), -1)
-        even = np.stack([self._at(self._even, column) for column in columns.T], axis=1)
+        times, kept = self._times[self._kept], columns[self._kept]
+        even = np.stack([np.interp(self._even, times, column) for column in kept.T], axis=1)
         padding = min(3 * (ORDER + 1), len(even) - 1)
         smooth = filtfilt(*self._filter, even, axis=0, padlen=padding)
         back = [np.interp(self._times, self._even, column) for column in smooth.T]
         return np.stack(back, axis=1).reshape(values.shape)
-
-    def _at(self, times: Array, column: Array) -> Array:
-        """A column at other times, without what was reported in lost frames."""
-        bridged: Array = np.interp(times, self._times[self._kept], column[self._kept])
-        return bridged
 
 
 def smooth_pose(model: BodyModel, poses: Array, low_pass: LowPass) -> Array:

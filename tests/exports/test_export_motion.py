@@ -160,14 +160,16 @@ def test_the_cut_off_is_where_half_the_power_is_left(tmp_path: Path) -> None:
     assert np.ptp(left) / 2.0 == pytest.approx(np.sqrt(0.5), rel=0.02)
 
 
-def test_lost_frames_do_not_bend_their_neighbours(tmp_path: Path) -> None:
-    """What a lost frame reported counts for nothing: its neighbours are as if it had gone on."""
+@pytest.mark.parametrize("status", ["lost", "searching", "absent"])
+def test_frames_whose_pose_is_not_known_do_not_bend_their_neighbours(tmp_path: Path, status: str) -> None:
+    """What they report counts for nothing, be it more than a turn: all is as if the motion had gone on."""
     body = hinges()
     poses = np.full((60, 2), 0.3)
-    poses[30] = 3.0
-    write_run(tmp_path / "run", body, poses, lost=(30,))
+    poses[30:33] = [[3.0], [5.8], [8.4]]
+    write_run(tmp_path / "run", body, poses, lost=(30, 31, 32), status=status)
     smooth = read_run(tmp_path / "run", smooth_hz=5.0)
-    assert np.allclose(smooth.angle[:, 0], 0.3, atol=1e-6)
+    assert np.allclose(smooth.angle, 0.3, atol=1e-6)
+    assert np.allclose(smooth.track.pose, 0.3, atol=1e-6)
 
 
 def test_balls_are_low_passed_as_rotations() -> None:

@@ -45,10 +45,11 @@ def write_run(
     held: Mapping[str, float] | None = None,
     frames: NDArray[np.int64] | None = None,
     up: Array | None = None,
+    status: str = "lost",
 ) -> Track:
     """A run's folder with these poses (F, D); one hypothesis a frame; `frames` (F,) count from 100.
 
-    `up` (3,) leads away from the ground, camera frame.
+    `up` (3,) leads away from the ground, camera frame. Frames that are `lost` have this status.
     """
     folder.mkdir(parents=True)
     count = len(poses)
@@ -62,7 +63,7 @@ def write_run(
         joint_positions=joint_positions(model, poses),
         hypothesis_pose=poses[:, None],
         hypothesis_weight=np.ones((count, 1)),
-        status=np.array(["lost" if f in lost else "tracked" for f in range(count)]),
+        status=np.array([status if f in lost else "tracked" for f in range(count)]),
         up=up,
     )
     with (folder / TRACK_FILE).open("wb") as file:
