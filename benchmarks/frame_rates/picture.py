@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.frame_rates.rows import ROWS
 from benchmarks.frame_rates.scores import RowScore
-from coordinator.pictures.plots import new_figure, save, styled
+from coordinator.pictures.plots import new_figure, styled
 
 COLOURS = {30.0: "#1b1f27", 15.0: "#2f9e44", 10.0: "#3b82c4", 6.0: "#e8590c"}  # by frames a second
 
@@ -26,7 +26,7 @@ def draw(scores: Sequence[RowScore], file: Path) -> None:
         axes.set_xlabel("particles")
         axes.set_ylabel("joints within 10 cm, %")
         axes.legend(title="frames a second")
-        save(figure, file)
+        figure.savefig(file)
 
 
 def points_at(rate: float, scores: Sequence[RowScore]) -> list[tuple[int, float]]:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from benchmarks.paper.runs import Run
 from benchmarks.paper.scores import RowScore
-from coordinator.pictures.plots import new_figure, save, styled
+from coordinator.pictures.plots import new_figure, styled
 
 COLOURS = ("#e8590c", "#3b82c4", "#2f9e44", "#9c36b5", "#1b1f27")
 DEGREES = (1, 2, 5, 10, 20, 50)
@@ -59,7 +59,7 @@ def draw_noise(runs: Mapping[str, Sequence[Run]], file: Path) -> None:
         mark_close(axes)
     panels[-1].legend(loc="upper right", ncols=4, fontsize=8)
     panels[-1].set_xlabel("frame (shaded: the arm is close to the body)")
-    save(figure, file)
+    figure.savefig(file)
 
 
 def draw_clean(runs: Mapping[str, Sequence[Run]], file: Path) -> None:
@@ -83,7 +83,7 @@ def draw_clean(runs: Mapping[str, Sequence[Run]], file: Path) -> None:
     )
     mark_close(axes)
     axes.legend(loc="upper right")
-    save(figure, file)
+    figure.savefig(file)
 
 
 def mark_close(axes: Axes) -> None:
@@ -109,7 +109,7 @@ def draw_curves(rows: Sequence[RowScore], file: Path) -> None:
     left.set(title="reported pose", xlabel="likelihood evaluations a frame", ylabel="mean error, degrees")
     right.set(xlabel="processor time a frame, ms")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
-    save(figure, file)
+    figure.savefig(file)
 
 
 def kind_of(row: RowScore) -> str:

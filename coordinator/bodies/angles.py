@@ -28,10 +28,12 @@ from common.camera import level_from_camera
 from coordinator.bodies.human.dofs import JOINT_ANGLES
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.skeleton import ARM_TILT, Dof, Skeleton, build_skeleton
-from coordinator.bodies.levers import SHOWN
 from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
 
 SIDES = {"r": "right", "l": "left"}
+
+SHOWN_FROM_BEND = np.radians(20.0)
+"""From this bend on of its elbow, an upper arm's rotation is seen."""
 
 _LIMB_BONES = {
     # joint: carrier, moving segment, how far the bone hangs off the vertical at rest
@@ -208,7 +210,7 @@ class Angles:
             frame[:] = self.near(frame[None], last)[0]
             if unknown is not None and unknown[number]:
                 continue
-            hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN]
+            hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN_FROM_BEND]
             seen = np.delete(np.arange(len(frame)), hidden)
             last[seen] = frame[seen]
         return angles

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
 from coordinator.exports.recorded import MILLIMETRES, RecordedRun
-from coordinator.results.angles import saying
+from coordinator.results.angles import ensure_angles
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def angle_points(run: RecordedRun) -> tuple[list[str], Array]:
         return [], np.empty((len(run.track.frame), 0, 3))
     body = run.body()
     angles = angles_of(body.model, body.held, run.track.up)
-    values = np.degrees(replace(run, track=saying(run.track, angles)).angle)
+    values = np.degrees(replace(run, track=ensure_angles(run.track, angles)).angle)
     first = 3 * len(angles.balls)
     balls = values[:, :first].reshape(len(values), -1, 3)
     hinges = np.stack([values[:, first:], *[np.zeros_like(values[:, first:])] * 2], axis=-1)

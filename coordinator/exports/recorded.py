@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from common.camera import level_from_camera
 from coordinator.results.track import (
+    USUAL_RATE_HZ,
     Track,
     TrackedBody,
     emptied,
@@ -18,7 +19,6 @@ from coordinator.results.track import (
     read_tracked_body,
 )
 
-USUAL_RATE = 30.0
 MILLIMETRES = 1000.0  # of a metre
 
 CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
@@ -82,7 +82,7 @@ class RecordedRun:
         """Frames per second: the inverse of the median time between frames."""
         steps = np.diff(self.track.time_s)
         steps = steps[steps > 0]
-        return float(np.round(1.0 / np.median(steps), 6)) if len(steps) else USUAL_RATE
+        return float(np.round(1.0 / np.median(steps), 6)) if len(steps) else USUAL_RATE_HZ
 
     @property
     def lost(self) -> NDArray[np.bool_]:

@@ -2,8 +2,8 @@
 
 A Butterworth filter of second order, run forward and backward, as movement laboratories use it (Winter,
 "Biomechanics and Motor Control of Human Movement"): of fourth order in effect, with half the power left at
-the cut-off. Frames whose pose is not known (lost, searching, absent) do not count: they are bridged first, and
-so are frames that are missing.
+the cut-off. Frames whose pose is not known (lost, searching, absent) do not count: they are bridged first,
+and so are frames that are missing.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Plots over time: their look, every angle (as a figure), and errors where the truth is known."""
+"""Plots over time: their look, angles and sliding joints, and errors where the truth is known."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,8 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from coordinator.results.angles import Slides
 from coordinator.results.evaluation import NEAR_M, Errors, Truth, compare, known_mean
 from coordinator.results.track import Track
+
+Array = NDArray[np.float64]
 
 REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
 STATUS = {
@@ -24,7 +28,7 @@ STATUS = {
     "searching": "#c86edc",
     "absent": "#969696",
 }
-DPI = 120
+SIDES = ("right_", "left_")
 
 STYLE: Mapping[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -42,26 +46,27 @@ STYLE: Mapping[str, Any] = {
     "ytick.color": "#5a616e",
     "legend.frameon": False,
     "figure.facecolor": "white",
+    "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "gepf",  # equal drawings give equal text
 }
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
     """An empty figure that needs no display."""
-    return Figure(figsize=(width_in, height_in), layout="constrained")
-
-
-def save(figure: Figure, file: Path) -> None:
-    """Write a PNG."""
-    figure.savefig(file, dpi=DPI)
+    return Figure(figsize=(width_in, height_in), dpi=120, layout="constrained")
 
 
 def styled() -> Any:
-    """Context in which figures have this look."""
+    """Context in which figures have this look, and are saved with it."""
     return mpl.rc_context(cast("Any", STYLE))
 
 
-def edges(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def plain(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names as a person writes them."""
+    return tuple(name.replace("_", " ") for name in names)
+
+
+def edges(time_s: Array) -> Array:
     """Where each frame's share of a time axis begins, and the last one's ends (F + 1,), seconds."""
     steps = np.diff(time_s)
     half = 0.5 * float(np.median(steps)) if len(steps) else 0.5
@@ -69,7 +74,7 @@ def edges(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([[time_s[0] - half], between, [time_s[-1] + half]])
 
 
-def draw_status(axes: Axes, time_s: NDArray[np.float64], status: NDArray[np.str_]) -> None:
+def draw_status(axes: Axes, time_s: Array, status: NDArray[np.str_]) -> None:
     """Fill a strip with the colour of each frame's status, and name those that occur."""
     ends = edges(time_s)
     for name, colour in STATUS.items():
@@ -84,20 +89,42 @@ def draw_status(axes: Axes, time_s: NDArray[np.float64], status: NDArray[np.str_
     axes.legend(handles=seen, loc="upper left", bbox_to_anchor=(0.0, -0.9), ncols=len(STATUS))
 
 
-COLUMNS = 3
-SIDES = ("right_", "left_")
-
-
 def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
-    """A figure with a plot for each angle: right and left side by side, on one scale."""
+    """A figure with a plot for each angle, in degrees; right and left stand side by side, on one scale."""
+    if track.angle is None or track.angle_names is None or track.angle_deviation is None:
+        raise ValueError("this track has no angles")
+    at = [track.angle_names.index(name) for name in names]
+    value, deviation = np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
+    return plot_values(track, names, value, deviation, "{x:g}°")
+
+
+def plot_slides(track: Track, slides: Slides) -> Figure:
+    """The same for sliding joints, in centimetres."""
+    return plot_values(track, slides.names, 100.0 * slides.value, 100.0 * slides.deviation, "{x:g} cm")
+
+
+def plot_values(track: Track, names: tuple[str, ...], value: Array, deviation: Array, form: str) -> Figure:
+    """A plot for each value (F, N), with one standard deviation (F, N) to either side.
+
+    Frames in which the pose is not known are shaded. `form` is how a number is written.
+    """
     sided = all(name.startswith(SIDES) for name in names)
-    columns = min(2 if sided else COLUMNS, len(names)) or 1
+    columns = max(1, min(2 if sided else 3, len(names)))
     rows = max(1, -(-len(names) // columns))
+    low, high = value - deviation, value + deviation
     with styled():
         figure = new_figure(11.0, 1.6 * rows)
         axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="row" if sided else False)
-        for at, name in zip(axes.ravel(), names, strict=False):
-            plot_angle(at, track, name)
+        for n, at in enumerate(axes.ravel()[: len(names)]):
+            band = {"color": HYPOTHESIS, "alpha": 0.22, "linewidth": 0, "rasterized": True}
+            at.fill_between(track.time_s, low[:, n], high[:, n], **band)
+            at.plot(track.time_s, value[:, n], color=REPORTED, linewidth=1.3)
+            shade = {"color": STATUS["lost"], "alpha": 0.25, "linewidth": 0, "step": "mid"}
+            whole = at.get_xaxis_transform()
+            at.fill_between(track.time_s, 0, 1, where=track.unknown, transform=whole, **shade)
+            at.set_title(plain(names)[n], fontsize=9)
+            at.yaxis.set_major_formatter(form)
+            at.margins(x=0)
         for at in axes.ravel()[len(names) :]:
             at.set_visible(False)
         for at in axes[-1]:
@@ -105,122 +132,89 @@ def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
     return figure
 
 
-def plot_angle(axes: Axes, track: Track, name: str) -> None:
-    """The reported value, one standard deviation to either side, and the frames in which nobody knows."""
-    if track.angle is None or track.angle_names is None or track.angle_deviation is None:
-        raise ValueError("this track has no angles")
-    at = track.angle_names.index(name)
-    value, band = np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
-    axes.fill_between(track.time_s, value - band, value + band, color=HYPOTHESIS, alpha=0.22, linewidth=0)
-    axes.plot(track.time_s, value, color=REPORTED, linewidth=1.3)
-    unknown = ~np.isin(track.status, ("tracked", "ambiguous"))
-    axes.fill_between(
-        track.time_s, 0, 1, where=unknown, step="mid", transform=axes.get_xaxis_transform(),
-        color=STATUS["lost"], alpha=0.25, linewidth=0,
-    )  # fmt: skip
-    axes.set_title(name.replace("_", " "), fontsize=9)
-    axes.margins(x=0)
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorColumn:
+    """Errors of one kind: their mean over all names above, and a row of colour for each name below."""
 
+    title: str  # with the mean's value
+    unit: str
+    names: tuple[str, ...]  # (N,)
+    errors: Array  # (F, N)
+    darkest: float  # error that has the darkest colour
+    least_top: float  # of the mean's axis
+    best: Array | None = None  # (F, N) of the best hypothesis
+    limit: float | None = None  # where errors count as large
 
-COLOURS = "magma_r"
-WORST_CM, WORST_DEG, WORST_SLIDE_CM = 30.0, 45.0, 5.0  # the darkest colour
+    def draw(self, figure: Figure, above: Axes, below: Axes, time_s: Array) -> None:
+        """Draw both parts."""
+        mean = known_mean(self.errors, axis=1)
+        if self.best is not None:
+            best = known_mean(self.best, axis=1)
+            label = f"best hypothesis, mean {np.nanmean(best):.1f}"
+            above.plot(time_s, best, color=HYPOTHESIS, linewidth=1.3, label=label)
+        label = f"reported, mean {np.nanmean(mean):.1f}"
+        above.plot(time_s, mean, color=REPORTED, linewidth=1.6, label=label)
+        if self.best is not None:
+            above.legend(loc="upper right")
+        if self.limit is not None:
+            above.axhline(self.limit, color="#8a919e", linewidth=0.9, linestyle=(0, (4, 3)))
+        above.set(title=self.title.format(np.nanmean(mean)), ylabel=self.unit)
+        above.set_ylim(0.0, 1.1 * max(self.least_top, float(np.nanmax(mean, initial=0.0))))
+        rows = np.arange(len(self.names) + 1)
+        image = below.pcolormesh(
+            edges(time_s), rows, self.errors.T, cmap="magma_r", vmin=0.0, vmax=self.darkest
+        )
+        below.set_yticks(rows[:-1] + 0.5, self.names, fontsize=8)
+        below.tick_params(axis="y", length=0)
+        below.invert_yaxis()
+        below.grid(visible=False)
+        figure.colorbar(image, ax=below, label=self.unit, extend="max", pad=0.01, fraction=0.04)
 
 
 def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with errors of joints, and of angles and of what slides where they are known."""
+    """Write a PNG with errors of joints, and of angles and sliding joints where they are known."""
     errors = compare(track, truth)
+    columns = error_columns(errors, tuple(name for name in track.joint_names if name in truth.joint_names))
     time_s = track.time_s[np.isin(track.frame, errors.frame)]
-    joints = tuple(name for name in track.joint_names if name in truth.joint_names)
-    wanted = [bool(joints), bool(errors.dof_names), bool(errors.slide_names)]
+    most = max(len(column.names) for column in columns)
     with styled():
-        most = max(len(joints), len(errors.dof_names), len(errors.slide_names))
-        figure, rows = new_figure(6.2 * sum(wanted) + 0.8, 4.2 + 0.22 * most), 0.22 * max(most, 4)
-        axes = figure.subplots(3, sum(wanted), sharex=True, squeeze=False, height_ratios=[2.6, rows, 0.16])
-        columns = iter(axes.T)
-        if joints:
-            draw_joint_errors(figure, next(columns), time_s, errors, joints)
-        if errors.dof_names:
-            draw_angle_errors(figure, next(columns), time_s, errors)
-        if errors.slide_names:
-            draw_slide_errors(figure, next(columns), time_s, errors)
-        for strip in axes[2]:
+        figure = new_figure(6.2 * len(columns) + 0.8, 4.2 + 0.22 * most)
+        heights = [2.6, 0.22 * max(most, 4), 0.16]
+        axes = figure.subplots(3, len(columns), sharex=True, squeeze=False, height_ratios=heights)
+        for column, (above, below, strip) in zip(columns, axes.T, strict=True):
+            column.draw(figure, above, below, time_s)
             draw_status(strip, track.time_s, track.status)
-        save(figure, file)
+        figure.savefig(file)
 
 
-def draw_joint_errors(
-    figure: Figure,
-    axes: NDArray[np.object_],
-    time_s: NDArray[np.float64],
-    errors: Errors,
-    joints: tuple[str, ...],
-) -> None:
-    """The mean joint error above, each joint's error below."""
-    mean = errors.mean_joint_m * 100.0
-    axes[0].plot(time_s, mean, color=REPORTED, linewidth=1.6)
-    axes[0].axhline(NEAR_M * 100.0, color="#8a919e", linewidth=0.9, linestyle=(0, (4, 3)))
-    axes[0].set(title=f"joint error, mean {np.nanmean(mean):.1f} cm", ylabel="centimetres")
-    axes[0].set_ylim(0.0, top(mean, NEAR_M * 100.0))
-    draw_rows(figure, axes[1], time_s, errors.joint_m.T * 100.0, plain(joints), WORST_CM, "cm")
-
-
-def draw_angle_errors(
-    figure: Figure, axes: NDArray[np.object_], time_s: NDArray[np.float64], errors: Errors
-) -> None:
-    """The mean angle error of the reported pose and of the best hypothesis above, each angle's below."""
-    mean, best = errors.mean_angle_deg, known_mean(errors.best_angle_deg, axis=1)
-    reported = f"reported, mean {np.nanmean(mean):.1f}"
-    axes[0].plot(
-        time_s,
-        best,
-        color=HYPOTHESIS,
-        linewidth=1.3,
-        label=f"best hypothesis, mean {np.nanmean(best):.1f}",
-    )
-    axes[0].plot(time_s, mean, color=REPORTED, linewidth=1.6, label=reported)
-    axes[0].set(title="angle error", ylabel="degrees")
-    axes[0].set_ylim(0.0, top(mean, 1.0))
-    axes[0].legend(loc="upper right")
-    draw_rows(figure, axes[1], time_s, errors.angle_deg.T, errors.dof_names, WORST_DEG, "degrees")
-
-
-def draw_slide_errors(
-    figure: Figure, axes: NDArray[np.object_], time_s: NDArray[np.float64], errors: Errors
-) -> None:
-    """The mean error of the joints that slide above, each one's below."""
-    rows = errors.slide_m * 100.0
-    mean = known_mean(rows, axis=1)
-    axes[0].plot(time_s, mean, color=REPORTED, linewidth=1.6)
-    axes[0].set(title=f"sliding joints, mean error {np.nanmean(mean):.2f} cm", ylabel="centimetres")
-    axes[0].set_ylim(0.0, top(mean, 0.1))
-    draw_rows(figure, axes[1], time_s, rows.T, plain(errors.slide_names), WORST_SLIDE_CM, "cm")
-
-
-def draw_rows(
-    figure: Figure,
-    axes: Axes,
-    time_s: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    names: tuple[str, ...],
-    worst: float,
-    unit: str,
-) -> None:
-    """One coloured row for each name; what is not known stays white."""
-    image = axes.pcolormesh(
-        edges(time_s), np.arange(len(names) + 1), rows, cmap=COLOURS, vmin=0.0, vmax=worst
-    )
-    axes.set_yticks(np.arange(len(names)) + 0.5, names, fontsize=8)
-    axes.tick_params(axis="y", length=0)
-    axes.invert_yaxis()
-    axes.grid(visible=False)
-    figure.colorbar(image, ax=axes, label=unit, extend="max", pad=0.01, fraction=0.04)
-
-
-def plain(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names as a person writes them."""
-    return tuple(name.replace("_", " ") for name in names)
-
-
-def top(values: NDArray[np.float64], least: float) -> float:
-    """Upper end of an axis from zero."""
-    return 1.1 * max(least, float(np.nanmax(values, initial=0.0)))
+def error_columns(errors: Errors, joints: tuple[str, ...]) -> list[ErrorColumn]:
+    """A column for joints, angles and sliding joints each, where there are any."""
+    columns = [
+        ErrorColumn(
+            title="joint error, mean {:.1f} cm",
+            unit="cm",
+            names=plain(joints),
+            errors=100.0 * errors.joint_m,
+            darkest=30.0,
+            least_top=100.0 * NEAR_M,
+            limit=100.0 * NEAR_M,
+        ),
+        ErrorColumn(
+            title="angle error",
+            unit="degrees",
+            names=errors.dof_names,
+            errors=errors.angle_deg,
+            darkest=45.0,
+            least_top=1.0,
+            best=errors.best_angle_deg,
+        ),
+        ErrorColumn(
+            title="sliding joints, mean error {:.2f} cm",
+            unit="cm",
+            names=plain(errors.slide_names),
+            errors=100.0 * errors.slide_m,
+            darkest=5.0,
+            least_top=0.1,
+        ),
+    ]
+    return [column for column in columns if column.names]

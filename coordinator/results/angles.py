@@ -1,24 +1,117 @@
-"""The angles of a track and the positions of its sliding joints, and how far each may be off."""
+"""The angles of a track and the positions of its sliding joints, and how far each may be off.
+
+What the tracker reports of a hidden limb, or of the rotation of an arm whose elbow is straight, is chance.
+How far each angle may be off is known frame by frame, and so is how fast people move their joints. A person's
+angles are smoothed accordingly: the likeliest x (F,) minimise
+
+    sum_f (x_f - angle_f)^2 / variance_f + sum_f (x_f - x_{f-1})^2 / (SPEED interval_f)^2
+
+Here `variance` is what an angle may be off beyond `ANGLE_MISFIT`: an angle that is known stays as it is.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
 
 from common.body import ROOT_DOFS, TRANSLATION, BodyModel
 from coordinator.bodies.angles import Angles, is_person
-from coordinator.bodies.levers import even_out, shown_by, weigh
-from coordinator.filters.sighting import USUAL_INTERVAL
-from coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
+from coordinator.results.track import MODEL_FILE, USUAL_RATE_HZ, Track, filled, read_tracked_body
 
 Array = NDArray[np.float64]
 
 UNSEEN = 2.0
-"""True errors are about so many times as large as the hypotheses' spread, since few particles are drawn: on
-the same people 69 % of the joints lie within the deviation that follows, 96 % within twice of it."""
+"""True errors are about twice as large as the hypotheses' spread, since few particles are drawn: on the same
+people 69 % of the joints lie within the deviation that follows, 96 % within twice of it."""
+
+ANGLE_MISFIT = np.radians(5.0)
+"""Error that a person's angles have at least, where joints are in place and all hypotheses agree. With it,
+with the deviation of the joints and with twice the hypotheses' spread, 80 % of elbow, knee, shoulder and hip
+angles of people with exact truth lie within one deviation, 98 % within two."""
+
+LARGEST_DEVIATION = np.radians(60.0)
+"""Of an angle that nothing shows: about that of any angle within a joint's range."""
+
+SPEED = np.radians(1400.0)
+"""Radians a second, one standard deviation: a fast arm. Elbows of throwers reach 2 300 degrees."""
+
+KNOWN_VARIANCE, UNKNOWN_VARIANCE = np.radians([1e-4, 1e4]) ** 2  # limits in smoothing
+SHORTEST_BONE_M = 0.1
+SHORTEST_INTERVAL_S = 1e-3  # what is shorter is a faulty time stamp
+
+SHOWN_BY = {
+    # angle: the joint whose position shows it, and the one about which that turns
+    "shoulder_flexion": ("elbow", "shoulder"),
+    "shoulder_abduction": ("elbow", "shoulder"),
+    "shoulder_rotation": ("wrist", "elbow"),
+    "elbow_flexion": ("wrist", "elbow"),
+    "hip_flexion": ("knee", "hip"),
+    "hip_abduction": ("knee", "hip"),
+    "hip_rotation": ("ankle", "knee"),
+    "knee_flexion": ("ankle", "knee"),
+    "neck_flexion": ("head", "neck"),
+}
+
+
+def ensure_angles(track: Track, angles: Angles) -> Track:
+    """The track with these angles and no others: those that it has, unless another version wrote it."""
+    return track if track.angle_names == angles.names else with_angles(track, angles)
+
+
+def with_angles(track: Track, angles: Angles) -> Track:
+    """The track with its body's angles (F, A), a person's smoothed, and how far each may be off."""
+    known = filled(track)
+    reported = angles.follow(known.pose, known.unknown)
+    if is_person(track.dof_names) and len(known.frame) > 1:
+        off = deviations(known, angles, reported, np.inf)
+        off[known.unknown] = np.inf
+        since = np.diff(known.time_s)
+        interval = np.where(since > SHORTEST_INTERVAL_S, since, 1.0 / USUAL_RATE_HZ)
+        beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
+        columns = [smooth(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
+        reported = np.array(columns).reshape(reported.T.shape).T
+    expected = deviations(known, angles, reported, LARGEST_DEVIATION)
+    reported[~track.placed], expected[track.unknown] = np.nan, np.nan
+    return replace(track, angle_names=angles.names, angle=reported, angle_deviation=expected)
+
+
+def smooth(angle: Array, variance: Array, interval: Array) -> Array:
+    """Angles (F,), those that are not known taken from the frames around; radians.
+
+    `variance` (F,) is how far each may be off; `interval` (F - 1,) the seconds between frames.
+    """
+    weight = 1.0 / np.clip(variance, KNOWN_VARIANCE, UNKNOWN_VARIANCE)
+    stiffness = 1.0 / (SPEED * interval) ** 2
+    bands = np.zeros((2, len(angle)))
+    bands[1] = weight
+    bands[1, :-1] += stiffness
+    bands[1, 1:] += stiffness
+    bands[0, 1:] = -stiffness
+    smoothed = solveh_banded(bands, weight * angle)
+    return np.where(variance <= KNOWN_VARIANCE, angle, smoothed)
+
+
+def deviations(track: Track, angles: Angles, about: Array, most: float) -> Array:
+    """Expected distance (F, A) of these angles (F, A) from the true ones, one standard deviation, radians.
+
+    Of a robot, whose measures are known, that of the hypotheses alone. A person's rotation of a limb is the
+    less certain the straighter the limb; what nothing shows is off by `most`.
+    """
+    away = hypotheses_near(track, angles, about) - about[:, None]
+    spread = UNSEEN * root_mean_square(away, track.hypothesis_weight)
+    if not is_person(track.dof_names):
+        return spread
+    off = np.maximum(ANGLE_MISFIT, deviations_from_joints(track, angles))
+    for twist, bend in angles.levers.items():
+        shown = np.sin(np.clip(about[:, bend], 0.0, 0.5 * np.pi))  # 0 straight, 1 at a right angle
+        off[:, twist] /= np.sqrt(np.maximum(shown**2, 1e-9))
+    expected: Array = np.hypot(np.minimum(off, most), spread)
+    return expected
 
 
 def root_mean_square(away: Array, weight: Array) -> Array:
@@ -33,61 +126,7 @@ def root_mean_square(away: Array, weight: Array) -> Array:
     return np.sqrt(mean)
 
 
-SHORTEST_BONE = 0.1  # metres
-SHORTEST = 1e-3  # seconds between frames
-
-ANGLE_MISFIT = np.radians(5.0)
-"""Radians that a person's angles lie off at the least, where joints are in place and all hypotheses agree.
-With that, with how far off the joints are said to be and with twice the hypotheses' spread, 80 % of elbow,
-knee, shoulder and hip angles of people with exact truth lie within one deviation, 98 % within two."""
-
-
-UNKNOWN = np.radians(60.0)
-"""Deviation of an angle that nothing shows: about that of any angle within a joint's range."""
-
-
-def saying(track: Track, angles: Angles) -> Track:
-    """The track with these angles and no others: those that it has, unless another version wrote it."""
-    return track if track.angle_names == angles.names else with_angles(track, angles)
-
-
-def with_angles(track: Track, angles: Angles) -> Track:
-    """The track with its body's angles (F, A), and how far each may be off.
-
-    A person's are evened out where they are not known (`coordinator.bodies.levers`).
-    """
-    known = filled(track)
-    reported = angles.follow(known.pose, known.unknown)
-    if is_person(track.dof_names) and len(known.frame) > 1:
-        off = deviations(known, angles, reported, np.inf)
-        off[known.unknown] = np.inf
-        since = np.diff(known.time_s)
-        interval = np.where(since > SHORTEST, since, USUAL_INTERVAL)
-        beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
-        columns = [even_out(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
-        reported = np.array(columns).reshape(reported.T.shape).T
-    expected = deviations(known, angles, reported, UNKNOWN)
-    reported[~track.placed], expected[track.unknown] = np.nan, np.nan
-    return replace(track, angle_names=angles.names, angle=reported, angle_deviation=expected)
-
-
-def deviations(track: Track, angles: Angles, about: NDArray[np.float64], most: float) -> NDArray[np.float64]:
-    """Expected distance (F, A) of these angles (F, A) from the true ones, one standard deviation, radians.
-
-    Of a robot, whose measures are known, that of the hypotheses alone. What nothing shows is off by `most`.
-    """
-    spread = hypotheses_spread(track, angles, about)
-    expected: NDArray[np.float64] = np.hypot(misfit(track, angles, about, most), UNSEEN * spread)
-    return expected
-
-
-def hypotheses_spread(track: Track, angles: Angles, about: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far the hypotheses' angles are from these (F, A), in the root mean square, radians."""
-    away = hypotheses_near(track, angles, about) - about[:, None]
-    return root_mean_square(away, track.hypothesis_weight)
-
-
-def hypotheses_near(track: Track, angles: Angles, about: NDArray[np.float64]) -> NDArray[np.float64]:
+def hypotheses_near(track: Track, angles: Angles, about: Array) -> Array:
     """The hypotheses' angles (F, M, A), radians, on the turns nearest to `about` (F, A); else NaN."""
     frames, most, dofs = track.hypothesis_pose.shape
     known = np.isfinite(track.hypothesis_weight)
@@ -96,26 +135,28 @@ def hypotheses_near(track: Track, angles: Angles, about: NDArray[np.float64]) ->
     return np.where(known[..., None], others.reshape(frames, most, about.shape[1]), np.nan)
 
 
-def misfit(track: Track, angles: Angles, about: NDArray[np.float64], most: float) -> NDArray[np.float64]:
-    """How far angles (F, A) are off where all hypotheses agree; a rotation more, the straighter the arm."""
-    if not is_person(track.dof_names):
-        return np.zeros(about.shape)
-    off = np.maximum(ANGLE_MISFIT, from_joints(track, angles))
-    for twist, bend in angles.levers.items():
-        off[:, twist] = off[:, twist] / np.sqrt(np.maximum(weigh(about[:, bend]), 1e-9))
-    return np.minimum(off, most)
-
-
-def from_joints(track: Track, angles: Angles) -> NDArray[np.float64]:
-    """How far angles (F, A) are off by how far the joints are that show them, radians; 0 if nobody knows."""
+def deviations_from_joints(track: Track, angles: Angles) -> Array:
+    """Deviations (F, A) of angles by those of the joints that show them, radians; 0 where none are known."""
     off = np.zeros((len(track.frame), len(angles.names)))
     if track.joint_deviation is None:
         return off
     for angle, (end, pivot) in shown_by(angles.names, track.joint_names).items():
         bone = track.joint_positions[:, end] - track.joint_positions[:, pivot]
-        length = np.maximum(np.linalg.norm(bone, axis=-1), SHORTEST_BONE)
+        length = np.maximum(np.linalg.norm(bone, axis=-1), SHORTEST_BONE_M)
         off[:, angle] = np.nan_to_num(track.joint_deviation[:, end]) / length
     return off
+
+
+def shown_by(angles: Sequence[str], joints: Sequence[str]) -> dict[int, tuple[int, int]]:
+    """Of angles that a joint's position shows: that joint, and the one about which it turns."""
+    found: dict[int, tuple[int, int]] = {}
+    for a, name in enumerate(angles):
+        side, _, motion = name.partition("_")
+        limb = [f"{side}_{joint}" for joint in SHOWN_BY.get(motion, ())]
+        ends = SHOWN_BY.get(name, limb)
+        if ends and set(ends) <= set(joints):
+            found[a] = (joints.index(ends[0]), joints.index(ends[1]))
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +165,7 @@ class Slides:
 
     names: tuple[str, ...]
     value: Array  # (F, S) NaN before the body was found
-    deviation: Array  # (F, S) one standard deviation; NaN where nobody knows
+    deviation: Array  # (F, S) one standard deviation; NaN where it is not known
 
 
 def read_slides(run: Path, track: Track) -> Slides:
@@ -135,7 +176,7 @@ def read_slides(run: Path, track: Track) -> Slides:
 
 
 def slides_of(track: Track, model: BodyModel) -> Slides:
-    """What of a track slides, but for the root's place; off by as much as angles for the same spread."""
+    """The sliding joints of a track, without the root's position; deviations follow from the hypotheses."""
     sliding = np.flatnonzero(model.kinds == TRANSLATION)
     names = tuple(name for j in sliding if (name := model.dof_names[j]) not in ROOT_DOFS)
     at = [track.dof_names.index(name) for name in names]

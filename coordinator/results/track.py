@@ -19,6 +19,7 @@ from coordinator.tracking.estimate import UNKNOWN
 Array = NDArray[np.float64]
 
 TRACK_FILE = "track.npz"
+USUAL_RATE_HZ = 30.0  # frames a second, where time stamps do not say
 
 logger = logging.getLogger(__name__)
 

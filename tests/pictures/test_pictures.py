@@ -20,9 +20,9 @@ from common.frame import DepthFrame
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import encode_gif, spread, tile
-from coordinator.pictures.hypotheses import most_varying
+from coordinator.pictures.hypotheses import curves_of
 from coordinator.pictures.overlay import MODEL_COLOUR, STATUS_COLOURS, Painter, View, around
-from coordinator.pictures.plots import draw_status, new_figure, save, styled
+from coordinator.pictures.plots import draw_status, new_figure, styled
 from coordinator.pictures.run import draw_run, shown_at
 from coordinator.pictures.shading import contours, lambert, shade_depth
 from coordinator.results.evaluation import Truth, read_truth
@@ -31,6 +31,7 @@ from coordinator.sources import Source, open_source
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from tests.support.bodies import person
+from tests.support.runs import swing, write_run
 
 FRAMES = 4
 
@@ -309,16 +310,18 @@ def test_contours_run_around_a_surface_and_along_its_steps() -> None:
         assert not plain.any()
 
 
-def test_the_angles_that_vary_most_are_shown_and_the_whole_bodys_turn_is_not() -> None:
+def test_the_angles_that_vary_most_are_shown_and_the_whole_bodys_turn_is_not(tmp_path: Path) -> None:
     """A person's angles by their plain names; the pelvis may turn as it will."""
-    model = person()
-    angles = angles_of(model)
-    reported = np.zeros((FRAMES, len(angles.names)))
-    turning = [name for name in angles.names if name.startswith(("pelvis", "right"))][-6:]
+    model, names = person(), angles_of(person()).names
+    track = write_run(tmp_path / "run", model, swing(model, FRAMES))
+    angle = np.zeros((FRAMES, len(names)))
+    turning = [name for name in names if name.startswith(("pelvis", "right"))][-6:]
     for k, name in enumerate(turning):
-        reported[:, angles.names.index(name)] = np.arange(FRAMES) * 0.01 * (k + 1)
-    reported[:, angles.names.index("pelvis_turn")] = np.arange(FRAMES)
-    assert sorted(angles.names[a] for a in most_varying(angles, reported)) == sorted(turning)
+        angle[:, names.index(name)] = np.arange(FRAMES) * 0.01 * (k + 1)
+    angle[:, names.index("pelvis_turn")] = np.arange(FRAMES)
+    track = replace(track, angle_names=names, angle=angle, angle_deviation=angle)
+    curves = curves_of(track, TrackedBody(model, {}), None)
+    assert sorted(curve.name for curve in curves) == sorted(turning)
 
 
 def test_a_frame_of_another_status_is_seen_in_the_strip(tmp_path: Path) -> None:
@@ -329,7 +332,7 @@ def test_a_frame_of_another_status_is_seen_in_the_strip(tmp_path: Path) -> None:
         axes = figure.subplots()
         draw_status(axes, np.arange(20) / 25.0, status)
         axes.set_axis_off()
-        save(figure, tmp_path / "strip.png")
+        figure.savefig(tmp_path / "strip.png")
     row = pixels(tmp_path / "strip.png")[60]  # above the names
     amber = np.all(np.abs(row - [0xF5, 0xBE, 0x46]) < 8, axis=1).sum()
     green = np.all(np.abs(row - [0x5C, 0xC8, 0x78]) < 8, axis=1).sum()

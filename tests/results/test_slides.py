@@ -16,10 +16,10 @@ from common.activation import activate
 from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.urdf import read_urdf
-from coordinator.pictures.hypotheses import curves_of_slides, draw_hypotheses
+from coordinator.pictures.hypotheses import curves_of, draw_hypotheses
 from coordinator.pictures.plots import draw_errors
 from coordinator.report import write_report
-from coordinator.results.angles import UNSEEN, read_slides, slides_of
+from coordinator.results.angles import read_slides, slides_of
 from coordinator.results.evaluation import Truth
 from coordinator.results.track import TrackedBody
 from coordinator.tracking.estimate import Estimate
@@ -57,24 +57,24 @@ def test_what_slides_is_off_by_what_hypotheses_disagree(gantry: BodyModel, tmp_p
     assert slides.names == ("main_lift",)
     assert np.array_equal(slides.value[:, 0], track.pose[:, at])
     assert np.isnan(slides.deviation[2, 0])
-    assert np.delete(slides.deviation[:, 0], 2) == pytest.approx(UNSEEN * 0.02)
+    assert np.delete(slides.deviation[:, 0], 2) == pytest.approx(2.0 * 0.02)
     (tmp_path / "run" / "model.npz").unlink()
     assert read_slides(tmp_path / "run", track).names == ()
 
 
 def test_the_report_shows_what_slides_in_centimetres(gantry: BodyModel, tmp_path: Path) -> None:
-    """A drawing beside those of the angles, and a word on the unit; 3 cm of way have whole numbers."""
+    """A drawing beside those of the angles, in centimetres, and a word on the unit."""
     poses = np.zeros((FRAMES, len(gantry.dof_names)))
     poses[:, gantry.dof("main_lift")] = np.linspace(0.10, 0.13, FRAMES)
     write_run(tmp_path / "run", gantry, poses)
     (tmp_path / "run" / "summary.json").write_text(json.dumps({"sequence": "gantry"}))
     write_report(tmp_path / "run", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert "of what slides centimetres" in page
+    assert "of sliding joints centimetres" in page
     assert ">10.0 cm … 13.0 cm (3.0 cm)</td><td>15.0 cm/s</td><td>0.0 cm</td>" in page
     drawing = page.partition("<summary>sliding joints</summary>")[2].partition("</svg>")[0]
-    assert ">main lift, cm</text>" in drawing
-    assert all(f">{centimetres}</text>" in drawing for centimetres in (10, 11, 12, 13))
+    assert ">main lift</text>" in drawing
+    assert all(f">{centimetres} cm</text>" in drawing for centimetres in (10, 12))
 
 
 def test_the_picture_of_errors_has_a_column_for_what_slides(gantry: BodyModel, tmp_path: Path) -> None:
@@ -141,8 +141,8 @@ def test_the_picture_of_hypotheses_shows_what_slides(gantry: BodyModel, tmp_path
         hypothesis_weight=np.tile([0.7, 0.3], (FRAMES, 1)),
     )
     truth = Truth(track.frame[1:], track.joint_names, track.joint_positions[1:], track.dof_names, other[1:])
-    (curve,) = curves_of_slides(track, gantry, truth)
-    assert (curve.title, curve.unit) == ("main lift", "cm")
+    *_, curve = curves_of(track, TrackedBody(gantry, {}), truth)
+    assert (curve.name, curve.unit) == ("main_lift", "cm")
     assert np.allclose(curve.hypotheses, 100.0 * np.stack([track.pose[:, at], other[:, at]], axis=1))
     assert np.isnan(curve.true[0])
     assert np.allclose(curve.true[1:], 100.0 * other[1:, at])
