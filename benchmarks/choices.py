@@ -10,7 +10,7 @@ import msgspec
 
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.commands.options.choices import choose_settings
+from coordinator.commands.job import choose_settings
 
 
 def settings_with(changes: Sequence[str], particles: int | None = None) -> Settings:

@@ -16,7 +16,7 @@ from common.settings import Settings
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.track import choose_start
+from coordinator.commands.inputs import choose_start
 from coordinator.results.summary import count_status
 from coordinator.sources import open_source
 from coordinator.tracking.estimate import Estimate

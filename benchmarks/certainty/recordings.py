@@ -8,7 +8,7 @@ from pathlib import Path
 from benchmarks.frame_rates.rows import HARD_ACTIONS
 from benchmarks.sequences import Recording, find_people
 from common.errors import InputError
-from coordinator.commands.demo.person import FRAMES
+from coordinator.commands.demo import FRAMES
 from coordinator.files import TRUTH_FILE
 from coordinator.synthesis.sequence import PERSON, synthesise
 

@@ -14,16 +14,22 @@ import signal
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from common.errors import GepfError, InputError
-from coordinator.cli import finished, hosts, sequences, tracking
-from coordinator.cli.surroundings import say
-from coordinator.commands.console.interrupts import INTERRUPTS, noted_interrupts
-from coordinator.commands.exit_codes import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED
-from coordinator.commands.options.misuse import describe_misuse
+from coordinator.cli.commands import app as commands
+from coordinator.cli.commands import say
+from coordinator.cli.config_file import use_config
+from coordinator.commands.console import (
+    DONE,
+    FAILED,
+    INPUT_AT_FAULT,
+    INTERRUPTED,
+    INTERRUPTS,
+    noted_interrupts,
+)
 
 if TYPE_CHECKING:
     from coordinator.commands.workers import Connect
@@ -43,11 +49,10 @@ Options that are always the same can stand in gepf.toml, in a table for each com
 
 app = typer.Typer(epilog=EXAMPLES)
 
-for family in (tracking, sequences, hosts, finished):
-    app.add_typer(family.app)
+app.add_typer(commands)
 
 
-def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, connect: Connect | None = None) -> int:
     """Run a command line and return its exit code. `connect` opens another pool than that of workers."""
     logging.basicConfig(format="gepf: %(message)s", level=logging.WARNING)
     try:
@@ -74,8 +79,19 @@ def main(arguments: Sequence[str] | None = None, connect: Connect[Any] | None = 
     return code if isinstance(code, int) else DONE
 
 
+def describe_misuse(error: typer.TyperException) -> str:
+    """The fault in one line; with what the missing thing is, or the commands that there are."""
+    fault = error.format_message().rstrip(".")
+    parameter, context = getattr(error, "param", None), getattr(error, "ctx", None)
+    if parameter is not None and parameter.help:
+        metavar = "" if parameter.metavar in (None, *fault.split("'")) else f" {parameter.metavar}"
+        return f"{fault}{metavar}: {parameter.help}"
+    commands = getattr(context.command, "commands", {}) if context is not None else {}
+    return f"{fault}; there are {', '.join(commands)}" if commands and "?" not in fault else fault
+
+
 def describe_fault(error: Exception) -> str:
-    """A fault that nobody foresaw; where the disk is full, what to do then."""
+    """A fault that was not foreseen; where the disk is full, what to do then."""
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" for {error.filename}" if error.filename else ""
         return f"no space is left on the disk{where}; make room; gepf track --resume goes on with a run"
@@ -117,6 +133,4 @@ def gepf(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
     else:
-        from coordinator.commands.options.config_file import use_config
-
         use_config(context, config)

@@ -14,7 +14,7 @@ from PIL import Image
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.commands.console.interrupts import ended_at_once
+from coordinator.commands.console import ended_at_once
 from coordinator.sources import Format, Source, find_format
 from coordinator.sources.camera import CameraOptions, doubt_camera, doubt_range
 
@@ -55,11 +55,13 @@ def run_info(sequence: Path, given: CameraOptions, pictures: Pictures, *, as_jso
 def describe_room(source: Source, picture: Path | None) -> dict[str, object]:
     """Facts about a sequence's scene by name, drawn into a picture if one is wanted."""
     with ended_at_once():
-        from coordinator.commands.scene_facts import describe_scene, look, picture_of
+        from coordinator.commands.scene_facts import describe_scene, look
 
         view, found = look(source)
     if picture is not None:
-        save(picture_of(view, found), picture)
+        from coordinator.pictures.scene import draw_scene
+
+        save(draw_scene(view, found), picture)
     return describe_scene(view, found)
 
 

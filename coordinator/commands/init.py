@@ -18,10 +18,11 @@ from common.frame import DepthFrame, SubjectFrame
 from common.settings import RefineSettings
 from coordinator.bodies.choice import choose_bodies, choose_model
 from coordinator.bodies.tracked import Bodies, pose_by_name
-from coordinator.commands.console.progress import Show
-from coordinator.commands.options.arguments import InitOptions
-from coordinator.commands.options.choices import choose_dofs, choose_pool, choose_settings
-from coordinator.commands.workers import Connect, end_as_interrupted
+from coordinator.commands.console import end_as_interrupted
+from coordinator.commands.job import choose_dofs, choose_pool, choose_settings
+from coordinator.commands.options import InitOptions
+from coordinator.commands.progress import Show
+from coordinator.commands.workers import Connect
 from coordinator.files import require_new, write_atomically
 from coordinator.pictures.film import tile, whole_view
 from coordinator.pictures.overlay import Painter, Shown
@@ -51,7 +52,7 @@ class Fitted:
     verdict: Verdict
 
 
-def run_init(options: InitOptions, show: Show, connect: Connect[Refiner]) -> None:
+def run_init(options: InitOptions, show: Show, connect: Connect) -> None:
     """Write the start file and its picture. InputError for options that make no sense, before all else."""
     picture = options.picture or options.out.with_suffix(".png")
     for path in (options.out, picture):

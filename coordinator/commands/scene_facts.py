@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from PIL import Image
 
 from coordinator.scene.people.candidates import Candidate, candidates
 from coordinator.scene.scene import Scene
 from coordinator.scene.view import SceneView
 from coordinator.sources import Source
 
-LOOKED_AT = 60  # frames from the first on, among which somebody is waited for
+LOOKED_AT = 60  # frames from the first on, among which the first with a person is looked for
 PROMISING = 0.25  # score from which on a candidate is likely a person
 
 
 def look(source: Source, promising: float = PROMISING) -> tuple[SceneView, list[Candidate]]:
-    """The first frame that shows somebody, and who may be a person there, likeliest first.
+    """The first frame that shows a person, and who may be one there, likeliest first.
 
-    Where no frame shows anybody who is likely one, that with the likeliest; with nobody at all, the last.
+    Where no frame shows a likely person, the frame with the likeliest; without any, the last.
     """
     scene = Scene(up=None if source.gravity is None else -source.gravity)
     doubtful: tuple[SceneView, list[Candidate]] | None = None
@@ -67,10 +66,3 @@ def describe_candidate(candidate: Candidate, *, likely: bool) -> dict[str, objec
         "score": round(candidate.score, 2),
         "why": candidate.why,
     }
-
-
-def picture_of(view: SceneView, found: list[Candidate]) -> Image.Image:
-    """All that was found, in the frame."""
-    from coordinator.pictures.scene import draw_scene
-
-    return draw_scene(view, found)

@@ -1,200 +1,195 @@
-"""One run from its options to its files: read, track, record, draw."""
+"""`gepf track`, recorded or live, one person or several: track each frame, publish, record, draw."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Protocol
+import gc
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 
-from common.errors import SilentWorkers
-from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.dofs import HUMAN_DOFS
-from coordinator.bodies.tracked import Bodies
-from coordinator.commands.console.interrupts import INTERRUPTS
-from coordinator.commands.console.progress import FrameMeter, Show, counted
-from coordinator.commands.finished.pictures import draw_pictures
-from coordinator.commands.garbage import leave_loaded_alone
-from coordinator.commands.options.job import Job
-from coordinator.commands.results_stream import open_results
-from coordinator.commands.workers import Connect, PooledRefiner
-from coordinator.exports.tables import write_csv
-from coordinator.files import write_atomically
+from common.errors import InputError, SilentWorkers
+from coordinator.commands.console import DONE, INTERRUPTS, NOT_TRACKED, end_as_interrupted
+from coordinator.commands.finished import draw_pictures
+from coordinator.commands.folders import Folders, folder_of, is_complete, open_folders
+from coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
+from coordinator.commands.job import Job, choose_job
+from coordinator.commands.many_recordings import is_several
+from coordinator.commands.progress import FrameMeter, Show, counted
+from coordinator.commands.track_options import TrackOptions
+from coordinator.commands.workers import Connect, Workers
+from coordinator.files import HYPOTHESES_FILE
 from coordinator.pool.options import Pool
-from coordinator.results.configuration import AUTOMATIC, run_configuration
-from coordinator.results.evaluation import Truth, read_truth
+from coordinator.results import people
+from coordinator.results.live_results import LiveResults
 from coordinator.results.log import Recorded
-from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.summary import (
+    PERSON,
+    SUMMARY_FILE,
     describe_failure,
     describe_status,
     mostly_tracked,
-    summarise,
 )
-from coordinator.results.track import MODEL_FILE, TrackedBody, read_track, write_tracked_body
-from coordinator.scene.scope import Scope
-from coordinator.sources import Source, open_source
-from coordinator.sources.colour_folder import ColourFolder
-from coordinator.sources.source import select_frames
-from coordinator.tracking.known import Known
-from coordinator.tracking.observing.isolation import Isolation
-from coordinator.tracking.observing.known_motion import KnownMotion
-from coordinator.tracking.pipeline import follow
-from coordinator.tracking.single import SingleTracker as Tracker
-from coordinator.tracking.starting.start_file import read_start
+from coordinator.results.track import filled, read_track, read_tracked_body
+from coordinator.sources.live import live_key
+from coordinator.tracking.tracker import Tracked, Tracker
+
+Frames = RecordedInput | LiveInput
 
 RECONNECTIONS = 3  # to workers that are there and do not answer
+LOADING_FRAMES = 2  # while which a run loads what it needs
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
-    """What one run works with."""
+def run_track(options: TrackOptions, show: Show, connect: Connect) -> int:
+    """Track; gives the exit code. Raises InputError for options that make no sense, before anything is read.
 
-    job: Job
-    source: Source
-    numbers: Sequence[int]
-    bodies: Bodies
-    start: Mapping[str, float] | None
-    scope: Scope
-    recorder: Recorder
-    colours: ColourFolder | None = None
-    again: bool = False  # whether another connection is tried if all workers fall silent
-
-
-class Record(Protocol):
-    """Records a run; with `resume` from where it was left, with `again` not for the last time."""
-
-    def __call__(self, *, resume: bool, again: bool) -> tuple[Run, Recorded | None]:
-        """Give the run, and what there is of it."""
-        ...
-
-
-def track_sequence(job: Job, show: Show, connect: Connect[PooledRefiner]) -> bool:
-    """Do a `gepf track`. The folder of results is made when the options and the first frame are sound.
-
-    Later frames are read when it is their turn. If the run ends early, by the user, a damaged frame or
-    another fault, the frames so far are in the folder all the same, and another one with `resume` goes on
-    from there. Gives whether the body was tracked in most frames.
+    Several recordings or seeds are tracked side by side, each into a folder of its own.
     """
-    source = open_source(job.sequence, job.given)
-    numbers = select_frames(source.numbers, job.frames)
-    bodies = choose_bodies(job.active, job.settings.preset, job.model)
-    start = choose_start(job.init, source, bodies.dof_names)
-    if job.joint_states is not None:
-        job.joint_states.check_names(bodies.dof_names)
-    truth = read_truth(source.truth) if source.truth else None
-    colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
-    first = source.frame(numbers[0])
-    scope = job.scope.read(source, job.settings.rotate_deg)
-    asked = job.asked(bodies, start, scope)
-    configuration = run_configuration(job.sequence, first, numbers, asked, job.given)
-    if job.resume and is_complete(job.out, configuration):
-        show.say(f"all {len(numbers)} frames are in {job.out} already")
+    job = choose_job(options)
+    end_as_interrupted()
+    if is_several(options.input.sequences, options.method.seeds):
+        from coordinator.commands.many import track_recordings
+
+        return track_recordings(options, job, show)
+    tracked = track(job, show, connect)
+    if options.output.as_json:
+        sys.stdout.write((job.out / SUMMARY_FILE).read_text(encoding="utf-8"))
+    return DONE if tracked else NOT_TRACKED
+
+
+def track(job: Job, show: Show, connect: Connect) -> bool:
+    """Track recorded or live input; gives whether all who were found were tracked in most frames.
+
+    The folder of results is made when the options and the first recorded frame are sound. If the run ends
+    early, by the user, a damaged frame or another fault, the frames so far are in the folder all the same,
+    and another run with `resume` goes on from there. An interrupt ends live input as its publisher does.
+    Where all workers fall silent, the run goes on over a new connection, a few times.
+    """
+    key = live_key(job.sequence)
+    given = RecordedInput(job) if key is None else LiveInput(job, key, show)
+    if job.resume and is_complete(job, given.configuration):
+        show.say(f"all {given.total} frames are in {job.out} already")
         return True
-
-    def record(*, resume: bool, again: bool) -> tuple[Run, Recorded | None]:
-        with Recorder(job.out, configuration, resume=resume) as recorder:
-            run = Run(job, source, numbers, bodies, start, scope, recorder, colours, again)
-            return run, record_frames(run, show, connect, resume=resume)
-
-    run, recorded = connecting_anew(record, show, resume=job.resume)
-    if recorded is None:
-        return True
-    draw(run, recorded, truth, show)
-    return conclude(recorded, show)
-
-
-def connecting_anew(record: Record, show: Show, *, resume: bool) -> tuple[Run, Recorded | None]:
-    """Record a run; where all workers fall silent, go on from there over a new connection, a few times."""
-    for _ in range(RECONNECTIONS):
+    for attempts_left in reversed(range(RECONNECTIONS + 1)):
         try:
-            return record(resume=resume, again=True)
+            with open_folders(job, given.configuration) as folders:
+                recorded = record(given, folders, show, connect, again=attempts_left > 0)
+            break
         except SilentWorkers:
+            if not attempts_left or given.total is None:
+                raise
             show.say(
                 "workers are there, and none of them answers; connecting anew: this run goes on by itself"
             )
-            resume = True
-    return record(resume=resume, again=False)
+            job = given.job = replace(job, resume=True)
+    if isinstance(given, LiveInput) and not recorded:
+        raise InputError(f"no depth came on {given.key} before the stream's end; {MEND_STREAM}")
+    draw(given, recorded, show)
+    return conclude(job, recorded, show)
 
 
-def record_frames(run: Run, show: Show, connect: Connect[PooledRefiner], *, resume: bool) -> Recorded | None:
+def record(
+    given: Frames, folders: Folders, show: Show, connect: Connect, *, again: bool
+) -> dict[int, Recorded]:
     """Track what is not recorded yet, and write the files of what then is, however that ends."""
-    total, done = len(run.numbers), run.recorder.frames
-    meter = show.frames(total, done)
-    show.say(describe_resume(run) if resume else announce(run))
+    job = given.job
+    meter = show.frames(given.total, folders.frames)
+    if isinstance(given, RecordedInput):
+        show.say(given.announce(folders.frames))
+    ended = False
     try:
-        if done < total:
-            track_frames(run, meter, show, connect)
+        if folders.frames != given.total:
+            track_frames(given, folders, meter, show, connect, again=again)
+        ended = True
+    except KeyboardInterrupt:
+        if given.total is not None or not folders.frames:
+            raise
+        INTERRUPTS.forget()  # the end of live input
+        ended = True
     finally:
-        recorded = finish(run, meter, show)
+        complete = ended if given.total is None else folders.frames == given.total
+        facts = {"complete": complete, "pool": describe_pool(job.pool), **given.facts()}
+        recorded = folders.finish(facts, meter.rate)
+        if recorded and not complete and given.total is not None:
+            show.say(
+                f"ended early with {folders.frames} of {given.total} frames in {job.out}; "
+                "the same command with --resume goes on"
+            )
     return recorded
 
 
-def announce(run: Run) -> str:
-    """What is about to be done."""
-    job, camera = run.job, run.source.intrinsics
-    size = f"{camera.width}x{camera.height}"
-    how = f"{job.settings.method}, {counted(job.settings.filter.particles, 'particle')}"
-    return f"tracking {counted(len(run.numbers), 'frame')} ({size}) of {job.sequence} into {job.out}: {how}"
-
-
-def describe_resume(run: Run) -> str:
-    """Where a resumed run goes on."""
-    done, total = run.recorder.frames, len(run.numbers)
-    if done == total:
-        return f"all {total} frames are recorded in {run.job.out}; writing the results"
-    if done:
-        return f"going on with frame {run.numbers[done]}; {done} of {total} are recorded"
-    return f"nothing to resume in {run.job.out}; beginning anew"
-
-
-def choose_start(
-    init: str | None, source: Source, dof_names: Sequence[str] = HUMAN_DOFS
-) -> Mapping[str, float] | None:
-    """The pose to start from: of a file, else of the file that comes with the sequence, else to be found."""
-    if init is None and source.init is not None:
-        return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
-    return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)
-
-
-def track_frames(run: Run, meter: FrameMeter, show: Show, connect: Connect[PooledRefiner]) -> None:
+def track_frames(
+    given: Frames,
+    folders: Folders,
+    meter: FrameMeter,
+    show: Show,
+    connect: Connect,
+    *,
+    again: bool,
+) -> None:
     """Track frame after frame; each is recorded while the workers are busy with the next."""
-    recorder = run.recorder
-    with (
-        connect(run.job.pool, show) as refiner,
-        meter,
-        open_results(run.job, refiner, again=run.again) as results,
-    ):
-        past = recorder.past.state if recorder.past else None
-        isolation = Isolation(run.job.settings.points, run.scope)
-        motion = KnownMotion(run.job.joint_states) if run.job.joint_states else None
-        tracker = Tracker(refiner, run.job.settings, run.bodies, Known(run.start, past, motion), isolation)
-        frames = (run.source.frame(number) for number in run.numbers[recorder.frames :])
-        for estimate, state in leave_loaded_alone(follow(tracker, frames)):
-            meter.advance(estimate)
-            if results is not None:
-                results.put(estimate, tracker.model, tracker.start.held)
-            recorder.append(estimate, state, refiner.statistics, meter.seconds)
+    job = given.job
+    with connect(job.pool, show) as workers, meter, open_results(job, workers, again=again) as outlets:
+        tracker = Tracker(
+            workers,
+            job.settings,
+            given.bodies,
+            people=job.people,
+            scope=given.scope,
+            start=given.start,
+            motion=given.motion,
+            states=folders.states,
+        )
+        if isinstance(given, RecordedInput):
+            run = tracker.follow(given.frames(folders.frames))
+        else:
+            tracker.prepare()  # so that no frame has to wait for it
+            run = tracker.follow(given.listen(workers), look_ahead=False)
+        for tracked in leave_loaded_alone(run):
+            for each, outlet in zip(tracked, outlets, strict=False):
+                start = each.state.start
+                if job.people == 1 or start.found:
+                    outlet.put(each.estimate, start.model, start.held)
+            others = "".join(f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2))
+            meter.advance(tracked[0].estimate, others + given.note())
+            folders.append(tracked, workers.statistics, meter.seconds)
             INTERRUPTS.check()
 
 
-def finish(run: Run, meter: FrameMeter, show: Show) -> Recorded | None:
-    """Write the final files of what was recorded, be it all or not."""
-    recorded = run.recorder.read()
-    if recorded is None:
-        return None
-    count = len(recorded.estimates)
-    complete = count == len(run.numbers)
-    rate = meter.rate or count / max(recorded.seconds, 1e-9)
-    colour = None if run.job.colour is None else str(run.job.colour)
-    said = {"complete": complete, "frame_rate": rate, "pool": describe_pool(run.job.pool), "color": colour}
-    write_results(run.recorder, recorded, said, complete=complete)
-    if not complete:
-        show.say(
-            f"ended early with {count} of {len(run.numbers)} frames in {run.job.out}; "
-            "the same command with --resume goes on"
-        )
-    return recorded
+@contextmanager
+def open_results(job: Job, workers: Workers, *, again: bool) -> Iterator[list[LiveResults]]:
+    """Where estimates are published, one outlet a person; none if that is not wanted. Their end is, too.
+
+    again: Whether the run connects anew where all workers fall silent, so that this is not the end.
+    """
+    if job.results is None:
+        yield []
+        return
+    keys = [job.results]
+    if job.people > 1:
+        keys = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
+    outlets = [LiveResults(workers.speak(key), as_json=job.results_json) for key in keys]
+    goes_on = False
+    try:
+        yield outlets
+    except SilentWorkers:
+        goes_on = again
+        raise
+    finally:
+        if not goes_on:
+            for outlet in outlets:
+                outlet.end()
+
+
+def leave_loaded_alone(run: Iterable[list[Tracked]]) -> Iterator[list[Tracked]]:
+    """Keep what the first frames loaded out of garbage collections, which would take 0.1 s each."""
+    try:
+        for step, each in enumerate(run):
+            if step < LOADING_FRAMES:
+                gc.freeze()
+            yield each
+    finally:
+        gc.unfreeze()
 
 
 def describe_pool(pool: Pool) -> dict[str, object]:
@@ -209,36 +204,50 @@ def describe_pool(pool: Pool) -> dict[str, object]:
     }
 
 
-def write_results(
-    recorder: Recorder, recorded: Recorded, said: Mapping[str, object], *, complete: bool
-) -> None:
-    """Write all files of a run but the pictures; the summary begins with what is `said`."""
-    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
-    write_atomically(recorder.folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
-    track = recorder.finish(recorded, {**said, **summarise(recorded)}, complete=complete)
-    write_atomically(recorder.folder / CSV_FILE, lambda file: write_csv(track, file))
+def draw(given: Frames, recorded: Mapping[int, Recorded], show: Show) -> None:
+    """Pictures of a finished run; of live input, whose frames were not kept, of the hypotheses alone."""
+    job = given.job
+    for number, each in recorded.items():
+        out, status = folder_of(job, number), describe_status(each.estimates)
+        frames = counted(len(each.estimates), "frame")
+        if isinstance(given, LiveInput):
+            frames = f"{len(each.estimates)} of {given.received.counts.received} frames"
+            if job.pictures:
+                from coordinator.pictures.hypotheses import draw_hypotheses
+
+                track = filled(read_track(out))
+                draw_hypotheses(track, read_tracked_body(out), None, out / HYPOTHESES_FILE)
+            show.say(f"{frames} were tracked; results are in {out}: {status}")
+            continue
+        assert isinstance(given, RecordedInput)
+        if not job.pictures:
+            show.say(f"{frames} are in {out}: {status}; gepf pictures {out} draws them")
+            continue
+        try:
+            body = read_tracked_body(out)
+            files = draw_pictures(given.source, body, read_track(out), out, show, given.truth, given.colours)
+        except KeyboardInterrupt:
+            show.say(f"{frames} are in {out}, without pictures; gepf pictures {out} draws them")
+            raise
+        show.say(f"{frames} and {counted(len(files), 'picture')} are in {out}: {status}")
 
 
-def conclude(recorded: Recorded, show: Show) -> bool:
-    """Warn where most frames are not tracked; gives whether they are."""
-    tracked = mostly_tracked(recorded.estimates)
-    if not tracked:
-        show.warn(describe_failure(recorded.estimates))
+def conclude(job: Job, recorded: Mapping[int, Recorded], show: Show) -> bool:
+    """Warn of those who mostly are not tracked; gives whether all are tracked.
+
+    Of several people, the first has a run even where none was found.
+    """
+    several = job.people > 1
+    if several:
+        there = sum(map(people.was_found, recorded.values()))
+        if there < job.people:
+            show.say(f"{there} of up to {job.people} people were found")
+    tracked = True
+    for number, each in recorded.items():
+        # one of several may come and go
+        seen = [e for e in each.estimates if not several or e.status != "absent"]
+        if not seen or not mostly_tracked(seen):
+            tracked = False
+            why = describe_failure(each.estimates)
+            show.warn(f"person {number}: {why}" if several else why)
     return tracked
-
-
-def draw(run: Run, recorded: Recorded, truth: Truth | None, show: Show) -> None:
-    """Pictures of a finished run."""
-    body = TrackedBody(recorded.state.start.model, recorded.state.start.held)
-    out, frames = run.job.out, counted(len(run.numbers), "frame")
-    if not run.job.pictures:
-        show.say(f"{frames} are in {out}; gepf pictures {out} draws them")
-        return
-    try:
-        files = draw_pictures(run.source, body, read_track(out), out, show, truth, run.colours)
-    except KeyboardInterrupt:
-        show.say(f"{frames} are in {out}, without pictures; gepf pictures {out} draws them")
-        raise
-    show.say(
-        f"{frames} and {counted(len(files), 'picture')} are in {out}: {describe_status(recorded.estimates)}"
-    )

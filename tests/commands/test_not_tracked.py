@@ -45,7 +45,7 @@ def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(tmp_path: Path) -> 
     assert done.returncode == 3, done.stderr
     red = [line for line in done.stderr.splitlines() if RED in line]
     assert any("most frames are not tracked (8 absent)" in line for line in red)
-    assert "waiting for somebody" in done.stderr
+    assert "waiting for a person" in done.stderr
     assert {"track.npz", "summary.json", "poses.csv"} <= {path.name for path in out.iterdir()}
     assert set(read_track(out).status) == {"absent"}
     report = gepf("report", str(out))

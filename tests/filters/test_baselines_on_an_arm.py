@@ -14,7 +14,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import pose_by_name
-from coordinator.commands.options.choices import choose_settings
+from coordinator.commands.job import choose_settings
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.estimate import RECORDED

@@ -13,7 +13,7 @@ from common.errors import NoWorkers
 from common.settings import preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.options.choices import choose_settings
+from coordinator.commands.job import choose_settings
 from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics

@@ -17,9 +17,9 @@ from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from coordinator.commands.options.scope import choose_scope
-from coordinator.commands.options.track_arguments import SceneOptions
 from coordinator.commands.scene_facts import describe_scene, look
+from coordinator.commands.scope import choose_scope, complete_scope
+from coordinator.commands.track_options import SceneOptions
 from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
 from coordinator.tracking.observing.isolation import Isolation, PosedBody
@@ -133,14 +133,14 @@ def test_an_empty_room_is_read_from_a_frame_a_picture_or_a_sequence(recording: P
     source = open_source(recording)
     first = source.frame(0).metres()
     for asked in ("0", str(recording / "depth" / "000000.png")):
-        read = choose_scope(SceneOptions(background=asked)).read(source).background
+        read = complete_scope(Scope(), asked, source, None).background
         assert read is not None
         np.testing.assert_array_equal(read, first)
-    whole = choose_scope(SceneOptions(background=str(recording))).read(source).background
+    whole = complete_scope(Scope(), str(recording), source, None).background
     assert whole is not None
     assert np.median(np.abs(whole - first)) < 0.01
     with pytest.raises(InputError, match="--background 9: the frames are 0 to 3"):
-        choose_scope(SceneOptions(background="9")).read(source)
+        complete_scope(Scope(), "9", source, None)
 
 
 def test_all_that_decides_the_results_is_described() -> None:
@@ -153,7 +153,7 @@ def test_all_that_decides_the_results_is_described() -> None:
         SceneOptions(person="nearest"),
         SceneOptions(person="4,5"),
     )
-    scopes = [choose_scope(each).read(None) for each in asked]
+    scopes = [choose_scope(each) for each in asked]
     scopes.append(Scope(background=np.ones((2, 2), np.float32)))
     described = {msgspec.json.encode(scope.describe()) for scope in scopes}
     assert len(described) == len(scopes)

@@ -16,7 +16,7 @@ from common.frame import SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.commands.console.progress import Show
+from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.synthesis.rendering import DepthRenderer

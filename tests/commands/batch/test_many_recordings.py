@@ -16,12 +16,11 @@ from rich.console import Console
 
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands.batch.recordings import choose_entries, is_several
-from coordinator.commands.batch.runs import gravest, track_many
-from coordinator.commands.console.progress import show_on
-from coordinator.commands.options.choices import choose_settings
-from coordinator.commands.options.job import Job
-from coordinator.commands.track import track_sequence
+from coordinator.commands.job import Job, choose_settings
+from coordinator.commands.many import gravest, track_many
+from coordinator.commands.many_recordings import choose_entries, is_several
+from coordinator.commands.progress import show_on
+from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
 from tests.support.processes.programs import INSTANT
@@ -105,7 +104,7 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     assert not (tmp_path / "runs" / "damaged").exists()
     for job in jobs[:2]:
         out = tmp_path / "alone" / job.out.name
-        track_sequence(replace(job, out=out), show, connect_workers)
+        track(replace(job, out=out), show, connect_workers)
         whole, single = (folder / "track.npz" for folder in (job.out, out))
         assert whole.read_bytes() == single.read_bytes()
 

@@ -16,8 +16,8 @@ import pytest
 
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands.console.interrupts import INTERRUPTS, ended_at_once, noted_interrupts
-from coordinator.commands.console.progress import Show
+from coordinator.commands.console import INTERRUPTS, ended_at_once, noted_interrupts
+from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.scene.ransac import held_interrupts
 from tests.support.processes.programs import wait_until

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from coordinator.commands.console.progress import FrameMeter, PlainShow, counted, describe, show_on
+from coordinator.commands.progress import FrameMeter, PlainShow, counted, describe, show_on
 from coordinator.tracking.estimate import Estimate
 
 

@@ -15,11 +15,10 @@ from rich.console import Console
 from common.body import BodyModel
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands.console.progress import Show, show_on
-from coordinator.commands.demo import person
-from coordinator.commands.demo.arm import demo_arm, tabulate
-from coordinator.commands.demo.person import FILTER, LONE, Score, demo_person, lone_settings
-from coordinator.commands.demo.run import make_room
+from coordinator.commands import demo as person
+from coordinator.commands.demo import FILTER, LONE, Score, demo_person, lone_settings, make_room
+from coordinator.commands.demo_arm import demo_arm, tabulate
+from coordinator.commands.progress import Show, show_on
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors

@@ -10,7 +10,7 @@ from typer.main import get_command
 
 from common.errors import InputError
 from coordinator.cli import app, main
-from coordinator.commands.options.config_file import defaults_of
+from coordinator.cli.config_file import defaults_of
 
 Written = Callable[[str], Path]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
-from coordinator.commands.console.progress import Show
+from coordinator.commands.progress import Show
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner

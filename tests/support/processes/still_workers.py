@@ -20,7 +20,7 @@ from common.sizes import parts_of
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from coordinator.commands.console.progress import Show
+from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from tests.support.asked import Asked

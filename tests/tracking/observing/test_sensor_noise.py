@@ -16,7 +16,7 @@ from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
-from coordinator.commands.options.choices import choose_settings, set_noise
+from coordinator.commands.job import choose_settings, set_noise
 from coordinator.scene.noise import DepthNoise
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer

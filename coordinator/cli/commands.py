@@ -1,0 +1,314 @@
+"""The commands of `gepf`: their options, and what each does with them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from coordinator.commands.console import DONE, loading
+from coordinator.commands.options import (
+    CameraOptions,
+    CertificateOptions,
+    ExportOptions,
+    Force,
+    InitOptions,
+    Model,
+    PicturesOptions,
+    PublishOptions,
+    Quiet,
+    Recording,
+    RouterOptions,
+    Run,
+    SecurityOptions,
+    SynthOptions,
+    ViewOptions,
+    grouped,
+)
+from coordinator.commands.track_options import TrackOptions
+
+if TYPE_CHECKING:
+    from coordinator.commands.progress import Show
+    from coordinator.commands.workers import Connect
+
+TRACK, SEQUENCES, HOSTS, FINISHED = "Track", "Sequences and bodies", "Many hosts", "Look, compare, export"
+
+app = typer.Typer()
+model_app = typer.Typer()
+
+
+def say(message: str) -> None:
+    """Write one line to stderr."""
+    sys.stderr.write(f"gepf: {' '.join(message.split())}\n")
+
+
+def on_stderr(*, quiet: bool = False) -> Show:
+    """Progress for people, unless they want none."""
+    from rich.console import Console
+
+    from coordinator.commands.progress import show_on
+
+    return show_on(Console(stderr=True, quiet=quiet))
+
+
+def connect_of(context: typer.Context) -> Connect:
+    """How a command reaches workers: as `main` was given, else over the bus."""
+    from coordinator.commands import workers
+
+    return context.obj or workers.connect_workers
+
+
+@app.command(rich_help_panel=TRACK)
+def demo(
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the demo (default: gepf-demo).")
+    ] = None,
+    scene: Annotated[
+        str, typer.Option(metavar="person|arm", help="People who move fast, or the paper's arm behind noise.")
+    ] = "person",
+    *,
+    quiet: Quiet = False,
+) -> None:
+    """Track rendered sequences with one particle and with many: a table of errors, and pictures."""
+    show = on_stderr(quiet=quiet)
+    with loading(show, "rendering a scene and tracking it in two ways; loading"):
+        from coordinator.commands.demo import run_demo
+
+    run_demo(out, show, scene)
+
+
+@app.command(rich_help_panel=TRACK)
+@grouped
+def track(context: typer.Context, options: TrackOptions) -> None:
+    """Track a recorded sequence, or depth frames as they are published."""
+    show = on_stderr(quiet=options.output.quiet)
+    what = ", ".join(map(str, options.input.sequences))
+    with loading(show, f"tracking {what} into {options.output.out}; loading"):
+        from coordinator.commands.track import run_track
+
+    code = run_track(options, show, connect_of(context))
+    if code != DONE:
+        raise typer.Exit(code)
+
+
+@app.command(rich_help_panel=SEQUENCES)
+@grouped
+def init(context: typer.Context, options: InitOptions) -> None:
+    """Write a start file from joint values, drawn over the first frame and refined on it."""
+    show = on_stderr(quiet=options.quiet)
+    with loading(show, f"placing {options.model} in {options.sequence}; loading"):
+        from coordinator.commands.init import run_init
+
+    run_init(options, show, connect_of(context))
+
+
+@app.command(rich_help_panel=SEQUENCES)
+@grouped
+def info(
+    sequence: Recording,
+    camera: CameraOptions,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    thumbnail: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a frame as PNG.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw floor, walls and people that are found as PNG.")
+    ] = None,
+) -> None:
+    """Show what a sequence is, and what would be found in it: camera, depth, floor, walls, people."""
+    from coordinator.commands.info import Pictures, run_info
+    from coordinator.sources.camera import parse_camera_options
+
+    given = parse_camera_options(camera.intrinsics, camera.depth_scale)
+    run_info(sequence, given, Pictures(thumbnail, picture), as_json=as_json)
+
+
+@app.command(rich_help_panel=SEQUENCES)
+@grouped
+def synth(options: SynthOptions, quiet: Quiet = False) -> None:
+    """Render a sequence with truth and the start it is meant to be tracked from."""
+    from coordinator.synthesis.sequence import synthesise
+
+    with on_stderr(quiet=quiet).steps("rendering") as advance:
+        synthesise(
+            options.scene,
+            options.out,
+            options.frames,
+            options.noise_depth,
+            options.noise_lateral,
+            options.seed,
+            advance,
+            model=options.model,
+            kinect=options.kinect,
+            room=options.room,
+        )
+
+
+app.add_typer(model_app, name="model", rich_help_panel=SEQUENCES)
+
+
+@model_app.callback(invoke_without_command=True)
+def help_with_models(context: typer.Context) -> None:
+    """Draw a body, name what moves it, or write it as URDF."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@model_app.command()
+def show(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.png", help="Picture to write.")],
+    model: Model = "human",
+    *,
+    force: Force = False,
+) -> None:
+    """Draw a body at rest from three sides."""
+    from coordinator.files import require_new
+
+    require_new(out, force=force)
+    from coordinator.bodies.choice import choose_model, load_body
+    from coordinator.pictures.portrait import draw_portrait
+
+    draw_portrait(load_body(choose_model(model)), out)
+
+
+@model_app.command()
+def dofs(model: Model = "human") -> None:
+    """List a body's degrees of freedom, for --dof and init.json."""
+    from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
+
+    names = HUMAN_DOFS
+    if model != HUMAN:  # a person's are known without the body, which takes seconds to build
+        from coordinator.bodies.choice import choose_model, load_body
+
+        names = load_body(choose_model(model)).dof_names
+    sys.stdout.write("".join(f"{name}\n" for name in names))
+
+
+@model_app.command("export")
+def export_model(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.urdf", help="File to write, meshes beside it.")],
+    model: Model = "human",
+    *,
+    force: Force = False,
+) -> None:
+    """Write a body as URDF, with a mesh for every link."""
+    from coordinator.files import require_new
+
+    require_new(out, force=force)
+    from coordinator.bodies.choice import choose_model, load_body
+    from coordinator.bodies.urdf_writing import write_urdf
+
+    write_urdf(load_body(choose_model(model)), out)
+
+
+@app.command(rich_help_panel=HOSTS)
+@grouped
+def publish(options: PublishOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
+    """Publish a recorded sequence in real time, as a camera would: input for gepf track zenoh:KEY."""
+    from coordinator.commands.publish import run_publish
+
+    run_publish(options, security, on_stderr(quiet=quiet))
+
+
+@app.command(rich_help_panel=HOSTS)
+@grouped
+def certificates(options: CertificateOptions) -> None:
+    """Make certificates for a trial: an authority, coordinator, router and workers."""
+    from coordinator.commands.job import at_least
+    from coordinator.security.access import choose_names
+    from coordinator.security.certificates import make_certificates
+
+    at_least(1, "--days", options.days)
+    hosts = tuple(host.strip() for host in options.hosts.split(",") if host.strip())
+    new = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
+    made = ", ".join(new) or "nothing, all are there and good"
+    say(f"new in {options.out}: {made}; keep ca.key to yourself")
+
+
+@app.command(rich_help_panel=HOSTS)
+@grouped
+def router(options: RouterOptions, security: SecurityOptions) -> None:
+    """Let coordinators and workers meet, until stopped."""
+    import signal
+
+    from common.transport.opening import open_router
+    from common.transport.session import ROUTER
+    from coordinator.commands.job import secure
+
+    secured = secure(security, options.listen, options.connect, holder=ROUTER)
+    stop = {signal.SIGTERM, signal.SIGINT}
+    signal.pthread_sigmask(signal.SIG_BLOCK, stop)
+    with open_router([options.listen], [options.connect] if options.connect else [], secured):
+        say(f"routing on {options.listen}")
+        signal.sigwait(stop)
+
+
+@app.command(rich_help_panel=FINISHED)
+def evaluate(
+    runs: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of results of gepf track.")],
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            "--truth", metavar="FILE", help="Truth of the sequence (default: the one that came with it)."
+        ),
+    ] = None,
+    *,
+    csv: Annotated[
+        bool, typer.Option("--csv", help="One line a run, with commas; several runs need this.")
+    ] = False,
+) -> None:
+    """Compare runs with the truth; prints one JSON object, or with --csv a table."""
+    from coordinator.commands.evaluate import run_evaluate
+
+    run_evaluate(runs, truth, as_csv=csv)
+
+
+@app.command(rich_help_panel=FINISHED)
+@grouped
+def export(options: ExportOptions, quiet: Quiet = False) -> None:
+    """Write a run's angles and poses for other programs."""
+    from coordinator.exports import export_run
+
+    out, form = options.out, options.form
+    run = export_run(options.run, form, out, smooth_hz=options.smooth, force=options.force)
+    frames, lost = len(run.track.frame), int(run.lost.sum())
+    gone = f", {lost} of them lost" if lost else ""
+    smooth = f", low pass {options.smooth:g} Hz" if options.smooth else ""
+    kilobytes = out.stat().st_size / 1000
+    on_stderr(quiet=quiet).say(f"{out}: {frames} frames{gone}{smooth}, {kilobytes:.0f} kB as {form}")
+
+
+@app.command(rich_help_panel=FINISHED)
+@grouped
+def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
+    """Draw a run's pictures anew, into its folder."""
+    show = on_stderr(quiet=quiet)
+    with loading(show, f"drawing pictures of {options.run}; loading"):
+        from coordinator.commands.finished import run_pictures
+
+    run_pictures(options, show)
+
+
+@app.command(rich_help_panel=FINISHED)
+@grouped
+def view(options: ViewOptions, quiet: Quiet = False) -> None:
+    """Show a run on a time line: points, model, hypotheses, residuals, angles, status."""
+    from coordinator.commands.view import run_view
+
+    run_view(options, on_stderr(quiet=quiet))
+
+
+@app.command(rich_help_panel=FINISHED)
+def report(
+    run: Run,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Page to write (default: DIR/report.html).")
+    ] = None,
+    *,
+    quiet: Quiet = False,
+) -> None:
+    """Write one HTML page about a run: animation, angles and how sure they are, timings, settings."""
+    from coordinator.commands.finished import run_report
+
+    run_report(run, out, on_stderr(quiet=quiet))

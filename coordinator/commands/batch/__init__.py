@@ -1,1 +1,0 @@
-"""Several recordings over one pool."""

@@ -1,1 +1,0 @@
-"""The command line's words: arguments, options, what they mean, and files of them."""
