@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from coordinator.bodies.urdf import MOVING
 from coordinator.commands.job import Job, choose_settings
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
@@ -20,6 +19,7 @@ from coordinator.files import TRUTH_FILE
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors, compare, lost_from, read_truth
 from coordinator.results.track import read_track
+from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 
@@ -43,7 +43,7 @@ def demo_arm(
     for method, particles in COMPARED.items():
         show.say(f"tracking with {method}")
         settings = choose_settings(method, "default", particles, None, seed=0)
-        job = Job(out / SEQUENCE, out / method, settings, pool, active=MOVING)
+        job = Job(out / SEQUENCE, out / method, settings, pool, active=ARM_DOFS)
         track(job, show, connect)
     truth = read_truth(out / SEQUENCE / TRUTH_FILE)
     for line in tabulate({method: compare(read_track(out / method), truth) for method in COMPARED}):

@@ -35,8 +35,8 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
     if without:
         logger.warning("left out: %s", say_without(without))
     found = list[tuple[Path, Evaluation]]()
-    for run, of_run in truths.items():
-        if of_run is not None:
+    for run in runs:
+        if (of_run := truths[run]) is not None:
             check_truth_of(run, of_run)
             refuse_another_sequence(run, of_run)
             found.append((run, evaluate(tracks[run], read_truth(of_run))))

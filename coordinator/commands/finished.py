@@ -62,10 +62,10 @@ def draw_pictures(
         return draw_run(source, body, track, out, truth, colours, advance)
 
 
-def find_sequence(run: Path, given: Path | None) -> Source | None:
+def find_sequence(run: Path, moved_to: Path | None) -> Source | None:
     """The sequence that was tracked: as given, else where it was; None, with a warning, if it is gone."""
-    if given is not None:
-        return open_source(given)
+    if moved_to is not None:
+        return open_source(moved_to)
     summary = read_summary(run)
     recorded, camera = summary.get(PATH), summary.get(GIVEN) or {}
     if recorded is not None and Path(recorded).exists():

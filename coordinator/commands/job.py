@@ -21,10 +21,9 @@ from coordinator.commands.track_options import TrackOptions
 from coordinator.filters.methods import find_method, settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.configuration import AUTOMATIC
-from coordinator.scene.scene import AS_RECORDED
 from coordinator.scene.scope import Scope
 from coordinator.security.access import TlsFiles, choose_security
-from coordinator.sources.camera import CameraOptions, parse_camera_options
+from coordinator.sources.camera import AS_RECORDED, CameraOptions, parse_camera_options
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.sources.live import live_key
 
