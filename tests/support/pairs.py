@@ -20,9 +20,9 @@ from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.pool.statistics import PoolStatistics
 from coordinator.synthesis.rendering import DepthRenderer
-from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, RAISING, STANDING, Shown, frame_of
 from tests.support.rooms import in_a_room
+from tests.support.stand_ins import Direct
 
 FRAMES = 6
 LEFT: Mapping[str, float] = {**STANDING, "root_tx": -0.5}
@@ -74,7 +74,7 @@ def write_pair(folder: Path, frames: int = FRAMES) -> Path:
     return folder
 
 
-class PoolOfOne(DirectRefiner):
+class PoolOfOne(Direct):
     """Refines in this process; after so many published frames it is interrupted."""
 
     statistics = PoolStatistics(workers_seen=("here",))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
 from coordinator.pool.statistics import PoolStatistics
+from coordinator.results.live_results import Outlet
 from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
@@ -47,6 +49,14 @@ class StandIn(ABC):
     ) -> Pending:
         """What `answer` makes of it."""
         return self.answer(Asked(body, poses, settings, covariance))
+
+    def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
+        """Hear nothing."""
+        del key, on_message
+
+    def speak(self, key: str) -> Outlet:
+        """There is no bus."""
+        raise NotImplementedError(key)
 
     @abstractmethod
     def answer(self, asked: Asked) -> Pending:
