@@ -26,7 +26,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
 from common.transport.bus import Bus
-from common.transport.channels import Request, Requests
+from common.transport.channels import IncomingRequest, RequestReceiver
 from worker.activity import Activity
 from worker.connection import DeadLink
 from worker.memory import Contents, Memory, RunMemory
@@ -114,7 +114,7 @@ class Kernel(Generic[O]):
 class Batch:
     """A request of the bus, and its decoded content."""
 
-    request: Request
+    request: IncomingRequest
     content: RefineRequest
 
 
@@ -130,7 +130,7 @@ class Service(Generic[O]):
         self._contents = Contents(bus, self._memory)
         self._queue: FairQueue[Batch] = FairQueue()
         self._ended_runs: SimpleQueue[str] = SimpleQueue()
-        self._requests: Requests | None = None
+        self._requests: RequestReceiver | None = None
         self._dead_link = DeadLink(bus)
         self._stopped = False
         self.abandoned = False  # nobody is at the other end: a new session is needed
@@ -139,7 +139,7 @@ class Service(Generic[O]):
         """Announce the worker; serve until `stop` is called, the session ends or its link proves dead."""
         self._bus.follow_frames(keys.ANY_RUN_FRAMES, self._keep_frame)
         self._bus.watch(keys.ANY_RUN_ALIVE, self._notice_run)
-        self._requests = self._bus.requests(keys.worker_refine(self._name))
+        self._requests = self._bus.request_receiver(keys.worker_refine(self._name))
         self._bus.announce(keys.worker_lanes(self._name, self._kernel.lanes))
         self._bus.announce(keys.worker_alive(self._name))  # last: from now on there will be requests
         if self._stopped:
@@ -158,7 +158,7 @@ class Service(Generic[O]):
         if self._requests is not None:
             self._requests.close()
 
-    def _next(self, requests: Requests) -> Batch | None:
+    def _next(self, requests: RequestReceiver) -> Batch | None:
         """The next batch of the queue; None when there will be no more."""
         wait = False
         while self._goes_on() and (arrived := requests.receive(wait=wait)) is not None:
@@ -189,7 +189,7 @@ class Service(Generic[O]):
                 self._kernel.prepare(observation, memory.settings)
         return True
 
-    def _admit(self, request: Request) -> None:
+    def _admit(self, request: IncomingRequest) -> None:
         """Queue a request, or refuse it if it cannot be decoded."""
         try:
             content = decode_request(request.payload)
@@ -254,7 +254,7 @@ class Service(Generic[O]):
             self._ended_runs.put(run)
 
 
-def refuse(request: Request, reason: str, *, retryable: bool = False) -> None:
+def refuse(request: IncomingRequest, reason: str, *, retryable: bool = False) -> None:
     """Refuse a request with a reason, which is also logged."""
     log.warning("refused a request: %s", reason)
     request.refuse(encode_refusal(reason, retryable=retryable))

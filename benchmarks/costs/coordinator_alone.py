@@ -16,7 +16,7 @@ from common.protocol.frames import encode_frame
 from common.refinement import Refined
 from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import PoolStatistics
 from coordinator.results.recorder import Recorder
 from coordinator.tracking.known import Known
 from coordinator.tracking.observing.sensor_noise import SensorNoise

@@ -35,8 +35,7 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings, preset
-from coordinator.pool.local_workers import COMMAND
-from coordinator.pool.options import Pool
+from coordinator.pool.options import WORKER_COMMAND, Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from worker.lanes import Lanes, SideBySide
@@ -159,7 +158,7 @@ def two_lanes(rounds: int) -> dict[str, Any]:
     with ExitStack() as stack:
         calls: dict[str, Callable[[], object]] = {}
         for count in (1, 2):
-            refiner = stack.enter_context(ZenohRefiner(Pool(workers=count, worker_command=COMMAND)))
+            refiner = stack.enter_context(ZenohRefiner(Pool(workers=count, worker_command=WORKER_COMMAND)))
             refiner.wait_for(count)
             refiner.publish(case.subject)
             calls[f"bus {count}"] = partial(refine_now, refiner, case.model, poses, settings)

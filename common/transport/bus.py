@@ -15,11 +15,11 @@ from zenoh import ext, handlers
 from common.closing import Closing
 from common.transport.channels import (
     Arrivals,
-    Asker,
     FramePublisher,
     Payload,
     Publisher,
-    Requests,
+    RequestReceiver,
+    RequestSender,
     mapped,
     number_of,
 )
@@ -110,17 +110,17 @@ class Bus(Closing):
             found = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
             return found[0] if found else None
 
-    def requests(self, key: str) -> Requests:
-        """Requests to this worker, one after the other."""
+    def request_receiver(self, key: str) -> RequestReceiver:
+        """RequestReceiver to this worker, one after the other."""
         arrivals = Arrivals()
         callback = handlers.Callback(arrivals.put, drop=arrivals.end, indirect=False)
         with mapped(f"serving {key}"):
-            return Requests(self._session.declare_queryable(key, callback, complete=True), arrivals)
+            return RequestReceiver(self._session.declare_queryable(key, callback, complete=True), arrivals)
 
-    def asker(self, key: str, timeout: float) -> Asker:
+    def request_sender(self, key: str, timeout: float) -> RequestSender:
         """Sends requests to the worker that serves a key; each ends within the timeout (seconds)."""
-        with mapped(f"asking {key}"):
-            return Asker(
+        with mapped(f"declaring requests to {key}"):
+            return RequestSender(
                 self._session.declare_querier(
                     key,
                     target=zenoh.QueryTarget.ALL,

@@ -81,17 +81,17 @@ def number_of(attachment: zenoh.ZBytes | None) -> int | None:
     return int(text) if re.fullmatch(rb"[0-9]{1,15}", text) else None
 
 
-class Requests:
+class RequestReceiver:
     """What a worker is asked for, oldest first."""
 
     def __init__(self, queryable: zenoh.Queryable[None], arrivals: Arrivals) -> None:
         self._queryable = queryable
         self._arrivals = arrivals
 
-    def receive(self, *, wait: bool) -> list[Request] | None:
+    def receive(self, *, wait: bool) -> list[IncomingRequest] | None:
         """What has come; if that is nothing and `wait`, what comes within a while. None after the end."""
         queries = self._arrivals.take(wait=wait)
-        return None if queries is None else [Request(query) for query in queries]
+        return None if queries is None else [IncomingRequest(query) for query in queries]
 
     def wake(self) -> None:
         """Have `receive` return; may be called from another thread."""
@@ -140,7 +140,7 @@ class Arrivals:
         self.wake()
 
 
-class Request:
+class IncomingRequest:
     """One request, a context manager; it ends without an answer if neither method is called."""
 
     def __init__(self, query: zenoh.Query) -> None:
@@ -166,13 +166,15 @@ class Request:
             self._query.reply_err(payload)
 
 
-class Asker:
-    """Asks one worker."""
+class RequestSender:
+    """Sends requests to one worker."""
 
     def __init__(self, querier: zenoh.Querier) -> None:
         self._querier = querier
 
-    def ask(self, payload: bytes, on_reply: Payload, on_refusal: Payload, on_end: Callable[[], None]) -> None:
+    def send(
+        self, payload: bytes, on_reply: Payload, on_refusal: Payload, on_end: Callable[[], None]
+    ) -> None:
         """Send a request. It ends with an answer, of several the first one, or else `on_end` is called."""
         answered = False
 
@@ -193,7 +195,7 @@ class Asker:
         try:  # not `mapped`, which costs more than the rest: this is done for every batch
             self._querier.get(handlers.Callback(receive, drop=end, indirect=False), payload=payload)
         except zenoh.ZError as error:
-            raise bus_error("asking a worker", error) from error
+            raise bus_error("sending a request", error) from error
 
     def close(self) -> None:
         """No more requests."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from coordinator.commands.job import Job
 from coordinator.exports.tables import write_csv
 from coordinator.files import write_atomically
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import PoolStatistics
 from coordinator.results import people, recorder
 from coordinator.results.configuration import RunConfiguration
 from coordinator.results.log import Recorded

@@ -24,7 +24,7 @@ from coordinator.commands.many_process import track_one
 from coordinator.commands.many_recordings import choose_entries
 from coordinator.commands.progress import Advance, Show
 from coordinator.commands.track_options import TrackOptions
-from coordinator.pool.shared import SharedPool, shared_pool
+from coordinator.pool.local_workers import SharedPool, shared_pool
 from coordinator.results.evaluation import evaluate, read_truth
 from coordinator.results.summary import SUMMARY_FILE, read_summary
 from coordinator.results.track import read_track

@@ -194,7 +194,7 @@ def leave_loaded_alone(run: Iterable[list[Tracked]]) -> Iterator[list[Tracked]]:
 
 def describe_pool(pool: Pool) -> dict[str, object]:
     """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
-    pool = pool.asked or pool
+    pool = pool.requested or pool
     return {
         "workers": pool.workers,
         "listen": pool.listen,

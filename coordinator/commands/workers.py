@@ -7,8 +7,7 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 from coordinator.commands.progress import Show
-from coordinator.pool.options import Pool
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.live_results import Outlet
 from coordinator.tracking.refiner import Refiner

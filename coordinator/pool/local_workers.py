@@ -5,19 +5,21 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import tempfile
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from common.errors import BusError
+from common.transport.endpoints import LOCAL
+from common.transport.opening import open_router
+from coordinator.pool.options import Pool
 
-COMMAND = (sys.executable, "-m", "worker.cli")
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 FRUITLESS_STARTS = 3  # in a row, none of them serving, until we give up
-GRACE = 2.0  # seconds to end by themselves
-ABSENCE = 10.0  # seconds for which one that has served may be away
+GRACE_S = 2.0  # for a process to end by itself
+ABSENCE_S = 10.0  # for which a worker that has served may be away
 LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 
 
@@ -33,13 +35,13 @@ class LocalWorker:
 
 
 class LocalWorkers:
-    """A fixed number of worker processes."""
+    """The worker process of a pool, if it has one: it has `pool.lanes` lanes, and meets us at `endpoint`."""
 
-    def __init__(self, names: Sequence[str], endpoint: str, folder: Path, command: Sequence[str]) -> None:
-        self._endpoint = endpoint
-        self._command = tuple(command)
+    def __init__(self, pool: Pool, name: str, endpoint: str, folder: Path) -> None:
+        self._command = [*pool.worker_command, "--lanes", str(pool.lanes), "--connect", endpoint, "--tied"]
         self._fruitless = 0
         self.restarted = 0
+        names = [name] if pool.lanes else []
         self.workers = {name: self._start(name, folder / f"{name}.log") for name in names}
 
     def mark_serving(self, name: str) -> None:
@@ -55,7 +57,7 @@ class LocalWorkers:
                 worker.away_since = None
             elif worker.away_since is None:
                 worker.away_since = now
-            elif now > worker.away_since + ABSENCE:
+            elif now > worker.away_since + ABSENCE_S:
                 worker.process.kill()
 
     def restart_dead(self) -> list[str]:
@@ -64,7 +66,7 @@ class LocalWorkers:
         return [self._restart(worker) for worker in dead]
 
     def stop(self) -> None:
-        """End them all; those that do not listen are killed."""
+        """End them all; those that do not end in time are killed."""
         processes = [worker.process for worker in self.workers.values()]
         for process in processes:
             process.send_signal(signal.SIGTERM)
@@ -75,7 +77,9 @@ class LocalWorkers:
         how = describe_end(worker.process.returncode)
         self._fruitless += not worker.served
         if self._fruitless >= FRUITLESS_STARTS:
-            raise BusError(f"local workers do not start; the last {how}: {last_line(worker.log)}")
+            lines = worker.log.read_text(errors="replace").split("\n")
+            last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+            raise BusError(f"local workers do not start; the last {how}: {last}")
         end(worker.process)
         self.workers[worker.name] = self._start(worker.name, worker.log)
         self.restarted += 1
@@ -84,7 +88,7 @@ class LocalWorkers:
     def _start(self, name: str, log: Path) -> LocalWorker:
         with log.open("wb") as stderr:
             process = subprocess.Popen(
-                [*self._command, "--connect", self._endpoint, "--name", name, "--tied"],
+                [*self._command, "--name", name],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
@@ -99,7 +103,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
     if process.stdin is not None:
         process.stdin.close()
     try:
-        process.wait(GRACE)
+        process.wait(GRACE_S)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
@@ -110,13 +114,35 @@ def describe_end(code: int) -> str:
     return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
-def last_line(log: Path) -> str:
-    """The last thing that a process said."""
-    lines = log.read_text(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
-
-
 def private_folder() -> tempfile.TemporaryDirectory[str]:
     """A folder of our own whose path is short enough for the socket at which we meet."""
     usual = len(tempfile.gettempdir()) <= LONGEST_FOLDER
     return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedPool:
+    """One pool for several runs at once: a router within this process, and the local worker behind it."""
+
+    endpoint: str
+    workers: LocalWorkers
+    requested: Pool
+
+    def of_a_run(self) -> Pool:
+        """The pool as one of the runs sees it: without workers of its own, through a socket of this host."""
+        through = replace(self.requested, connect=self.endpoint, listen=None, security=None)
+        return replace(through, workers=0, requested=self.requested)
+
+
+@contextmanager
+def shared_pool(pool: Pool) -> Iterator[SharedPool]:
+    """Start the local worker of `pool`, and let others join as it says, for as long as the context lasts."""
+    with private_folder() as name:
+        folder = Path(name)
+        local = f"{LOCAL}/{folder / 'bus'}"
+        with open_router([local, *pool.listen_endpoints], pool.connect_endpoints, pool.security):
+            workers = LocalWorkers(pool, "shared-0", local, folder)
+            try:
+                yield SharedPool(local, workers, pool)
+            finally:
+                workers.stop()

@@ -1,18 +1,21 @@
-"""Who may refine: workers of our own, and those that connect or are found behind a router."""
+"""Which workers may refine, how long to wait for one, and what a run's workers did."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, field
 
 from common.cores import usable_cores
+from common.errors import NoWorkers
 from common.transport.session import Security
-from coordinator.pool.local_workers import COMMAND
-from coordinator.pool.no_worker_timeout import PATIENCE, NoWorkerTimeout
+
+WORKER_COMMAND = (sys.executable, "-m", "worker.cli")
+REPORT_AFTER_S = 5.0  # without a worker
 
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """The workers of a run."""
+    """The workers of a run: of our own, and those that connect or are found behind a router."""
 
     workers: int | None = None  # lanes of the local worker; None for one per core, 0 for no local worker
     listen: str | None = None  # endpoint at which others may join
@@ -21,9 +24,9 @@ class Pool:
     worker_timeout: float | None = None  # seconds without any worker until we give up; None to wait for ever
     deadline: float | None = None  # seconds from publishing a frame until unanswered particles are left out
     run: str | None = None  # None to invent a name
-    worker_command: tuple[str, ...] = COMMAND
-    patience: float = PATIENCE  # seconds without any worker until that is reported
-    asked: Pool | None = None  # what the user asked for, where runs share that and this leads to it
+    worker_command: tuple[str, ...] = WORKER_COMMAND
+    patience: float = REPORT_AFTER_S  # seconds without any worker until that is reported
+    requested: Pool | None = None  # what the user requested, where runs share that and this leads to it
 
     @property
     def lanes(self) -> int:
@@ -41,11 +44,59 @@ class Pool:
         return (self.connect,) if self.connect else ()
 
 
-def no_worker_timeout(pool: Pool) -> NoWorkerTimeout:
-    """What to report while no worker is there, and when to give up."""
-    asked = pool.asked or pool
-    missing = "no worker is there; waiting for one"
-    if asked.lanes:
-        missing = "the local worker is not ready yet; the first time it compiles for a minute or so"
-    invitation = f"gepf-worker --connect {asked.listen or asked.connect or 'ENDPOINT'}"
-    return NoWorkerTimeout(pool.worker_timeout, missing, invitation, pool.patience)
+class NoWorkerTimeout:
+    """Keeps time while there is no worker; has no clock of its own."""
+
+    def __init__(self, pool: Pool) -> None:
+        requested = pool.requested or pool
+        self._pool = pool
+        self._notice = "no worker is there; waiting for one"
+        if requested.lanes:
+            self._notice = "the local worker is not ready yet; the first time it compiles for a minute or so"
+        self._command = f"gepf-worker --connect {requested.listen or requested.connect or 'ENDPOINT'}"
+        self._since: float | None = None
+        self._reported = False
+
+    def reset(self) -> None:
+        """A worker has come."""
+        self._since, self._reported = None, False
+
+    def check(self, now: float) -> str | None:
+        """A line to report, once, if no worker has come for a while; NoWorkers if the wait is over."""
+        self._since = now if self._since is None else self._since
+        seconds, limit = now - self._since, self._pool.worker_timeout
+        if limit is not None and seconds > limit:
+            self.reset()
+            raise NoWorkers(f"no worker came within {limit:g} s; start one with {self._command}")
+        if seconds > self._pool.patience and not self._reported:
+            self._reported = True
+            return self._notice
+        return None
+
+
+@dataclass(slots=True)
+class PoolStatistics:
+    """Which workers refined, how often batches were sent, and how long the coordinator spent on it."""
+
+    workers_seen: tuple[str, ...] = ()
+    local_workers_restarted: int = 0
+    batches_sent: int = 0
+    batches_sent_again: int = 0
+    batches_refused: int = 0
+    replies_malformed: int = 0
+    stage_seconds: dict[str, float] = field(default_factory=lambda: {"publish": 0.0, "refine": 0.0})
+
+    def after(self, earlier: PoolStatistics) -> PoolStatistics:
+        """The sums of both, where this one came later in the same run."""
+        stages = dict(earlier.stage_seconds)
+        for stage, seconds in self.stage_seconds.items():
+            stages[stage] = stages.get(stage, 0.0) + seconds
+        return PoolStatistics(
+            workers_seen=tuple(sorted({*earlier.workers_seen, *self.workers_seen})),
+            local_workers_restarted=earlier.local_workers_restarted + self.local_workers_restarted,
+            batches_sent=earlier.batches_sent + self.batches_sent,
+            batches_sent_again=earlier.batches_sent_again + self.batches_sent_again,
+            batches_refused=earlier.batches_refused + self.batches_refused,
+            replies_malformed=earlier.replies_malformed + self.replies_malformed,
+            stage_seconds=stages,
+        )

@@ -1,4 +1,4 @@
-"""Makes frames and models known to workers, and keeps them for who missed them."""
+"""Publishes frames and serves models to workers, and keeps both for workers that missed them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,6 @@ class Publication:
     def __init__(self, bus: Bus, run: str) -> None:
         self.current = -1  # number of the frame that is to be refined on
         self._number = -1  # of the frame that was sent last
-        self._offered: BodyModel | None = None  # last
         self._lock = threading.Lock()
         self._frames: dict[int, Sent] = {}  # by number, the one that was of use last comes last
         self._models: dict[str, bytes] = {}  # by hash
@@ -69,18 +68,15 @@ class Publication:
             keep(self._frames, number, sent, FRAMES_KEPT)
 
     def offer(self, model: BodyModel) -> None:
-        """Have a model ready for who asks for it."""
-        if model is self._offered:
-            return
-        self._offered = model
+        """Have a model ready for workers that fetch it."""
         with self._lock:
             known = self._models.get(model.hash)
             keep(self._models, model.hash, known or encode_model(model), MODELS_KEPT)
 
     def _find_frame(self, key: str) -> bytes | None:
         with self._lock:
-            asked = keys.last_of(key)
-            return next((sent.payload for n, sent in self._frames.items() if str(n) == asked), None)
+            number = keys.last_of(key)
+            return next((sent.payload for n, sent in self._frames.items() if str(n) == number), None)
 
     def _find_model(self, key: str) -> bytes | None:
         with self._lock:

@@ -23,26 +23,22 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body, Sized, as_sizes
 from common.transport.channels import Publisher
-from common.transport.endpoints import LOCAL
+from common.transport.endpoints import LOCAL, protocol_of
 from common.transport.opening import open_coordinator
-from coordinator.pool.exchange import Exchange
 from coordinator.pool.local_workers import LocalWorkers, private_folder
-from coordinator.pool.options import Pool, no_worker_timeout
+from coordinator.pool.options import NoWorkerTimeout, Pool, PoolStatistics
 from coordinator.pool.publication import Publication
-from coordinator.pool.refinement import Refinement
-from coordinator.pool.router_link import RouterLink
-from coordinator.pool.statistics import PoolStatistics
-from coordinator.pool.worker_registry import WorkerRegistry
+from coordinator.pool.rpc_client import Refinement, RpcClient
 from coordinator.tracking.stopwatch import Stopwatch
 
-LOOK = 0.05  # seconds for a look whether anybody is connected
+LINK_WAIT_S = 0.05  # for a link that is there already
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PendingRefinement:
     """A request that is with the workers."""
 
-    exchange: Exchange
+    client: RpcClient
     refinement: Refinement
     clock: Stopwatch
 
@@ -53,7 +49,7 @@ class PendingRefinement:
         request, BusError when the transport fails or local workers do not start.
         """
         with self.clock.stage("refine"):
-            self.exchange.finish(self.refinement)
+            self.client.finish(self.refinement)
             return self.refinement.gather()
 
 
@@ -70,6 +66,7 @@ class ZenohRefiner:
         self._report = report
         self._stack = ExitStack()
         self._clock = Stopwatch()
+        self._lost_links: set[str] = set()
         self._due = math.inf  # when the frame must do with the particles that are answered
 
     def __enter__(self) -> Self:
@@ -81,21 +78,16 @@ class ZenohRefiner:
             self._bus = stack.enter_context(
                 open_coordinator([*own, *pool.listen_endpoints], pool.connect_endpoints, pool.security)
             )
-            where = (pool.asked or pool).connect
-            if where and not self._bus.is_linked(within=LOOK):
+            where = (pool.requested or pool).connect
+            if where and not self._bus.is_linked(within=LINK_WAIT_S):
                 self._report(f"nobody answers at {where} yet; trying on")
-            if pool.connect and not pool.listen and not pool.asked:
-                self._bus.watch_links(RouterLink(self._report).change)
+            if pool.connect and not pool.listen and not pool.requested:
+                self._bus.watch_links(self._report_link)
             self._publication = Publication(self._bus, self.run)
             self._bus.announce(keys.run_alive(self.run))
-            names = [f"{self.run}-0"] if pool.lanes else []
-            command = (*pool.worker_command, "--lanes", str(pool.lanes))
-            ours = LocalWorkers(names, local, folder, command)
-            stack.callback(ours.stop)
-            self._workers = WorkerRegistry(self._bus, ours, no_worker_timeout(pool), self._report)
-            self._exchange = Exchange(self._workers, self._report)
-            self._bus.watch(keys.ANY_WORKER_LANES, self._exchange.notice_lanes)
-            self._bus.watch(keys.ANY_WORKER_ALIVE, self._exchange.notice)
+            self._local = LocalWorkers(pool, f"{self.run}-0", local, folder)
+            stack.callback(self._local.stop)
+            self._client = RpcClient(self._bus, self._local, NoWorkerTimeout(pool), self._report)
             self._stack = stack.pop_all()
         return self
 
@@ -104,29 +96,40 @@ class ZenohRefiner:
     ) -> None:
         self._stack.close()
 
+    def _report_link(self, endpoint: str, linked: bool) -> None:
+        """Report that a router goes, and is back; called on a thread of the bus."""
+        if protocol_of(endpoint) == LOCAL:  # to a worker of our own
+            return
+        if not linked:
+            self._lost_links.add(endpoint)
+            self._report(f"{endpoint} is gone; trying to reach it again")
+        elif endpoint in self._lost_links:
+            self._lost_links.remove(endpoint)
+            self._report(f"{endpoint} is back")
+
     @property
     def statistics(self) -> PoolStatistics:
         """What has gone over the bus so far."""
-        counts = self._exchange.scheduler.counts
+        counts = self._client.scheduler.counts
         return PoolStatistics(
-            workers_seen=self._workers.seen,
-            local_workers_restarted=self._workers.local.restarted,
+            workers_seen=tuple(sorted(self._client.seen)),
+            local_workers_restarted=self._local.restarted,
             batches_sent=counts.batches_sent,
             batches_sent_again=counts.batches_sent_again,
             batches_refused=counts.batches_refused,
-            replies_malformed=self._exchange.malformed,
+            replies_malformed=self._client.malformed,
             stage_seconds=dict(self._clock.seconds),
         )
 
     @property
     def local_pids(self) -> dict[str, int]:
         """Process ids of our own workers by name."""
-        return {worker.name: worker.process.pid for worker in self._workers.local.workers.values()}
+        return {worker.name: worker.process.pid for worker in self._local.workers.values()}
 
     def wait_for(self, lanes: int) -> None:
         """Wait until there are workers with so many lanes. Raises as the result of `submit` does."""
-        while self._exchange.lanes < lanes:
-            self._exchange.step()
+        while self._client.lanes < lanes:
+            self._client.step()
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
         """Have `on_message(payload)` called, on a thread of the bus, for what others publish."""
@@ -166,8 +169,8 @@ class ZenohRefiner:
                 self.run, self._publication.current, model, settings, poses, of_sizes, covariance
             )
             refinement = Refinement(asked, self._due, spare)
-            self._exchange.begin(refinement)
-        return PendingRefinement(self._exchange, refinement, self._clock)
+            self._client.begin(refinement)
+        return PendingRefinement(self._client, refinement, self._clock)
 
     def _offer(self, body: Body) -> tuple[str, OfSizes | None]:
         """Have a body ready for who asks for it; give its hash, and what makes sizes of it."""

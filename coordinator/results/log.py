@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import InputError
 from coordinator.bodies.angles import angles_of
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import PoolStatistics
 from coordinator.results.angles import with_angles
 from coordinator.results.configuration import RunConfiguration
 from coordinator.results.track import Track

@@ -15,7 +15,7 @@ import msgspec
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.files import LOG_FILE, sync_folder, write_atomically
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import PoolStatistics
 from coordinator.results.configuration import RunConfiguration, differences, versions
 from coordinator.results.log import (
     Began,

@@ -104,7 +104,7 @@ def test_a_worker_that_takes_requests_and_never_answers_is_named(endpoint: str) 
     """Twice the time that a request may take, and then an error in place of a wait without end."""
     said = list[str]()
     with ZenohRefiner(Pool(0, listen=endpoint), said.append) as refiner, open_worker([endpoint]) as bus:
-        requests = bus.requests(keys.worker_refine("mute"))
+        requests = bus.request_receiver(keys.worker_refine("mute"))
         bus.announce(keys.worker_lanes("mute", 1))
         bus.announce(keys.worker_alive("mute"))
         refiner.wait_for(1)

@@ -172,7 +172,7 @@ class Villain:
     def __init__(self, bus: Bus, worker: str, seed: int) -> None:
         self._mutator = Mutator(seed, HONEST)
         self._answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self._asker = bus.asker(keys.worker_refine(worker), LONGEST)
+        self._sender = bus.request_sender(keys.worker_refine(worker), LONGEST)
         self._models = {MODEL.hash: encode_model(MODEL)}
         self._publisher: FramePublisher = bus.publish_frames(keys.run_frames("evil"))
         self._frames: dict[str, bytes] = {}
@@ -216,7 +216,7 @@ class Villain:
         Raises ProtocolError for an answer that no coordinator would take.
         """
         for _ in range(ATTEMPTS):
-            self._asker.ask(
+            self._sender.send(
                 payload,
                 on_reply=lambda answer: self._answers.put(("served", answer)),
                 on_refusal=lambda answer: self._answers.put(("refused", answer)),

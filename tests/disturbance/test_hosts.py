@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 
-from coordinator.pool.dispatch.workload import WINDOW
 from tests.support.processes.network import Host, Network, NotAllowed, Weather
 from tests.support.processes.warm_processes import Workers, coordinate, start
 from tests.support.small_sequence import write_small_sequence
@@ -109,11 +108,11 @@ class Site:
     def await_answers(self, workers: Iterable[str]) -> None:
         """Return when each of these workers is there, has done batches from now on, and was heard.
 
-        More than `WINDOW` of them, that is: it is given no more until one is answered.
+        Three of them: a worker has two requests at the most, and is given no more until one is answered.
         """
         for name in workers:
             self.wait_until(partial(self._is_there, name), f"{name} joins")
-            self.await_batches(name, WINDOW + 1)
+            self.await_batches(name, 3)
 
     def await_batches(self, worker: str, more: int) -> None:
         """Return when a worker has done so many more batches."""

@@ -9,8 +9,8 @@ import numpy as np
 from common.protocol.messages import RefineRequest, encode_refined
 from common.refinement import Refined
 from common.settings import preset
-from coordinator.pool.dispatch.events import MOST_TOGETHER
-from coordinator.pool.refinement import Refinement
+from coordinator.pool.dispatch.events import LARGEST_BATCH
+from coordinator.pool.rpc_client import Refinement
 
 PARTICLES, DOFS = 6, 7
 REQUEST = RefineRequest("run", 0, "model", preset("default").refine, np.zeros((PARTICLES, DOFS)), None)
@@ -37,7 +37,11 @@ def test_a_frame_waits_for_a_particle_of_its_own() -> None:
 
 def test_a_reply_is_about_as_many_particles_as_fit() -> None:
     """Covariances of many degrees of freedom are large; without them the number alone counts."""
-    assert Refinement(REQUEST).most == Refinement(replace(REQUEST, covariance=True)).most == MOST_TOGETHER
+    assert (
+        Refinement(REQUEST).largest_batch
+        == Refinement(replace(REQUEST, covariance=True)).largest_batch
+        == LARGEST_BATCH
+    )
     many = replace(REQUEST, poses=np.zeros((2, 500)))
-    assert Refinement(many).most == MOST_TOGETHER
-    assert Refinement(replace(many, covariance=True)).most == 66
+    assert Refinement(many).largest_batch == LARGEST_BATCH
+    assert Refinement(replace(many, covariance=True)).largest_batch == 66

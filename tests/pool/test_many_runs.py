@@ -158,10 +158,10 @@ def test_a_run_with_much_to_do_does_not_hold_up_another(endpoint: str) -> None:
         greedy.submit(MODEL, POSES[:1], SETTINGS).result()
         may_go_on.clear()
         served.clear()
-        asker = greedy._bus.asker(keys.worker_refine("w"), 60.0)
+        sender = greedy._bus.request_sender(keys.worker_refine("w"), 60.0)
         for _ in range(8):
             request = replace(REQUEST, run=greedy.run, frame=1)
-            asker.ask(
+            sender.send(
                 encode_request(request),
                 on_reply=lambda _: None,
                 on_refusal=lambda _: None,

@@ -25,9 +25,8 @@ from common.refinement import Refined, concatenate
 from common.settings import RefineSettings
 from common.sizes import Sized, Sizes
 from common.transport.bus import Bus
-from common.transport.channels import WAITING_REQUESTS, Arrivals, Request
+from common.transport.channels import WAITING_REQUESTS, Arrivals, IncomingRequest
 from common.transport.opening import open_coordinator, open_router, open_worker
-from coordinator.pool.dispatch.scheduler import REFUSALS_LEAST
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.instant_worker import observe, refine
@@ -187,7 +186,7 @@ class FetchingLate:
 def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     """Workers that ask for a body in vain, as when all have just lost and found each other, ask again."""
     said: list[str] = []
-    in_vain = iter(range(2 * REFUSALS_LEAST))
+    in_vain = iter(range(6))
     with (
         ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0), said.append) as refiner,
         serving(endpoint, "one", through=lambda bus: FetchingLate(bus, in_vain)),
@@ -195,7 +194,7 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     ):
         refiner.wait_for(2)
         assert refined_bytes(refiner, 1) == expected(1)
-        assert refiner.statistics.batches_sent_again >= 2 * REFUSALS_LEAST
+        assert refiner.statistics.batches_sent_again >= 6
     assert sum("nobody has model" in line for line in said) == 1
 
 
@@ -270,8 +269,8 @@ def test_run_says_that_it_waits(endpoint: str) -> None:
 @pytest.mark.parametrize(("lanes", "says"), [(1, "the local worker is not ready yet"), (0, "no worker is")])
 def test_runs_that_share_a_worker_say_that_it_is_not_ready(endpoint: str, lanes: int, says: str) -> None:
     """They wait for the pool's own, if it has one; others are invited to where the user said."""
-    asked = Pool(workers=lanes, listen="tcp/host:7447", connect="tcp/router:7447")
-    options = Pool(workers=0, connect=endpoint, worker_timeout=0.6, patience=0.1, asked=asked)
+    requested = Pool(workers=lanes, listen="tcp/host:7447", connect="tcp/router:7447")
+    options = Pool(workers=0, connect=endpoint, worker_timeout=0.6, patience=0.1, requested=requested)
     said: list[str] = []
     invitation = "gepf-worker --connect tcp/host:7447"
     with ZenohRefiner(options, said.append) as refiner, pytest.raises(NoWorkers, match=invitation):
@@ -295,10 +294,10 @@ def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
 
 
 @contextmanager
-def answering(endpoint: str, name: str, answer: Callable[[Request], None]) -> Iterator[None]:
+def answering(endpoint: str, name: str, answer: Callable[[IncomingRequest], None]) -> Iterator[None]:
     """Something on the bus that says it is a worker."""
     with open_worker([endpoint]) as bus:
-        requests = bus.requests(keys.worker_refine(name))
+        requests = bus.request_receiver(keys.worker_refine(name))
         bus.announce(keys.worker_alive(name))
 
         def serve() -> None:
@@ -327,7 +326,7 @@ def answering(endpoint: str, name: str, answer: Callable[[Request], None]) -> It
     ids=["rubbish", "echo", "odd-error", "silence"],
 )
 def test_bad_worker_does_not_spoil_the_result(
-    endpoint: str, answer: Callable[[Request], None], malformed: bool
+    endpoint: str, answer: Callable[[IncomingRequest], None], malformed: bool
 ) -> None:
     """Answers that make no sense, or none at all, are counted and the batches done by others."""
     with pool(endpoint) as refiner, answering(endpoint, "a-liar", answer):
@@ -356,7 +355,7 @@ def test_a_worker_of_another_version_is_named(endpoint: str) -> None:
 def test_of_many_answers_the_first_counts(endpoint: str) -> None:
     """A worker that answers again and again fills nobody's memory."""
 
-    def chatter(request: Request) -> None:
+    def chatter(request: IncomingRequest) -> None:
         for number in range(50):
             request.reply(b"%d" % number)
 
@@ -365,9 +364,9 @@ def test_of_many_answers_the_first_counts(endpoint: str) -> None:
         alive = threading.Event()
         bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.set() if there else None)
         assert alive.wait(60.0)
-        asker = bus.asker(keys.worker_refine("chatterer"), 5.0)
+        sender = bus.request_sender(keys.worker_refine("chatterer"), 5.0)
         for _ in range(3):  # when one is answered, all answers to those before have come
-            asker.ask(b"", on_reply=answers.put, on_refusal=answers.put, on_end=lambda: None)
+            sender.send(b"", on_reply=answers.put, on_refusal=answers.put, on_end=lambda: None)
             assert answers.get(timeout=60.0) == b"0"
     assert answers.empty()
 
@@ -376,12 +375,12 @@ class Client:
     """Asks a worker directly."""
 
     def __init__(self, bus: Bus, worker: str) -> None:
-        self.asker = bus.asker(keys.worker_refine(worker), 10.0)
+        self.sender = bus.request_sender(keys.worker_refine(worker), 10.0)
 
     def ask(self, payload: bytes) -> tuple[str, bytes]:
         """What came first: "reply" or "refusal" with its payload, or the "end"."""
         came: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self.asker.ask(
+        self.sender.send(
             payload,
             on_reply=lambda reply: came.put(("reply", reply)),
             on_refusal=lambda reply: came.put(("refusal", reply)),
@@ -391,7 +390,7 @@ class Client:
 
 
 @contextmanager
-def client(endpoint: str) -> Iterator[Client]:
+def connected(endpoint: str) -> Iterator[Client]:
     """A worker, and someone who asks it without being a run."""
     with open_coordinator([endpoint]) as bus, serving(endpoint, "w"):
         alive: SimpleQueue[bool] = SimpleQueue()
@@ -416,7 +415,7 @@ def client(endpoint: str) -> Iterator[Client]:
 )
 def test_request_that_cannot_be_served_gets_a_reason(endpoint: str, payload: bytes, reason: str) -> None:
     """Whatever a worker is asked, it answers; and it serves the next one."""
-    with client(endpoint) as someone:
+    with connected(endpoint) as someone:
         for _ in range(2):
             kind, answer = someone.ask(payload)
             assert kind == "refusal"
@@ -433,11 +432,11 @@ def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) 
     """A frame that the run no longer has, and poses of another model, are refused by name."""
     with pool(endpoint) as refiner, serving(endpoint, "w"), open_worker([endpoint]) as bus:
         refined_bytes(refiner, 1)
-        asker, request = Client(bus, "w"), replace(REQUEST, run=refiner.run)
-        kind, answer = asker.ask(encode_request(replace(request, frame=99)))
+        client, request = Client(bus, "w"), replace(REQUEST, run=refiner.run)
+        kind, answer = client.ask(encode_request(replace(request, frame=99)))
         assert kind == "refusal"
         assert decode_refusal(answer).reason == f"nobody has frame 99 of run {refiner.run}"
-        kind, answer = asker.ask(encode_request(replace(request, poses=POSES[:, :5])))
+        kind, answer = client.ask(encode_request(replace(request, poses=POSES[:, :5])))
         assert kind == "refusal"
         assert decode_refusal(answer).reason == "poses have 5 values, the model has 6"
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import cycle, pairwise
+from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coordinator.pool.dispatch.batches import LARGEST, in_proportion, in_rounds, split, split_in_parts
+from coordinator.pool.dispatch.batches import split
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -16,21 +17,18 @@ from coordinator.pool.dispatch.events import (
     Event,
     Fail,
     Instruction,
-    JobStarted,
     LanesCounted,
+    NoAnswer,
     Refused,
     Replied,
     Send,
-    Silence,
+    Started,
     Ticked,
     Unavailable,
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.dispatch.hearing import SILENT
-from coordinator.pool.dispatch.lateness import LATE_LEAST
-from coordinator.pool.dispatch.scheduler import PAUSE, Scheduler
-from coordinator.pool.dispatch.workload import REST, WINDOW
+from coordinator.pool.dispatch.scheduler import Scheduler
 
 Table = list[tuple[float, Event, list[Instruction]]]
 
@@ -46,33 +44,30 @@ def play(table: Table) -> Scheduler:
 
 def check(scheduler: Scheduler) -> None:
     """What holds between any two events."""
-    in_windows = {ticket: worker for worker in scheduler.workers.values() for ticket in worker.flights}
-    assert in_windows.keys() == scheduler.flights.keys()
-    assert all(flight.worker is in_windows[ticket] for ticket, flight in scheduler.flights.items())
-    assert all(len(worker.flights) <= WINDOW for worker in scheduler.workers.values())
+    at_workers = {ticket: worker for worker in scheduler.workers.values() for ticket in worker.in_flight}
+    assert at_workers.keys() == scheduler.in_flight.keys()
+    assert all(flight.worker is at_workers[ticket] for ticket, flight in scheduler.in_flight.items())
+    assert all(len(worker.in_flight) <= 2 for worker in scheduler.workers.values())
     assert all(one.stop == other.start for one, other in pairwise(scheduler.batches))
     assert not scheduler.batches or not all(batch.done for batch in scheduler.batches)
-    assert scheduler.may_wait or not scheduler.waiting()
-    flying = {id(flight.batch) for flight in scheduler.flights.values()}
-    lost = [
-        b for b in scheduler.batches if not b.done and id(b) not in flying and b not in scheduler.waiting()
-    ]
-    assert not lost
+    for batch in scheduler.batches:
+        assert batch.in_flight == sum(flight.batch is batch for flight in scheduler.in_flight.values())
 
 
 A, B = WorkerJoined("a"), WorkerJoined("b")
+TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
 TWO_AT_WORK: Table = [
     (0.0, A, []),
     (0.0, B, []),
     (
         0.0,
-        JobStarted(40, in_parts=True),
+        Started(40, by_deadline=True),
         [Send(0, "a", 0, 10), Send(1, "b", 10, 20), Send(2, "a", 20, 30), Send(3, "b", 30, 40)],
     ),
 ]
 ONE_AT_WORK: Table = [
     (0.0, A, []),
-    (0.0, JobStarted(20, in_parts=True), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
+    (0.0, Started(20, by_deadline=True), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
 ]
 
 
@@ -98,7 +93,7 @@ def test_window() -> None:
     play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(30, in_parts=True), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
+            (0.0, Started(30, by_deadline=True), [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
             (0.1, Replied(0), [Accept(0, 0), Send(2, "a", 20, 30)]),
             (0.2, Replied(1), [Accept(1, 10)]),
             (0.3, Replied(2), [Accept(2, 20), Done()]),
@@ -110,7 +105,7 @@ def test_late_joiner_takes_what_waits() -> None:
     """A job that begins without workers waits; the first to join starts, the second takes over the rest."""
     play(
         [
-            (0.0, JobStarted(30, in_parts=True), []),
+            (0.0, Started(30, by_deadline=True), []),
             (1.0, Ticked(), []),
             (2.0, A, [Send(0, "a", 0, 10), Send(1, "a", 10, 20)]),
             (2.1, B, [Send(2, "b", 20, 30)]),
@@ -157,8 +152,8 @@ def test_lone_worker_is_asked_again_after_a_pause() -> None:
         [
             *ONE_AT_WORK,
             (1.0, Ended(0), []),
-            (1.0 + PAUSE / 2, Ticked(), []),
-            (1.0 + PAUSE, Ticked(), [Send(2, "a", 0, 10)]),
+            (1.05, Ticked(), []),
+            (1.15, Ticked(), [Send(2, "a", 0, 10)]),
         ]
     )
 
@@ -202,8 +197,8 @@ def test_nothing_is_late_in_a_hurry() -> None:
         *TWO_AT_WORK,
         (1e-4, Replied(0), [Accept(0, 0)]),
         (1e-4, Replied(2), [Accept(2, 20)]),
-        (LATE_LEAST * 0.9, Ticked(), []),
-        (LATE_LEAST * 1.1, Ticked(), [Send(4, "a", 10, 20)]),
+        (0.03, Ticked(), []),
+        (0.1, Ticked(), [Send(4, "a", 10, 20)]),
     ]
     play(table)
 
@@ -218,7 +213,7 @@ def test_frozen_worker_gets_no_more() -> None:
             (0.5, Ticked(), [Send(4, "a", 10, 20)]),
             (0.6, Replied(4), [Accept(4, 10), Send(5, "a", 30, 40)]),
             (0.7, Replied(5), [Accept(5, 30), Done()]),
-            (0.7, JobStarted(40, in_parts=True), [Send(6, "a", 0, 10), Send(7, "a", 10, 20)]),
+            (0.7, Started(40, by_deadline=True), [Send(6, "a", 0, 10), Send(7, "a", 10, 20)]),
             (0.8, Replied(1), [Send(8, "b", 20, 30)]),
             (0.8, Ended(3), []),
         ]
@@ -230,7 +225,7 @@ def test_stale_and_unknown_answers_are_ignored() -> None:
     play(
         [
             *ONE_AT_WORK,
-            (0.1, JobStarted(4, in_parts=True), []),
+            (0.1, Started(4, by_deadline=True), []),
             (0.2, Replied(0), [Send(2, "a", 0, 4)]),
             (0.2, Replied(0), []),
             (0.2, Replied(99), []),
@@ -250,200 +245,100 @@ def test_refused_batch_goes_elsewhere() -> None:
             (0.0, B, []),
             (
                 0.0,
-                JobStarted(60, in_parts=True),
+                Started(60, by_deadline=True),
                 [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)],
             ),
-            (0.1, Refused(0, "no"), [Send(4, "a", 40, 50)]),
-            (0.2, Replied(1), [Accept(1, 10), Send(5, "b", 0, 10)]),
+            (0.1, Refused(0, "no"), []),
+            (0.15, Replied(1), [Accept(1, 10), Send(4, "b", 0, 10)]),
+            (0.25, Ticked(), [Send(5, "a", 40, 50)]),
         ]
     )
 
 
-def test_failing_worker_rests() -> None:
-    """A worker that fails three times in a row rests, and is tried again afterwards."""
+@pytest.mark.parametrize("failure", [Ended, lambda k: Unavailable(k, "no model")])
+def test_a_failing_worker_rests_ever_longer(failure: Callable[[int], Event]) -> None:
+    """It gets the batch again after 0.1 s, 0.2 s, 0.4 s, and fails nothing; one result ends the series."""
     play(
         [
             (0.0, A, []),
-            (0.0, B, []),
-            (
-                0.0,
-                JobStarted(60, in_parts=True),
-                [Send(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)],
-            ),
-            (0.1, Refused(0, "no"), [Send(4, "a", 40, 50)]),
-            (0.1, Refused(2, "no"), [Send(5, "a", 50, 60)]),
-            (0.1, Refused(4, "no"), []),
-            (0.2, Replied(1), [Accept(1, 10), Send(6, "b", 0, 10)]),
-            (0.3, Refused(5, "no"), []),
-            (0.9, Replied(3), [Accept(3, 30), Send(7, "b", 20, 30)]),
-            (0.9, Replied(6), [Accept(6, 0), Send(8, "b", 40, 50)]),
-            (0.9, Replied(7), [Accept(7, 20), Send(9, "b", 50, 60)]),
-            (0.9, Replied(8), [Accept(8, 40)]),
-            (0.9, Replied(9), [Accept(9, 50), Done()]),
-            (0.9, JobStarted(10, in_parts=True), [Send(10, "b", 0, 5), Send(11, "b", 5, 10)]),
-            (0.9, Replied(10), [Accept(10, 0)]),
-            (0.9, Replied(11), [Accept(11, 5), Done()]),
-            (0.1 + REST, JobStarted(10, in_parts=True), [Send(12, "a", 0, 5), Send(13, "b", 5, 10)]),
+            (0.0, Started(1), [Send(0, "a", 0, 1)]),
+            (1.0, failure(0), []),
+            (1.05, Ticked(), []),
+            (1.15, Ticked(), [Send(1, "a", 0, 1)]),
+            (2.0, failure(1), []),
+            (2.15, Ticked(), []),
+            (2.25, Ticked(), [Send(2, "a", 0, 1)]),
+            (3.0, failure(2), []),
+            (3.35, Ticked(), []),
+            (3.45, Ticked(), [Send(3, "a", 0, 1)]),
+            (4.0, Replied(3), [Accept(3, 0), Done()]),
+            (5.0, Started(1), [Send(4, "a", 0, 1)]),
+            (6.0, failure(4), []),
+            (6.15, Ticked(), [Send(5, "a", 0, 1)]),
         ]
     )
 
 
-def test_refused_by_all_fails() -> None:
-    """What every worker refuses fails the job with the reason, once, and the next job starts afresh."""
+def test_a_share_of_a_resting_worker_is_done_by_the_other() -> None:
+    """Its batch is sent when the other worker has room for it, or when it is back."""
     play(
         [
-            (0.0, A, []),
-            (0.0, B, []),
-            (0.0, JobStarted(2, in_parts=True), [Send(0, "a", 0, 1), Send(1, "b", 1, 2)]),
-            (0.1, Refused(0, "bad model"), [Send(2, "b", 0, 1)]),
-            (0.2, Refused(2, "bad model"), [Send(3, "a", 0, 1)]),
-            (0.3, Refused(3, "bad model"), [Fail("bad model")]),
-            (0.3, Refused(1, "bad model"), []),
-            (0.4, JobStarted(1, in_parts=True), [Send(4, "a", 0, 1)]),
+            *TWO_IDLE,
+            (0.0, Started(2), [Send(0, "a", 0, 1), Send(1, "b", 1, 2)]),
+            (0.1, Ended(0), [Send(2, "b", 0, 1)]),
+            (0.1, Replied(1), [Accept(1, 1)]),
+            (0.1, Replied(2), [Accept(2, 0), Done()]),
+            (0.15, Started(3), [Send(3, "b", 0, 2), Send(4, "b", 2, 3)]),
         ]
     )
 
 
-def test_a_worker_that_cannot_find_something_fails_nothing() -> None:
-    """It is asked again after a pause, and rests in the end, however often that happens."""
+@pytest.mark.parametrize(
+    ("reasons", "failed"), [(["no", "no", "no"], "no"), (["this", "that", "this"], "this; that")]
+)
+def test_what_all_refuse_fails(reasons: list[str], failed: str) -> None:
+    """After three refusals, by every worker, with all reasons, once; the next refinement starts afresh."""
+    one, two, three = reasons
     play(
         [
-            (0.0, A, []),
-            (0.0, JobStarted(1, in_parts=True), [Send(0, "a", 0, 1)]),
-            (0.1, Unavailable(0, "no model"), []),
-            (0.1 + PAUSE, Ticked(), [Send(1, "a", 0, 1)]),
-            (0.3, Unavailable(1, "no model"), []),
-            (0.3 + PAUSE, Ticked(), [Send(2, "a", 0, 1)]),
-            (0.5, Unavailable(2, "no model"), []),
-            (0.5 + PAUSE, Ticked(), []),
-            (0.5 + REST, Ticked(), [Send(3, "a", 0, 1)]),
-            (2.0, Replied(3), [Accept(3, 0), Done()]),
+            *TWO_IDLE,
+            (0.0, Started(2), [Send(0, "a", 0, 1), Send(1, "b", 1, 2)]),
+            (0.1, Refused(0, one), [Send(2, "b", 0, 1)]),
+            (0.2, Refused(2, two), [Send(3, "a", 0, 1)]),
+            (0.3, Refused(3, three), [Fail(failed)]),
+            (0.3, Refused(1, "late"), []),
+            (9.0, Started(1), [Send(4, "a", 0, 1)]),
         ]
     )
 
 
-def test_different_reasons_are_all_reported() -> None:
-    """A lone worker is asked three times; if its reasons differ, all are named."""
+def test_a_lone_worker_may_refuse_three_times() -> None:
+    """It may have been a broken message: the batch fails with the third refusal."""
     play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(1, in_parts=True), [Send(0, "a", 0, 1)]),
-            (0.1, Refused(0, "this"), [Send(1, "a", 0, 1)]),
-            (0.2, Refused(1, "that"), [Send(2, "a", 0, 1)]),
-            (0.3, Refused(2, "this"), [Fail("this; that")]),
+            (0.0, Started(1), [Send(0, "a", 0, 1)]),
+            (1.0, Refused(0, "no"), []),
+            (2.0, Ticked(), [Send(1, "a", 0, 1)]),
+            (3.0, Refused(1, "no"), []),
+            (4.0, Ticked(), [Send(2, "a", 0, 1)]),
+            (5.0, Refused(2, "no"), [Fail("no")]),
         ]
     )
 
 
 def test_empty_job_is_done() -> None:
     """A job without particles is done at once."""
-    play([(0.0, JobStarted(0, in_parts=True), [Done()])])
-
-
-@given(st.integers(1, 500), st.integers(0, 20))
-def test_split_covers_all_in_fair_parts(particles: int, workers: int) -> None:
-    """Batches cover all particles in order, none too large, sizes equal but for one, all workers busy."""
-    ranges = split_in_parts(particles, [1.0] * workers)
-    sizes = [stop - start for start, stop in ranges]
-    assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
-    assert max(sizes) <= LARGEST
-    assert max(sizes) - min(sizes) <= 1
-    assert len(ranges) >= min(particles, workers)
-
-
-@pytest.mark.parametrize(
-    ("particles", "workers", "sizes"),
-    [(20, 1, [10, 10]), (20, 2, [10, 10]), (22, 2, [6, 5, 6, 5]), (20, 3, [7, 6, 7]), (1, 8, [1])],
-)
-def test_split_of_usual_jobs(particles: int, workers: int, sizes: list[int]) -> None:
-    """As few as may be, and as many for each worker."""
-    assert [stop - start for start, stop in split_in_parts(particles, [1.0] * workers)] == sizes
-
-
-@given(st.integers(1, 500), st.lists(st.floats(0.25, 4.0), min_size=1, max_size=20))
-def test_faster_workers_get_larger_batches(particles: int, speeds: list[float]) -> None:
-    """All is covered in order, by whole rounds; batches go with the speeds, and none is empty."""
-    ranges = split_in_parts(particles, speeds)
-    sizes = [stop - start for start, stop in ranges]
-    assert [k for start, stop in ranges for k in range(start, stop)] == list(range(particles))
-    assert min(sizes) >= 1
-    if len(ranges) >= len(speeds):
-        assert len(ranges) % len(speeds) == 0
-        total = len(ranges) // len(speeds) * sum(speeds)
-        least = particles * min(speeds) < total
-        share = (particles - least * len(ranges)) / total
-        assert all(
-            abs(size - least - share * speed) <= 1.0
-            for size, speed in zip(sizes, cycle(speeds), strict=False)
-        )
-
-
-CREWS = st.lists(st.tuples(st.integers(1, 16), st.floats(0.25, 4.0)), min_size=1, max_size=8)
-
-
-@given(st.integers(1, 2000), CREWS)
-def test_no_sooner_end_than_by_whole_rounds(particles: int, crews: list[tuple[int, float]]) -> None:
-    """All can be done in the rounds given; a hair before the last of them ends, it could not."""
-    lanes = [count for count, _ in crews]
-    most = in_rounds(particles, [count * pace for count, pace in crews], lanes)
-    assert sum(most) >= particles
-    ends = max(can / count / pace for can, (count, pace) in zip(most, crews, strict=True))
-    sooner = [count * int(pace * ends * (1.0 - 1e-6)) for count, pace in crews]
-    assert sum(sooner) < particles
-
-
-@given(
-    st.integers(1, 400),
-    st.lists(st.tuples(st.integers(1, 64), st.floats(0.05, 20.0)), min_size=1, max_size=8),
-)
-def test_shares_end_no_later_than_proportional_ones(particles: int, crews: list[tuple[int, float]]) -> None:
-    """Every particle once; each worker has one at the least, where there are enough; no round too many."""
-    lanes = [count for count, _ in crews]
-    speeds = [count * pace for count, pace in crews]
-    shares = split(particles, speeds, lanes)
-    assert [n for start, stop in shares for n in range(start, stop)] == list(range(particles))
-    assert len(shares) == min(particles, len(crews))
-    assert all(start < stop for start, stop in shares)
-    if particles >= len(crews):
-        assert end_of(shares, crews) <= end_of(in_proportion(particles, speeds), crews) * (1.0 + 1e-6)
-
-
-def end_of(shares: list[tuple[int, int]], crews: list[tuple[int, float]]) -> float:
-    """When the last worker is done, whose lanes refine one particle after the other."""
-    return max(
-        -(-(stop - start) // count) / pace for (start, stop), (count, pace) in zip(shares, crews, strict=True)
-    )
-
-
-@given(st.lists(st.floats(0.99, 1.01), min_size=2, max_size=16), st.integers(1, 40))
-def test_no_lane_gets_one_more_for_a_trifle(paces: list[float], rounds: int) -> None:
-    """Workers of sixteen lanes that are about as fast end in the same round."""
-    lanes = [16] * len(paces)
-    particles = sum(lanes) * rounds
-    ranges = split(particles, [16 * pace for pace in paces], lanes)
-    assert {stop - start for start, stop in ranges} == {16 * rounds}
-
-
-TWO_IDLE: Table = [(0.0, A, []), (0.0, B, [])]
+    play([(0.0, Started(0, by_deadline=True), [Done()])])
 
 
 def sends_of(scheduler: Scheduler, particles: int, now: float) -> list[Send]:
     """The batches that a job begins with."""
     return [
         issued
-        for issued in scheduler.handle(JobStarted(particles, in_parts=True), now)
+        for issued in scheduler.handle(Started(particles, by_deadline=True), now)
         if isinstance(issued, Send)
     ]
-
-
-def test_by_a_deadline_what_can_be_done_without_comes_in_a_batch_of_its_own() -> None:
-    """So no particle that is needed waits for one that is not, and none of both is asked twice."""
-    for particles, spare in ((25, 5), (103, 3), (6, 5)):
-        scheduler = play(TWO_IDLE)
-        scheduler.handle(JobStarted(particles, in_parts=True, spare=spare), 0.0)
-        ends = [(batch.start, batch.stop) for batch in scheduler.batches]
-        assert ends[-1] == (particles - spare, particles)
-        assert [n for start, stop in ends for n in range(start, stop)] == list(range(particles))
 
 
 def test_a_slower_worker_gets_less() -> None:
@@ -503,6 +398,17 @@ def test_one_frozen_moment_is_passed_over() -> None:
     assert set(shares) == {10}
 
 
+@given(st.integers(0, 2000), st.lists(st.floats(0.1, 50.0), min_size=1, max_size=12))
+def test_shares_go_with_speeds(particles: int, speeds: list[float]) -> None:
+    """All particles in order; no share is empty while there are enough, none far from its worker's speed."""
+    ranges = split(particles, speeds)
+    assert [n for start, stop in ranges for n in range(start, stop)] == list(range(particles))
+    assert len(ranges) == min(particles, len(speeds))
+    if particles >= len(speeds):
+        for (start, stop), speed in zip(ranges, speeds, strict=True):
+            assert 1 <= stop - start <= particles * speed / sum(speeds) + 2.0
+
+
 TICKETS = st.integers(0, 30)
 HISTORY = st.lists(
     st.tuples(
@@ -521,7 +427,7 @@ HISTORY = st.lists(
 
 
 @given(st.integers(1, 60), HISTORY, st.booleans())
-def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]], in_parts: bool) -> None:
+def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]], by_deadline: bool) -> None:
     """Whatever workers do, each particle is accepted once, and with a good worker the job gets done."""
     scheduler, now = Scheduler(), 0.0
     issued: list[Instruction] = []
@@ -530,7 +436,7 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
         issued.extend(scheduler.handle(event, now))
         check(scheduler)
 
-    feed(JobStarted(particles, in_parts=in_parts))
+    feed(Started(particles, by_deadline=by_deadline))
     for pause, event in history:
         now += pause
         feed(event)
@@ -538,8 +444,8 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
         feed(WorkerLeft(name))
     feed(WorkerJoined("good"))
     while scheduler.batches:
-        assert scheduler.flights, "a good worker is idle while there is work"
-        feed(Replied(next(iter(scheduler.flights))))
+        assert scheduler.in_flight, "a good worker is idle while there is work"
+        feed(Replied(next(iter(scheduler.in_flight))))
     sent = {send.ticket: (send.start, send.stop) for send in issued if isinstance(send, Send)}
     accepted = sorted(sent[accept.ticket] for accept in issued if isinstance(accept, Accept))
     assert [n for start, stop in accepted for n in range(start, stop)] == list(range(particles))
@@ -548,15 +454,15 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
 
 def test_one_batch_a_worker() -> None:
     """Without a deadline each worker is asked once a job, however many particles there are."""
-    play([*TWO_IDLE, (0.0, JobStarted(1000), [Send(0, "a", 0, 500), Send(1, "b", 500, 1000)])])
+    play([*TWO_IDLE, (0.0, Started(1000), [Send(0, "a", 0, 500), Send(1, "b", 500, 1000)])])
 
 
 def test_no_batch_is_larger_than_its_reply_may_be() -> None:
     """What a worker may not answer in one reply it is asked for in several; both have as much to do."""
     scheduler = play(TWO_IDLE)
-    scheduler.handle(JobStarted(1000, most=300), 0.0)
-    assert [(f.worker.name, f.batch.start, f.batch.stop) for f in scheduler.flights.values()] == [
-        ("a", 0, 250), ("b", 500, 750), ("a", 250, 500), ("b", 750, 1000),
+    scheduler.handle(Started(1000, largest_batch=300), 0.0)
+    assert [(f.worker.name, f.batch.start, f.batch.stop) for f in scheduler.in_flight.values()] == [
+        ("a", 0, 250), ("b", 250, 500), ("a", 500, 750), ("b", 750, 1000),
     ]  # fmt: skip
 
 
@@ -567,11 +473,11 @@ def test_more_lanes_get_more() -> None:
             (0.0, LanesCounted("a", 3), []),
             (0.0, A, []),
             (0.0, B, []),
-            (0.0, JobStarted(40), [Send(0, "a", 0, 30), Send(1, "b", 30, 40)]),
+            (0.0, Started(40), [Send(0, "a", 0, 30), Send(1, "b", 30, 40)]),
             (0.1, Replied(0), [Accept(0, 0)]),
             (0.1, Replied(1), [Accept(1, 30), Done()]),
             (0.2, LanesCounted("b", 7), []),
-            (0.2, JobStarted(100), [Send(2, "a", 0, 30), Send(3, "b", 30, 100)]),
+            (0.2, Started(100), [Send(2, "a", 0, 30), Send(3, "b", 30, 100)]),
         ]
     )
 
@@ -581,7 +487,7 @@ def test_noise_of_speeds_costs_no_round() -> None:
     counted: Table = [(0.0, LanesCounted(name, 16), []) for name in "ab"]
     scheduler, now = play([*counted, *TWO_IDLE]), 0.0
     for _ in range(8):
-        sends = [send for send in scheduler.handle(JobStarted(320), now) if isinstance(send, Send)]
+        sends = [send for send in scheduler.handle(Started(320), now) if isinstance(send, Send)]
         assert [send.stop - send.start for send in sends] == [160, 160]
         for send in sends:
             scheduler.handle(Replied(send.ticket), now + (0.0643 if send.worker == "a" else 0.0657))
@@ -594,7 +500,7 @@ def test_a_lost_share_is_split_among_the_others() -> None:
         [
             *TWO_IDLE,
             (0.0, WorkerJoined("c"), []),
-            (0.0, JobStarted(60), [Send(0, "a", 0, 20), Send(1, "b", 20, 40), Send(2, "c", 40, 60)]),
+            (0.0, Started(60), [Send(0, "a", 0, 20), Send(1, "b", 20, 40), Send(2, "c", 40, 60)]),
             (0.1, WorkerLeft("c"), [Send(3, "a", 40, 50), Send(4, "b", 50, 60)]),
             (0.2, Replied(0), [Accept(0, 0)]),
             (0.2, Replied(1), [Accept(1, 20)]),
@@ -609,10 +515,10 @@ def test_a_large_share_is_not_late_by_its_size() -> None:
     play(
         [
             *TWO_IDLE,
-            (0.0, JobStarted(20), [Send(0, "a", 0, 10), Send(1, "b", 10, 20)]),
+            (0.0, Started(20), [Send(0, "a", 0, 10), Send(1, "b", 10, 20)]),
             (0.1, Replied(0), [Accept(0, 0)]),
             (0.1, Replied(1), [Accept(1, 10), Done()]),
-            (1.0, JobStarted(200), [Send(2, "a", 0, 100), Send(3, "b", 100, 200)]),
+            (1.0, Started(200), [Send(2, "a", 0, 100), Send(3, "b", 100, 200)]),
             (2.0, Replied(2), [Accept(2, 0)]),
             (3.9, Ticked(), []),
             (4.1, Ticked(), [Send(4, "a", 100, 200)]),
@@ -625,10 +531,10 @@ def test_silence_is_named_and_then_again() -> None:
     play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(10), [Send(0, "a", 0, 10)]),
-            (1.5 * SILENT, Ended(0), [Silence("a", again=False)]),
-            (1.6 * SILENT, Ticked(), [Send(1, "a", 0, 10)]),
-            (3.1 * SILENT, Ended(1), [Silence("a", again=True)]),
+            (0.0, Started(10), [Send(0, "a", 0, 10)]),
+            (30.0, Ended(0), [NoAnswer("a", again=False)]),
+            (32.0, Ticked(), [Send(1, "a", 0, 10)]),
+            (62.0, Ended(1), [NoAnswer("a", again=True)]),
         ]
     )
 
@@ -639,14 +545,14 @@ def test_any_word_breaks_the_silence(said: Event) -> None:
     scheduler = play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(10), [Send(0, "a", 0, 10)]),
-            (1.5 * SILENT, Ended(0), [Silence("a", again=False)]),
-            (1.6 * SILENT, Ticked(), [Send(1, "a", 0, 10)]),
+            (0.0, Started(10), [Send(0, "a", 0, 10)]),
+            (30.0, Ended(0), [NoAnswer("a", again=False)]),
+            (32.0, Ticked(), [Send(1, "a", 0, 10)]),
         ]
     )
-    scheduler.handle(said, 1.7 * SILENT)
-    late = scheduler.handle(Ticked(), 2.0 * SILENT) + scheduler.handle(Ended(1), 3.1 * SILENT)
-    assert not any(isinstance(instruction, Silence) for instruction in late)
+    scheduler.handle(said, 34.0)
+    late = scheduler.handle(Ticked(), 40.0) + scheduler.handle(Ended(1), 62.0)
+    assert not any(isinstance(instruction, NoAnswer) for instruction in late)
 
 
 def test_a_request_that_ends_early_is_no_silence() -> None:
@@ -654,8 +560,8 @@ def test_a_request_that_ends_early_is_no_silence() -> None:
     play(
         [
             (0.0, A, []),
-            (0.0, JobStarted(10), [Send(0, "a", 0, 10)]),
-            (0.5 * SILENT, Ended(0), []),
-            (0.6 * SILENT, Ticked(), [Send(1, "a", 0, 10)]),
+            (0.0, Started(10), [Send(0, "a", 0, 10)]),
+            (10.0, Ended(0), []),
+            (12.0, Ticked(), [Send(1, "a", 0, 10)]),
         ]
     )

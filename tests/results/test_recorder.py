@@ -21,7 +21,7 @@ from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
 from coordinator.exports.tables import write_csv
 from coordinator.files import write_atomically
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import PoolStatistics
 from coordinator.results.log import Recorded, frame_record, read_log, read_records
 from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.track import Track, read_track

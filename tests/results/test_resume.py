@@ -15,8 +15,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import choose_settings
 from coordinator.filters.methods import METHODS
-from coordinator.pool.options import Pool
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_log, read_records
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known import Known

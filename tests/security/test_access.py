@@ -109,8 +109,8 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
             bus.serve(keys.run_model(refiner.run, "*"), lambda _: b"forged")
             answers: list[bytes] = []
             ended = threading.Event()
-            asker = bus.asker(keys.worker_refine("w0"), 1.0)
-            asker.ask(encode_request(REQUEST), answers.append, answers.append, ended.set)
+            sender = bus.request_sender(keys.worker_refine("w0"), 1.0)
+            sender.send(encode_request(REQUEST), answers.append, answers.append, ended.set)
             bus.publish_frames(keys.run_frames(refiner.run)).put(77, b"forged")
             assert ended.wait(60.0)
             time.sleep(SHORT)

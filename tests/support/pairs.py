@@ -17,8 +17,7 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.commands.progress import Show
-from coordinator.pool.options import Pool
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.synthesis.rendering import DepthRenderer
 from tests.support.people import CAMERA, RAISING, STANDING, Shown, frame_of
 from tests.support.rooms import in_a_room

@@ -13,7 +13,7 @@ from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.sizes import Body
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import PoolStatistics
 from coordinator.results.live_results import Outlet
 from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner

@@ -1,70 +1,110 @@
-"""How a job is split into batches: one a worker, as each costs a trip; more where parts of a share count."""
+"""How particles are split into batches, one for each worker, by how fast the workers are."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
-from heapq import heapify, heapreplace
+from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
-from math import ceil
+from math import ceil, inf
+from statistics import median
 
-from coordinator.pool.dispatch.workload import Batch, Worker, speeds_of
-
-HAIR = 1e-9  # rounds; that rounding errors do not cost a whole one
-LARGEST = 10  # particles of a batch for each lane, where a share comes in parts
-
-
-def one_each(particles: int, workers: Sequence[Worker], after: Batch | None = None) -> list[Batch]:
-    """A batch for each worker; those of a batch that came back begin where that begins."""
-    first, sent = (0, 0) if after is None else (after.start, after.sent)
-    ranges = split(particles, speeds_of(workers), [worker.lanes for worker in workers])
-    return [Batch(first + start, first + stop, sent=sent) for start, stop in ranges]
+DEADLINE_BATCH = 10  # particles for each usual lane, where what is refined by a deadline counts
+PACES_KEPT = 5  # batches: the median of their paces passes over what holds a worker up for once
+FASTEST = 4  # times the usual speed, or as many times slower: each batch stays worth its trip
 
 
-def several_each(particles: int, spare: int, workers: Sequence[Worker]) -> list[Batch]:
-    """Several batches for each worker, and one of their own for the last of the particles, that are spare."""
-    needed = particles - spare
-    ranges = split_in_parts(needed, speeds_of(workers))
-    return [Batch(*ends) for ends in [*ranges, *([(needed, particles)] if spare else [])]]
+@dataclass(slots=True, eq=False)
+class Batch:
+    """Particles start..stop-1."""
+
+    start: int
+    stop: int
+    done: bool = False
+    sent: int = 0
+    in_flight: int = 0
+    came_back: bool = False  # without a result, and was not split since
+    refusals: list[tuple[str, str]] = field(default_factory=list)  # worker, reason
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has no result and is with no worker."""
+        return not (self.done or self.in_flight)
 
 
-def cut(batches: Sequence[Batch], most: int) -> list[Batch]:
-    """The same, none yet sent, in batches of so many particles at the most: the same rounds for each."""
-    rounds = max((ceil((batch.stop - batch.start) / most) for batch in batches), default=0)
-    parts = [Batch(*part_of(batch, n, rounds)) for n in range(rounds) for batch in batches]
-    return [part for part in parts if part.start < part.stop]
+@dataclass(slots=True, eq=False)
+class Worker:
+    """A worker that is there."""
+
+    name: str
+    lanes: int = 1  # particles that it refines at once
+    in_flight: dict[int, InFlight] = field(default_factory=dict)  # by ticket
+    paces: deque[float] = field(default_factory=lambda: deque(maxlen=PACES_KEPT))  # seconds, see `InFlight`
+    answered_at: float = -inf  # last
+    failures: int = 0  # in a row
+    rests_until: float = -inf
 
 
-def part_of(batch: Batch, n: int, parts: int) -> tuple[int, int]:
-    """Ends of the n-th of so many parts of a batch."""
-    count = batch.stop - batch.start
-    return batch.start + count * n // parts, batch.start + count * (n + 1) // parts
+@dataclass(slots=True, eq=False)
+class InFlight:
+    """A request that is not over."""
+
+    worker: Worker
+    batch: Batch
+    sent_at: float
+
+    @property
+    def load(self) -> int:
+        """Particles for each lane of the worker; its pace is the seconds that it takes for one of them."""
+        return ceil((self.batch.stop - self.batch.start) / self.worker.lanes)
+
+    def learn_pace(self, at: float) -> None:
+        """It was answered at a time; its worker was busy with it since it was free for it."""
+        worker = self.worker
+        worker.paces.append((at - max(self.sent_at, worker.answered_at)) / self.load)
+        worker.answered_at = at
 
 
-def split(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[tuple[int, int]]:
-    """Consecutive ranges (start, stop) of particles, one for each worker, so that all is done the soonest.
+def usual_pace(workers: Sequence[Worker]) -> float | None:
+    """The median of the workers' paces, None where nothing is known."""
+    paces = [median(worker.paces) for worker in workers if worker.paces]
+    return median(paces) if paces else None
 
-    A speed is that of a usual lane times the number of lanes. Each worker gets one particle at the least,
-    and no worker but one more than `in_rounds` gives it. Without workers all is one range.
+
+def speeds_of(workers: Sequence[Worker]) -> list[float]:
+    """How fast each worker is; a usual lane is 1, and so is a lane of which little is known.
+
+    In steps of a quarter: workers that are about as fast get the same share, so that all their lanes end in
+    the same round.
     """
-    if not speeds:
-        return [(0, particles)] if particles else []
-    most = [max(1, can) for can in in_rounds(particles, speeds, lanes)]
-    if particles < len(most):
-        return [(n, n + 1) for n in range(particles)]
-    rest, spare = particles - len(most), max(1, sum(most) - len(most))
-    reached = accumulate((can - 1 for can in most), initial=0)
-    return list(pairwise(n + int(rest * can / spare + 0.5) for n, can in enumerate(reached)))
+    known = [worker for worker in workers if len(worker.paces) == PACES_KEPT]
+    usual = usual_pace(known) or 0.0
+    speeds = {}
+    for worker in known:
+        ratio = usual / median(worker.paces) if any(worker.paces) and usual > 0.0 else 1.0
+        speeds[worker.name] = min(max(round(FASTEST * ratio) / FASTEST, 1 / FASTEST), FASTEST)
+    return [worker.lanes * speeds.get(worker.name, 1.0) for worker in workers]
 
 
-def split_in_parts(particles: int, speeds: Sequence[float]) -> list[tuple[int, int]]:
-    """The same in several ranges for each worker, where what is refined by a deadline counts."""
-    speeds = speeds or [1.0]
-    parts = max(1, ceil(particles / (sum(speeds) * LARGEST)))
-    return in_proportion(particles, list(speeds) * parts)
+def batches_of(
+    particles: int, workers: Sequence[Worker], largest: int, *, by_deadline: bool = False
+) -> list[Batch]:
+    """All particles in batches for the workers in turn; more rounds of them where they would be too large."""
+    speeds = speeds_of(workers) or [1.0]
+    share = particles / sum(speeds)  # of a usual lane
+    rounds = max(1, ceil(share / DEADLINE_BATCH if by_deadline else share * max(speeds) / largest))
+    ranges = split(particles, speeds * rounds)
+    while any(stop - start > largest for start, stop in ranges):  # by rounding, or by many lanes
+        rounds += 1
+        ranges = split(particles, speeds * rounds)
+    return [Batch(start, stop) for start, stop in ranges]
 
 
-def in_proportion(particles: int, speeds: Sequence[float]) -> list[tuple[int, int]]:
-    """A range for each speed, as large as it is fast, and none empty while there are enough particles."""
+def split(particles: int, speeds: Sequence[float]) -> list[tuple[int, int]]:
+    """Consecutive ranges (start, stop), one for each speed, as large as it is fast; none is empty.
+
+    Where there are fewer particles than speeds, the first ones get one each.
+    """
     if particles < len(speeds):
         return [(n, n + 1) for n in range(particles)]
     total = sum(speeds)
@@ -72,23 +112,3 @@ def in_proportion(particles: int, speeds: Sequence[float]) -> list[tuple[int, in
     rest = particles - least * len(speeds)
     reached = enumerate(accumulate(speeds, initial=0.0))
     return list(pairwise(least * n + int(rest * share / total + 0.5) for n, share in reached))
-
-
-def in_rounds(particles: int, speeds: Sequence[float], lanes: Sequence[int]) -> list[int]:
-    """How many particles each worker can refine in the least time in which all together can refine so many.
-
-    Each lane refines one after the other, so that a worker's time goes by rounds: one particle above a whole
-    round costs as much as another round. Speeds are as of `split`.
-    """
-    paces = [speed / count for speed, count in zip(speeds, lanes, strict=True)]
-    time = particles / sum(speeds)
-    rounds = [int(time * pace) for pace in paces]
-    left = particles - sum(done * count for done, count in zip(rounds, lanes, strict=True))
-    ends = [((done + 1) / pace, place) for place, (done, pace) in enumerate(zip(rounds, paces, strict=True))]
-    heapify(ends)
-    while left > 0:  # another round for who is done with it first
-        time, place = ends[0]
-        rounds[place] += 1
-        left -= lanes[place]
-        heapreplace(ends, ((rounds[place] + 1) / paces[place], place))
-    return [count * int(time * pace + HAIR) for pace, count in zip(paces, lanes, strict=True)]

@@ -1,20 +1,19 @@
-"""What happens to a job, and what is to be done about it: the language of dispatch."""
+"""What happens to a refinement, and what is to be done about it: the language of dispatch."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-MOST_TOGETHER = 1024  # particles: what one lane may do within the time of a request, twice over
+LARGEST_BATCH = 1024  # particles: what one lane may do within the timeout of a request, twice over
 
 
 @dataclass(frozen=True, slots=True)
-class JobStarted:
-    """Refine `particles` particles; whatever is left of the job before is given up."""
+class Started:
+    """Refine `particles` particles; whatever is left of the refinement before is given up."""
 
     particles: int
-    in_parts: bool = False  # what is refined by a deadline counts, so a worker's share comes in parts
-    spare: int = 0  # of them, the last: in a batch of their own
-    most: int = MOST_TOGETHER  # particles of a batch
+    by_deadline: bool = False  # what is refined in time counts, so that each share comes in several batches
+    largest_batch: int = LARGEST_BATCH  # particles
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +25,7 @@ class WorkerJoined:
 
 @dataclass(frozen=True, slots=True)
 class LanesCounted:
-    """A worker, that is there or will be, refines so many particles at once."""
+    """A worker, that is there or will be, refines `lanes` particles at once."""
 
     worker: str
     lanes: int
@@ -75,14 +74,12 @@ class Ticked:
     """Time has passed."""
 
 
-Event = (
-    JobStarted | WorkerJoined | LanesCounted | WorkerLeft | Replied | Refused | Unavailable | Ended | Ticked
-)
+Event = Started | WorkerJoined | LanesCounted | WorkerLeft | Replied | Refused | Unavailable | Ended | Ticked
 
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Ask a worker to refine particles start..stop-1."""
+    """Request particles start..stop-1 from a worker."""
 
     ticket: int
     worker: str
@@ -100,22 +97,22 @@ class Accept:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """Every particle of the job has a result."""
+    """Every particle has a result."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fail:
-    """The job cannot be done; all workers say why."""
+    """The refinement cannot be done; all workers say why."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
-class Silence:
-    """Nobody has answered for as long as a request may take, though `worker` is there; `again`, once more."""
+class NoAnswer:
+    """`worker` is there, and no worker has answered for as long as a request may take; `again`: once more."""
 
     worker: str
     again: bool
 
 
-Instruction = Send | Accept | Done | Fail | Silence
+Instruction = Send | Accept | Done | Fail | NoAnswer

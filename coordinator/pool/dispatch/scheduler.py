@@ -1,21 +1,31 @@
 """Who refines what: events in, instructions out; no clock, no socket.
 
-A job is split into one batch of particles for each worker, larger ones for those with more lanes and for
-faster ones; or, where what is refined by a deadline counts, into several of them. A worker has at most
-`WINDOW` of them in flight. A batch that ends without a result is split among the workers that are left. When
-nothing waits, batches that take long are sent again to idle workers. The first result of a batch counts,
-later ones are ignored. A worker that fails again and again rests for a while; a batch that every worker
-refuses fails the job.
+The particles are split into one batch for each worker, larger ones for those with more lanes and for faster
+ones; or, where what is refined by a deadline counts, into several of them. A worker has at most
+`MAX_IN_FLIGHT` of them in flight. A batch that ends without a result is split among the workers that are
+left. When nothing waits, stragglers are sent again to idle workers. The first result of a batch counts, later
+ones are ignored. A worker that fails rests, each time in a row for twice as long; a batch that every worker
+refuses fails the refinement.
 
-Every request has a ticket. It stays in flight, and in its worker's window, until it is answered or over,
-even when its job is done: a worker that is still busy with it cannot do other work.
+Every request has a ticket. It stays in flight until it is answered or over, even when its refinement is done:
+a worker that is still busy with it cannot do other work.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from statistics import median
 
-from coordinator.pool.dispatch.batches import cut, one_each, several_each
+from coordinator.pool.dispatch.batches import (
+    Batch,
+    InFlight,
+    Worker,
+    batches_of,
+    speeds_of,
+    split,
+    usual_pace,
+)
 from coordinator.pool.dispatch.events import (
     Accept,
     Done,
@@ -23,30 +33,24 @@ from coordinator.pool.dispatch.events import (
     Event,
     Fail,
     Instruction,
-    JobStarted,
     LanesCounted,
+    NoAnswer,
     Refused,
     Replied,
     Send,
-    Ticked,
+    Started,
     Unavailable,
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.dispatch.hearing import Hearing
-from coordinator.pool.dispatch.lateness import Lateness
-from coordinator.pool.dispatch.workload import (
-    WINDOW,
-    Batch,
-    Flight,
-    Worker,
-    least_busy,
-    rank,
-    strike,
-)
 
-PAUSE = 0.1  # seconds after a request that nothing came of: the worker may just have gone, or come
-REFUSALS_LEAST = 3  # of a batch, before it fails the job
+MAX_IN_FLIGHT = 2  # requests at one worker: it finds the next one there when it is done with one
+LATE_FACTOR = 3.0  # times the worker's pace, from which on a request is a straggler
+LATE_LEAST_S = 0.05
+FIRST_REST_S, LONGEST_REST_S = 0.1, 30.0  # of a worker that failed: it may just have gone, or come
+REFUSALS_LEAST = 3  # of a batch, before it fails the refinement
+REQUEST_TIMEOUT_S = 30.0  # only a worker that lives and hangs takes so long
+NO_ANSWER_S = REQUEST_TIMEOUT_S * 2.0 / 3.0  # a request that ends later without a result met that timeout
 
 
 @dataclass(slots=True)
@@ -63,85 +67,75 @@ class Scheduler:
     """The state between two events."""
 
     workers: dict[str, Worker] = field(default_factory=dict)
-    flights: dict[int, Flight] = field(default_factory=dict)  # by ticket
-    batches: list[Batch] = field(default_factory=list)  # of the job; none when there is no job
+    in_flight: dict[int, InFlight] = field(default_factory=dict)  # by ticket, so the oldest is first
+    batches: list[Batch] = field(default_factory=list)  # none when nothing is to be refined
     counts: Counts = field(default_factory=Counts)
     lanes: dict[str, int] = field(default_factory=dict)  # by worker, there or not
-    lateness: Lateness = field(default_factory=Lateness)
-    hearing: Hearing = field(default_factory=Hearing)
     next_ticket: int = 0
-    may_wait: bool = False  # whether there may be batches that wait; to look costs time with many
+    answered_at: float = -math.inf  # when a worker said anything, last
+    unanswered_at: float | None = None  # when a request met the timeout, with no answer to any since
 
     def handle(self, event: Event, now: float) -> list[Instruction]:
         """What is to be done about an event at time `now`, seconds from any origin."""
+        outcome: list[Instruction] = []
+        ended: InFlight | None = None
+        if isinstance(event, Replied | Refused | Unavailable):
+            self.answered_at, self.unanswered_at = now, None
         match event:
-            case JobStarted(particles, in_parts, spare, most):
-                workers = self._in_turn(now)
-                shares = several_each(particles, spare, workers) if in_parts else one_each(particles, workers)
-                self.batches = cut(shares, most)
-                self.may_wait = True
-                outcome: list[Instruction] = [] if self.batches else [Done()]
-            case WorkerJoined(name):
-                self.workers.setdefault(name, Worker(name, self.lanes.get(name, 1)))
-                outcome = []
-            case LanesCounted(name, lanes):
-                self._count_lanes(name, lanes)
-                outcome = []
-            case WorkerLeft(name):
-                self._forget(name)
-                outcome = []
+            case Started(particles, by_deadline, largest_batch):
+                workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
+                self.batches = batches_of(particles, workers, largest_batch, by_deadline=by_deadline)
+                outcome = [] if self.batches else [Done()]
             case Replied(ticket, at):
-                self.hearing.heard(now)
                 outcome = self._accept(ticket, now if at is None else at)
             case Refused(ticket, reason):
-                self.hearing.heard(now)
                 outcome = self._refuse(ticket, reason, now)
-            case Unavailable(ticket):
-                self.hearing.heard(now)
-                self._give_up(ticket, now)
-                outcome = []
-            case Ended(ticket):
-                ended = self._give_up(ticket, now)
-                return [*self._assign(now), *self.hearing.ended(ended, now)]
-            case Ticked():
-                outcome = []
-        return outcome + self._assign(now)
+            case Unavailable(ticket) | Ended(ticket):
+                ended = self._land(ticket)
+                if ended is not None:
+                    rest(ended.worker, now)
+            case WorkerJoined() | LanesCounted() | WorkerLeft():
+                self._update_workers(event)
+        outcome += [*self._assign(now), *self._assign_stragglers(now)]
+        if isinstance(event, Ended) and ended is not None:
+            outcome += self._check_answers(ended, now)
+        return outcome
 
     def is_current(self, ticket: int) -> bool:
         """Whether a result of this ticket would be of use."""
-        flight = self.flights.get(ticket)
+        flight = self.in_flight.get(ticket)
         return flight is not None and not flight.batch.done and flight.batch in self.batches
 
-    def waiting(self) -> list[Batch]:
-        """Batches that have no result and are not in flight, in order."""
-        flying = {id(flight.batch) for flight in self.flights.values()}
-        return [batch for batch in self.batches if not batch.done and id(batch) not in flying]
+    def _update_workers(self, event: WorkerJoined | LanesCounted | WorkerLeft) -> None:
+        name = event.worker
+        match event:
+            case WorkerJoined():
+                self.workers.setdefault(name, Worker(name, self.lanes.get(name, 1)))
+            case LanesCounted(_, lanes):
+                self.lanes[name] = lanes
+                if name in self.workers:
+                    self.workers[name].lanes = lanes
+            case WorkerLeft() if name in self.workers:
+                for ticket in [*self.workers[name].in_flight]:
+                    self._land(ticket)
+                del self.workers[name]
 
-    def _count_lanes(self, name: str, lanes: int) -> None:
-        self.lanes[name] = lanes
-        if name in self.workers:
-            self.workers[name].lanes = lanes
-
-    def _forget(self, name: str) -> None:
-        worker = self.workers.pop(name, None)
-        for ticket in worker.flights if worker else ():
-            self.flights.pop(ticket).batch.came_back = True
-        self.may_wait = True
-
-    def _land(self, ticket: int) -> Flight | None:
+    def _land(self, ticket: int, *, came_back: bool = True) -> InFlight | None:
         """Take a ticket out of flight; None if it is over already."""
-        flight = self.flights.pop(ticket, None)
+        flight = self.in_flight.pop(ticket, None)
         if flight is not None:
-            del flight.worker.flights[ticket]
+            del flight.worker.in_flight[ticket]
+            flight.batch.in_flight -= 1
+            flight.batch.came_back |= came_back
         return flight
 
     def _accept(self, ticket: int, at: float) -> list[Instruction]:
         current = self.is_current(ticket)
-        flight = self._land(ticket)
+        flight = self._land(ticket, came_back=False)
         if flight is None:
             return []
-        flight.worker.strikes = flight.worker.rests = 0
-        self.lateness.learn(flight, at)
+        flight.worker.failures = 0
+        flight.learn_pace(at)
         if not current:
             return []
         flight.batch.done = True
@@ -151,88 +145,95 @@ class Scheduler:
         self.batches = []
         return [accepted, Done()]
 
-    def _in_turn(self, now: float) -> list[Worker]:
-        """All workers in the order in which they get batches: those that rest come last."""
-        ready = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
-        return ready + [worker for worker in self.workers.values() if worker.rests_until > now]
-
     def _refuse(self, ticket: int, reason: str, now: float) -> list[Instruction]:
         current = self.is_current(ticket)
-        flight = self._land(ticket)
+        flight = self._land(ticket, came_back=False)
         if flight is None:
             return []
-        self.may_wait = True
         self.counts.batches_refused += 1
-        strike(flight.worker, now)
-        flight.batch.refusals.append((flight.worker.name, reason))
-        if not current or not self._is_refused_by_all(flight.batch):
+        rest(flight.worker, now)
+        refusals = flight.batch.refusals
+        refusals.append((flight.worker.name, reason))
+        by_all = {worker for worker, _ in refusals} >= self.workers.keys()
+        if not current or len(refusals) < REFUSALS_LEAST or not by_all:
             return []
         self.batches = []
-        reasons = dict.fromkeys(reason for _, reason in flight.batch.refusals)
-        return [Fail("; ".join(reasons))]
-
-    def _is_refused_by_all(self, batch: Batch) -> bool:
-        refusers = {worker for worker, _ in batch.refusals}
-        return len(batch.refusals) >= REFUSALS_LEAST and refusers >= self.workers.keys()
-
-    def _give_up(self, ticket: int, now: float) -> Flight | None:
-        flight = self._land(ticket)
-        if flight is not None:
-            self.may_wait = True
-            flight.batch.came_back = True
-            strike(flight.worker, now)
-            flight.worker.rests_until = max(flight.worker.rests_until, now + PAUSE)
-        return flight
+        return [Fail("; ".join(dict.fromkeys(reason for _, reason in refusals)))]
 
     def _assign(self, now: float) -> list[Instruction]:
-        sends = self._hand_out(now) if self.may_wait else []
-        return [*sends, *self._assign_again(now)]
-
-    def _hand_out(self, now: float) -> list[Instruction]:
-        """Send what waits to who is free."""
+        """Send what waits to the workers that are free, the least busy first."""
+        if not any(batch.waits for batch in self.batches):
+            return []
+        awake = [worker for worker in self.workers.values() if worker.rests_until <= now]
+        free = [
+            (busy, place, worker)
+            for place, worker in enumerate(awake)
+            for busy in range(len(worker.in_flight), MAX_IN_FLIGHT)
+        ]
+        slots = [worker for *_, worker in sorted(free)]
+        self._split_what_came_back(awake)
         sends: list[Instruction] = []
-        self._split_what_came_back(now)
-        waiting, ranks = self.waiting(), rank(self.workers.values(), now)
-        for batch in waiting:
-            worker = self._pick(batch, now) if batch.refusals else least_busy(ranks)
-            if worker is not None:
-                sends.append(self._send(batch, worker, now))
-        self.may_wait = len(sends) < len(waiting)
+        for batch in [batch for batch in self.batches if batch.waits]:
+            refusers = {name for name, _ in batch.refusals}
+            again = refusers >= self.workers.keys()
+            place = next((n for n, w in enumerate(slots) if again or w.name not in refusers), None)
+            if place is not None:
+                sends.append(self._send(batch, slots.pop(place), now))
         return sends
 
-    def _split_what_came_back(self, now: float) -> None:
-        """Split batches that ended without a result among the workers, lest one does it all alone."""
-        workers = [worker for *_, worker in sorted(rank(self.workers.values(), now))]
-        for batch in [batch for batch in self.waiting() if batch.came_back and not batch.refusals]:
-            parts = one_each(batch.stop - batch.start, workers, after=batch)
-            place = self.batches.index(batch)
-            self.batches[place : place + 1] = parts
+    def _split_what_came_back(self, awake: list[Worker]) -> None:
+        """Split batches that ended without a result among the workers, or one would do it all alone."""
+        workers = sorted(awake, key=lambda worker: len(worker.in_flight))
+        for batch in [batch for batch in self.batches if batch.waits and batch.came_back]:
+            if workers and not batch.refusals:
+                ranges = split(batch.stop - batch.start, speeds_of(workers))
+                parts = [Batch(batch.start + a, batch.start + b, sent=batch.sent) for a, b in ranges]
+                place = self.batches.index(batch)
+                self.batches[place : place + 1] = parts
 
-    def _pick(self, batch: Batch, now: float) -> Worker | None:
-        """The least busy worker for a batch that was refused: one that refused it only if all have."""
-        refusers = {worker for worker, _ in batch.refusals}
-        willing = [w for w in self.workers.values() if w.name not in refusers] or self.workers.values()
-        free = [w for w in willing if len(w.flights) < WINDOW and w.rests_until <= now]
-        return min(free, key=lambda worker: len(worker.flights), default=None)
-
-    def _assign_again(self, now: float) -> list[Instruction]:
-        """Send what takes long again to workers that have nothing to do."""
+    def _assign_stragglers(self, now: float) -> list[Instruction]:
+        """Send what takes much longer than usual again, once, to workers that have nothing to do."""
+        oldest = next(iter(self.in_flight.values()), None)
+        if oldest is None or now < oldest.sent_at + LATE_LEAST_S:
+            return []
         sends: list[Instruction] = []
-        if not self.lateness.may_be(self.flights.values(), now):
-            return sends
-        for worker in self.workers.values():
-            if worker.flights or worker.rests_until > now:
-                continue
-            current = [flight for ticket, flight in self.flights.items() if self.is_current(ticket)]
-            late = self.lateness.latest(current, worker, now)
-            if late is not None:
-                sends.append(self._send(late.batch, worker, now))
+        usual = usual_pace([*self.workers.values()])
+        for idle in [w for w in self.workers.values() if not w.in_flight and w.rests_until <= now]:
+            for ticket, flight in self.in_flight.items():
+                batch = flight.batch
+                refused = any(name == idle.name for name, _ in batch.refusals)
+                alone = batch.in_flight == 1 and not refused
+                if alone and is_late(flight, usual, now) and self.is_current(ticket):
+                    sends.append(self._send(batch, idle, now))
+                    break
         return sends
 
     def _send(self, batch: Batch, worker: Worker, now: float) -> Instruction:
         ticket, self.next_ticket = self.next_ticket, self.next_ticket + 1
-        self.flights[ticket] = worker.flights[ticket] = Flight(worker, batch, now)
+        self.in_flight[ticket] = worker.in_flight[ticket] = InFlight(worker, batch, now)
         self.counts.batches_sent += 1
         self.counts.batches_sent_again += batch.sent > 0
         batch.sent += 1
+        batch.in_flight += 1
         return Send(ticket, worker.name, batch.start, batch.stop)
+
+    def _check_answers(self, ended: InFlight, now: float) -> list[Instruction]:
+        """Whether a request that ended without an answer did so because no worker answers any longer."""
+        if now < ended.sent_at + NO_ANSWER_S or self.answered_at > ended.sent_at:
+            return []
+        again = self.unanswered_at is not None and ended.sent_at >= self.unanswered_at
+        self.unanswered_at = self.unanswered_at or now
+        return [NoAnswer(ended.worker.name, again)]
+
+
+def rest(worker: Worker, now: float) -> None:
+    """Have a worker that failed rest, each time in a row for twice as long."""
+    seconds = min(LONGEST_REST_S, FIRST_REST_S * 2.0 ** min(worker.failures, 10))
+    worker.failures += 1
+    worker.rests_until = now + seconds
+
+
+def is_late(flight: InFlight, usual: float | None, now: float) -> bool:
+    """Whether a request takes much longer than its worker's pace lets expect, or the usual one (seconds)."""
+    pace = median(flight.worker.paces) if flight.worker.paces else usual
+    return pace is not None and now >= flight.sent_at + max(LATE_LEAST_S, LATE_FACTOR * pace * flight.load)

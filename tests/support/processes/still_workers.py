@@ -21,8 +21,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.commands.progress import Show
-from coordinator.pool.options import Pool
-from coordinator.pool.statistics import PoolStatistics
+from coordinator.pool.options import Pool, PoolStatistics
 from tests.support.asked import Asked
 from tests.support.refined import unmoved
 from tests.support.stand_ins import Ready, StandIn
