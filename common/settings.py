@@ -54,7 +54,7 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     particles: int = 20  # of `annealed`: in each layer
     merge_angle_deg: float = 4.0  # d; with `explore` covariances decide, unless correspondences are soft
-    velocity_share: float = 1.0  # of a hypothesis' velocity that its particles start with
+    velocity_time_s: float | None = None  # in which what is known of a velocity fades to 1 / e; None: never
     explore: bool = False  # limb by limb, see coordinator/filters/exploration.py
 
 
@@ -82,7 +82,7 @@ PRESETS = {
         refine=RefineSettings(
             descent="accelerated", sensor="camera", likelihood_scale=0.004, pose_deviation=1.6
         ),
-        filter=FilterSettings(velocity_share=0.75, explore=True),
+        filter=FilterSettings(velocity_time_s=0.1, explore=True),
     ),
     "paper": Settings(preset="paper", measure_person=False, recover=False),
 }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from benchmarks.choices import settings_with
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.filters.annealed import ANNEALED
+from coordinator.filters.baselines import Annealed
 from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from worker.kernel.parameters import pack_parameters
@@ -50,7 +50,7 @@ class Row:
         if self.method == "condensation":
             return particles
         if self.method == "annealed":
-            return particles * ANNEALED.layers
+            return particles * Annealed().layers
         rounds = 2 if pack_parameters(assume_noise(settings.refine, self.noise)).soft else 1
         return particles * (rounds * settings.refine.icp_iterations + 1)
 

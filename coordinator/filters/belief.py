@@ -1,22 +1,22 @@
-"""What any method knows after a frame: weighted poses, where each is going, and the pose it reports."""
+"""What all methods share: a belief after a frame, what is known of the next one, and its particles."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass, field, replace
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.compiling import numba
 from common.kinematics import difference, joint_positions, retract
-from coordinator.filters.resampling import normalise
+from common.settings import RefineSettings
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
-USUAL_SPEED = 1.8
-"""Metres a second, root mean square over the joints: how fast the reported pose usually moves."""
+USUAL_INTERVAL = 1.0 / 30.0  # seconds between frames
+USUAL_SPEED = 1.8  # metres a second, root mean square over the joints of the reported pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +39,76 @@ class Belief:
         return replace(self, velocities=np.zeros_like(self.velocities))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """What is known of a frame before its particles are drawn."""
+
+    points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (P, 3) some, camera frame, metres
+    interval: float = USUAL_INTERVAL  # seconds since the frame before
+    step: Array | None = None  # (D,) relative motion since then, from encoders: NaN where unknown
+
+    def expect(self, velocities: Array, time_constant: float | None) -> Array:
+        """The motion (M, D) since the frame before of hypotheses with these velocities (M, D).
+
+        What is known of a velocity fades exponentially with a time constant in seconds; None: it is constant.
+        Known steps take the place of the velocities.
+        """
+        share = 1.0 if time_constant is None else np.exp(-self.interval / time_constant)
+        motion: Array = share * self.interval * velocities
+        return motion if self.step is None else np.where(np.isnan(self.step), motion, self.step)
+
+
+B = TypeVar("B", bound=Belief)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal(Generic[B]):
+    """Particles of a frame before they are refined, drawn from the belief about the frame before."""
+
+    past: B
+    ancestors: Indices  # (N,) the pose of `past` that each particle was drawn from
+    poses: Array  # (N, D)
+    interval: float  # seconds since the frame that `past` is about
+    origins: Array | None = field(default=None, kw_only=True)
+    """The poses (N, D) that they move on from, where these are not those of their ancestors."""
+    expected: Array | None = field(default=None, kw_only=True)
+    """Where the motion model alone leads them (N, D), if the update needs to know how sure each pose is."""
+
+    def asks_covariance(self, rules: RefineSettings) -> bool:
+        """Whether the workers are asked how sure each refined pose is.
+
+        Not where depth is by far the noisiest, where it misleads, nor where particles do not descend: then it
+        says nothing of the frame.
+        """
+        return self.expected is not None and not rules.is_soft and rules.icp_iterations > 0
+
+
+def normalise(log_weights: Array) -> Array:
+    """Weights (M,) that sum to 1. Where every log weight is -inf, all are equal."""
+    if not np.any(np.isfinite(log_weights)):
+        return np.full(len(log_weights), 1.0 / len(log_weights))
+    weights = np.exp(log_weights - np.max(log_weights))
+    normalised: Array = weights / weights.sum()
+    return normalised
+
+
+def effective_sample_size(weights: Array) -> float:
+    """1 / sum of squares of normalised weights: 1 when one has all, M when all are equal."""
+    return float(1.0 / np.sum(weights**2))
+
+
+def draw_ancestors(weights: Array, count: int, rng: np.random.Generator) -> Indices:
+    """Ancestors (count,), ascending, by systematic resampling: each is drawn w count times, give or take one.
+
+    A hypothesis of zero weight is never drawn.
+    """
+    sums = np.cumsum(weights)
+    places = (np.arange(count) + rng.random()) / count * sums[-1]
+    last = np.flatnonzero(weights)[-1]
+    ancestors: Indices = np.minimum(np.searchsorted(sums, places, side="right"), last)
+    return ancestors
+
+
 def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
     """Weighted mean (D,) of poses (M, D), taken as relative motion about the first; weights sum to 1."""
     apart = difference(model, np.broadcast_to(poses[:1], poses.shape), poses)
@@ -46,7 +116,7 @@ def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
     return mean
 
 
-def likeliest_way_on(
+def choose_reported(
     model: BodyModel, last: Array, poses: Array, log_likelihood: Array, interval: float
 ) -> Array:
     """The pose (D,) of hypotheses (M, D) that is likeliest given a frame (M,) and the pose (D,) before it.
@@ -55,20 +125,6 @@ def likeliest_way_on(
     joints would have to move decides between them, and hardly between others.
     """
     joints = joint_positions(model, np.concatenate([last[None], poses]))
-    way_on: Array = poses[likeliest_after(joints, log_likelihood, USUAL_SPEED * interval)]
-    return way_on
-
-
-@numba.njit(cache=True, nogil=True)
-def likeliest_after(joints: Array, log_likelihood: Array, usual: float) -> int:
-    """Which of joints (M + 1, J, 3) but the first, from where they usually move so far, is the likeliest."""
-    best, most = 0, -np.inf
-    for m in range(len(log_likelihood)):
-        squares = 0.0
-        for j in range(joints.shape[1]):
-            for a in range(3):
-                squares += (joints[m + 1, j, a] - joints[0, j, a]) ** 2
-        likely = log_likelihood[m] - 0.5 * squares / max(1, joints.shape[1]) / usual**2
-        if likely > most:
-            best, most = m, likely
-    return best
+    way = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).mean(axis=-1)
+    chosen: Array = poses[np.argmax(log_likelihood - 0.5 * way / (USUAL_SPEED * interval) ** 2)]
+    return chosen

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
-from common.compiling import numba
 
 Array = NDArray[np.float64]
 Kinds = NDArray[np.int64]
@@ -42,29 +41,11 @@ def perturb(model: BodyModel, kinds: Kinds, noise: Array, rng: np.random.Generat
     limbs = limbs_of(model)
     standard = rng.standard_normal(noise.shape)
     limb = rng.integers(len(limbs), size=len(noise))
-    perturbed = np.empty_like(noise)
-    choose_noise(kinds, noise, limb, limbs, limb_deviation(model), standard, perturbed)
+    thrown = limbs[limb] & (kinds == ONE_LIMB)[:, None]
+    perturbed: Array = np.where(
+        (kinds == SPREAD)[:, None], noise, np.where(thrown, limb_deviation(model) * standard, 0.0)
+    )
     return perturbed
-
-
-@numba.njit(cache=True, nogil=True)
-def choose_noise(
-    kinds: Kinds,
-    noise: Array,
-    limb: Kinds,
-    limbs: NDArray[np.bool_],
-    deviation: Array,
-    standard: Array,
-    perturbed: Array,
-) -> None:
-    """Fill perturbed (N, D): the noise given, or what moves a limb (N,) of limbs (K, D) far, or nothing."""
-    for n in range(len(kinds)):
-        for j in range(noise.shape[1]):
-            perturbed[n, j] = 0.0
-            if kinds[n] == SPREAD:
-                perturbed[n, j] = noise[n, j]
-            elif kinds[n] == ONE_LIMB and limbs[limb[n], j]:
-                perturbed[n, j] = deviation[j] * standard[n, j]
 
 
 @lru_cache(maxsize=16)

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
 from common.kinematics import difference, retract
-from common.refinement import Refined
+from common.refinement import Refined, lower_triangular
 from common.settings import FilterSettings
-from coordinator.filters.belief import Belief, likeliest_way_on
-from coordinator.filters.covariance import estimate_covariances, found_by_descent, shrink
+from coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
 from coordinator.filters.exploration import (
     HIDING,
     ONE_LIMB,
@@ -29,16 +28,16 @@ from coordinator.filters.exploration import (
     choose_kinds,
     perturb,
 )
-from coordinator.filters.holding import hold
 from coordinator.filters.limbs.hiding import find_hidden
 from coordinator.filters.limbs.layout import view_limbs
 from coordinator.filters.limbs.reaching import find_reaches
-from coordinator.filters.mahalanobis import merge_by_mahalanobis
-from coordinator.filters.merging import merge
-from coordinator.filters.motion import draw_noise, propagate
-from coordinator.filters.proposal import Proposal
-from coordinator.filters.resampling import systematic
-from coordinator.filters.sighting import Sighting
+from coordinator.filters.merging import (
+    estimate_covariances,
+    merge_by_angle,
+    merge_by_covariance,
+    shrink,
+)
+from coordinator.filters.motion import draw_noise, hold
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -72,17 +71,20 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses
 def propose(
     model: BodyModel,
     past: Hypotheses,
-    sighting: Sighting,
+    observation: Observation,
     settings: FilterSettings,
     rng: np.random.Generator,
 ) -> Proposal[Hypotheses]:
     """Steps 2 and 3: the particles of a frame, whose descent and likelihood are steps 4 and 5."""
-    ancestors = draw(past, settings, rng)  # 2
+    ancestors = draw_ancestors(past.weights, settings.particles, rng)  # 2
     if settings.explore and settings.particles > 1:
-        ancestors[0] = place_of_reported(past)
-        return explore(model, past, ancestors, sighting, settings, rng)  # 3
-    particles = scatter(model, past, ancestors, sighting, settings, rng)  # 3
-    return Proposal(past, ancestors, particles, sighting.interval)
+        ancestors[0] = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
+        return explore(model, past, ancestors, observation, settings, rng)  # 3
+    motion = observation.expect(past.velocities, settings.velocity_time_s)
+    particles = retract(model, past.poses[ancestors], motion[ancestors])  # 3
+    if settings.particles > 1:  # a lone one has no noise
+        particles = retract(model, particles, draw_noise(past.covariances, ancestors, rng))
+    return Proposal(past, ancestors, particles, observation.interval)
 
 
 def update(
@@ -93,16 +95,15 @@ def update(
     rng: np.random.Generator,  # noqa: ARG001 as all methods
 ) -> Hypotheses:
     """Steps 6 and 7: hypotheses from the proposed particles after their descent."""
-    past, ancestors, before = proposal.past, proposal.ancestors, proposal.poses
-    answered = after.answered
-    if len(answered) < len(before):
-        ancestors, before, after = ancestors[answered], before[answered], after.take(answered)
+    past, answered = proposal.past, after.answered
+    ancestors, before, after = proposal.ancestors[answered], proposal.poses[answered], after.take(answered)
     roots = after.covariance_roots
     if roots is None:
         angle = np.deg2rad(settings.merge_angle_deg)
-        chosen, group = merge(model, after.poses, after.log_likelihood, angle)  # 6
+        chosen, group = merge_by_angle(model, after.poses, after.log_likelihood, angle)  # 6
     else:
-        chosen, group = merge_by_mahalanobis(model, after.poses, after.log_likelihood, roots)
+        lower = lower_triangular(roots, before.shape[1])
+        chosen, group = merge_by_covariance(model, after.poses, after.log_likelihood, lower)
     parents = ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     covariances = estimate_covariances(  # 7
@@ -110,82 +111,52 @@ def update(
     )
     origins = past.poses[parents] if proposal.origins is None else proposal.origins[answered[chosen]]
     if roots is not None:
-        found = found_by_descent(roots[chosen], poses.shape[1])
+        found = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
         covariances = shrink(covariances, found, group)
         if proposal.expected is not None:
-            expected = proposal.expected[answered[chosen]]
-            poses = hold(model, poses, found, expected, proposal.interval)
+            poses = hold(model, poses, found, proposal.expected[answered[chosen]], proposal.interval)
     return Hypotheses(
         poses=poses,
         log_weights=log_likelihood,
         residual=after.residual[chosen],
         velocities=difference(model, origins, poses) / proposal.interval,
-        reported=likeliest_way_on(model, past.reported, poses, log_likelihood, proposal.interval),
+        reported=choose_reported(model, past.reported, poses, log_likelihood, proposal.interval),
         covariances=covariances,
     )
-
-
-def draw(past: Hypotheses, settings: FilterSettings, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Step 2: ancestors (N,) of the new particles."""
-    return systematic(past.weights, settings.particles, rng)
-
-
-def place_of_reported(past: Hypotheses) -> int:
-    """Which of the hypotheses is the one that was reported."""
-    return int(np.argmin(np.abs(past.poses - past.reported).sum(axis=1)))
-
-
-def scatter(
-    model: BodyModel,
-    past: Hypotheses,
-    ancestors: NDArray[np.int64],
-    sighting: Sighting,
-    settings: FilterSettings,
-    rng: np.random.Generator,
-) -> Array:
-    """Step 3: particles (N, D), moved by the motion model and spread by their ancestors' covariance.
-
-    A lone particle has no noise.
-    """
-    noisy = np.full(len(ancestors), settings.particles > 1)
-    noise = draw_noise(past.covariances, ancestors, rng, noisy)
-    motion = sighting.expect(past.velocities, settings.velocity_share)
-    return propagate(model, past.poses[ancestors], motion[ancestors], noise)
 
 
 def explore(
     model: BodyModel,
     past: Hypotheses,
-    ancestors: NDArray[np.int64],
-    sighting: Sighting,
+    ancestors: Indices,
+    observation: Observation,
     settings: FilterSettings,
     rng: np.random.Generator,
 ) -> Proposal[Hypotheses]:
     """Step 3 of preset `default`: particles of several kinds, see `exploration`."""
     kinds = choose_kinds(len(ancestors), rng)
-    motion = sighting.expect(past.velocities, settings.velocity_share)
-    at_rest = sighting.expect(past.velocities, 0.0)
-    likeliest = propagate(model, past.poses[:1], motion[:1], np.zeros_like(motion[:1]))[0]
+    motion = observation.expect(past.velocities, settings.velocity_time_s)
+    at_rest = observation.expect(np.zeros_like(past.velocities), settings.velocity_time_s)
+    likeliest = retract(model, past.poses[:1], motion[:1])[0]
     reaching, thrown = (np.flatnonzero(kinds == kind) for kind in (REACHING, ONE_LIMB))
-    view = view_limbs(model, likeliest, sighting.points)
+    view = view_limbs(model, likeliest, observation.points)
+    known = np.zeros(0, dtype=np.bool_) if observation.step is None else np.isfinite(observation.step)
     reaches = find_reaches(view, likeliest, len(reaching), rng)
-    hidden = find_hidden(model, likeliest, view, sighting.known, len(thrown), rng)
+    hidden = find_hidden(model, likeliest, view, known, len(thrown), rng)
     kinds[reaching] = SPREAD if reaches is None else REACHING
     kinds[thrown] = ONE_LIMB if hidden is None else HIDING
-    noise = draw_noise(past.covariances, ancestors, rng, kinds == SPREAD)
+    noise = draw_noise(past.covariances, ancestors, rng)
     noise = perturb(model, kinds, noise, rng)
     moving = np.where((kinds == RESTING)[:, None], at_rest[ancestors], motion[ancestors])
     origins = past.poses[ancestors]
     if hidden is not None:
         set_limbs(origins, thrown, hidden.dofs, hidden.angles)
         set_limbs(moving, thrown, hidden.dofs, [np.zeros(len(dofs)) for dofs in hidden.dofs])
-    expected = propagate(model, origins, moving, np.zeros_like(noise))
+    expected = retract(model, origins, moving)
     particles = retract(model, expected, noise)
     if reaches is not None:
         set_limbs(particles, reaching, reaches.dofs, reaches.angles)
-    return Proposal(
-        past, ancestors, particles, sighting.interval, covariance=True, origins=origins, expected=expected
-    )
+    return Proposal(past, ancestors, particles, observation.interval, origins=origins, expected=expected)
 
 
 def set_limbs(poses: Array, which: Indices, dofs: list[Indices], values: list[Array]) -> None:

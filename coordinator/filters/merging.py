@@ -1,88 +1,114 @@
-"""Particles that came down into the same valley become one hypothesis (step 6)."""
+"""Refined particles that are one hypothesis, and how far its children are spread (steps 6 and 7)."""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from common.body import ROTATION, BodyModel
-from common.compiling import numba
-from common.kinematics.chain import contiguous
-from common.kinematics.manifold import ball_vector
-from common.kinematics.rotations import handedness
+from common.kinematics import difference
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+MERGE_VARIANCES = 2.0 / 3.0  # mean squared distance in each degree of freedom, over its variance
+DESCENT_WORTH_PARTICLES = 20.0  # what a covariance that the descent found counts beside those of Eq. 7
 
-def merge(model: BodyModel, poses: Array, log_likelihood: Array, angle: float) -> tuple[Indices, Indices]:
-    """Group refined particles that differ by less than `angle` in every rotation.
 
-    Particles are taken from the likeliest down; each joins the first representative that is near enough,
-    or becomes one. So the representative is the likeliest of its group, as the paper asks.
+def merge_by_angle(
+    model: BodyModel, poses: Array, log_likelihood: Array, angle: float
+) -> tuple[Indices, Indices]:
+    """Group particles (N, D) that differ by less than `angle` (radians) in every rotation, as the paper does.
+
+    Positions are not compared. Returns as `merge`.
+    """
+    turning = model.kinds == ROTATION
+    return merge(model, poses, log_likelihood, lambda _, steps: np.abs(steps[:, turning]).max(axis=1) < angle)
+
+
+def merge_by_covariance(
+    model: BodyModel, poses: Array, log_likelihood: Array, roots: Array
+) -> tuple[Indices, Indices]:
+    """Group particles (N, D) that are near by the Mahalanobis distance of the likelier one.
+
+    What a frame says nothing about, as the twist of a forearm, keeps no particles apart, and what it shows
+    well does by millimetres. `roots` (N, D, D) are Cholesky factors of covariances. Returns as `merge`.
+    """
+    rim = MERGE_VARIANCES * poses.shape[1]
+
+    def is_near(n: int, steps: Array) -> NDArray[np.bool_]:
+        near: NDArray[np.bool_] = np.sum(solve_triangular(roots[n], steps.T, lower=True) ** 2, axis=0) < rim
+        return near
+
+    return merge(model, poses, log_likelihood, is_near)
+
+
+def merge(
+    model: BodyModel,
+    poses: Array,
+    log_likelihood: Array,
+    is_near: Callable[[int, Array], NDArray[np.bool_]],
+) -> tuple[Indices, Indices]:
+    """Group refined particles (N, D): each joins the likeliest one (N,) that is near, or stands for a group.
 
     Args:
         model: The body.
-        poses: Refined particles (N, D).
-        log_likelihood: Of each (N,).
-        angle: The distance d, radians. Positions are not compared.
+        poses: The particles.
+        log_likelihood: Of each.
+        is_near: Which particles are near the n-th, by the steps (K, D) from it to each of them.
 
     Returns:
         The representatives (M,) as indices of particles, likeliest first, and for each particle the
         place (N,) of its representative among them.
     """
-    order = np.argsort(-log_likelihood, kind="stable")
-    chosen, group = np.empty_like(order), np.empty_like(order)
-    count = join_in_order(
-        order, contiguous(poses), angle, find_hinges(model), model.axes, model.balls, chosen, group
-    )
-    return chosen[:count], group
+    left = np.argsort(-log_likelihood, kind="stable")
+    chosen, group = list[int](), np.empty_like(left)
+    while len(left):
+        first = left[0]
+        near = is_near(
+            int(first), difference(model, np.broadcast_to(poses[first], poses[left].shape), poses[left])
+        )
+        near[0] = True
+        group[left[near]] = len(chosen)
+        chosen.append(int(first))
+        left = left[~near]
+    return np.array(chosen, dtype=np.int64), group
 
 
-@lru_cache(maxsize=16)
-def find_hinges(model: BodyModel) -> Indices:
-    """Degrees of freedom that turn and are no part of a ball."""
-    return np.flatnonzero((model.kinds == ROTATION) & model.single)
+def estimate_covariances(
+    model: BodyModel, before: Array, merged: Array, group: Indices, inherited: Array, reduction: float
+) -> Array:
+    """Covariances (M, D, D) of relative motion about each merged hypothesis, Eq. 7.
 
+    Taken from the particles *before* their descent, about the hypothesis after it, so that the next ones
+    are drawn out to the rim of its mode. A lone particle shows nothing of its mode's size (Eq. 7 would
+    leave a single direction): it keeps what it inherited. Both are then reduced.
 
-@numba.njit(cache=True, nogil=True)
-def join_in_order(
-    order: Indices,
-    poses: Array,
-    angle: float,
-    hinges: Indices,
-    axes: Array,
-    balls: Indices,
-    chosen: Indices,
-    group: Indices,
-) -> int:
-    """Fill chosen and group (N,) as `merge` gives them; the number of representatives."""
-    count = 0
-    for n in order:
-        group[n] = count
-        for m in range(count):
-            if is_near(poses[n], poses[chosen[m]], angle, hinges, axes, balls):
-                group[n] = m
-                break
-        if group[n] == count:
-            chosen[count] = n
-            count += 1
-    return count
-
-
-@numba.njit(cache=True, nogil=True)
-def is_near(pose: Array, other: Array, angle: float, hinges: Indices, axes: Array, balls: Indices) -> bool:
-    """Whether two poses (D,) differ by less than `angle` in every rotation.
-
-    Single axes separate most already, by a subtraction; balls need matrices.
+    Args:
+        model: The body.
+        before: Particles (N, D) before their descent.
+        merged: Hypotheses (M, D) after it.
+        group: For each particle (N,) the hypothesis it merged into.
+        inherited: Covariance (M, D, D) of the hypothesis that each representative was drawn from.
+        reduction: Share by which every covariance shrinks each frame.
     """
-    for j in hinges:
-        if not abs(other[j] - pose[j]) < angle:
-            return False
-    for start in balls:
-        x, y, z = ball_vector(handedness(axes, start), pose, other, start)
-        if not (abs(x) < angle and abs(y) < angle and abs(z) < angle):
-            return False
-    return True
+    steps = difference(model, merged[group], before)
+    covariances = inherited.copy()
+    for m in range(len(merged)):
+        spread = steps[group == m]
+        if len(spread) > 1:
+            covariances[m] = spread.T @ spread / len(spread)
+    return (1.0 - reduction) * covariances
+
+
+def shrink(covariances: Array, found: Array, group: Indices) -> Array:
+    """Covariances (M, D, D) by Eq. 7, drawn to those (M, D, D) that the descent found at the hypotheses.
+
+    A group (of particles (N,)) shows no more directions than it has particles; a lone one has what was found.
+    """
+    members = np.bincount(group, minlength=len(found))
+    share = np.where(members > 1, members / (members + DESCENT_WORTH_PARTICLES), 0.0)[:, None, None]
+    return share * covariances + (1.0 - share) * found

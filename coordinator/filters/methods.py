@@ -19,15 +19,12 @@ from common.errors import InputError
 from common.refinement import Refined
 from common.settings import Descent, FilterSettings, Sensor, Settings, preset
 from coordinator.filters import gradient_enhanced
-from coordinator.filters.annealed import ANNEALED, Annealed
-from coordinator.filters.belief import Belief
-from coordinator.filters.condensation import CONDENSATION, Condensation
-from coordinator.filters.proposal import Proposal
-from coordinator.filters.sighting import Sighting
+from coordinator.filters.baselines import Annealed, Condensation
+from coordinator.filters.belief import Belief, Observation, Proposal
 
 Array = NDArray[np.float64]
 Begin = Callable[[BodyModel, Array, FilterSettings], Belief]
-Propose = Callable[[BodyModel, Any, Sighting, FilterSettings, np.random.Generator], Proposal[Any]]
+Propose = Callable[[BodyModel, Any, Observation, FilterSettings, np.random.Generator], Proposal[Any]]
 Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator], Belief | Proposal[Any]]
 
 
@@ -71,8 +68,8 @@ def baseline(steps: Condensation | Annealed, particles: int) -> Method:
 METHODS = {
     "gepf": Method(*_GRADIENT),
     "gradient": Method(*_GRADIENT, particles=1, lone=True, icp_iterations=6),  # nobody else may be nearer
-    "condensation": baseline(CONDENSATION, particles=1_000),
-    "annealed": baseline(ANNEALED, particles=100),  # in each layer
+    "condensation": baseline(Condensation(), particles=1_000),
+    "annealed": baseline(Annealed(), particles=100),  # in each layer
 }
 
 

@@ -1,81 +1,66 @@
-"""Where particles go between frames: constant velocity plus Gaussian noise (step 3)."""
+"""Where particles go between frames (step 3): along their velocity, and apart by Gaussian noise."""
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
-from common.compiling import numba
-from common.kinematics import retract
+from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.kinematics import difference, retract, within_limits
+from common.refinement import WEAK_SLIDE, WEAK_TURN
+from coordinator.filters.belief import USUAL_INTERVAL
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
-RANK_TOLERANCE = 1e-14  # of the largest variance: what is below it is rounding
-
-
-def propagate(model: BodyModel, poses: Array, velocities: Array, noise: Array) -> Array:
-    """Poses (N, D) moved by their velocities (N, D) and then by noise (N, D)."""
-    return retract(model, retract(model, poses, velocities), noise)
+UNEXPECTED_TURN = float(np.radians(15.0))  # standard deviation of joints about where motion leads them in
+"""a usual interval; of those that slide it is the weak prior's."""
 
 
-def draw_noise(
-    covariances: Array,
-    ancestors: NDArray[np.int64],
-    rng: np.random.Generator,
-    spread: NDArray[np.bool_] | None = None,
-) -> Array:
+def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:
     """Gaussian noise (N, D), each with its ancestor's covariance (M, D, D), drawn in particle order.
 
-    Ancestors (N,) are in any order; who follows a sibling costs least. Particles that are not to be `spread`
-    (N,) get none.
+    Covariances may be of any rank: each is the sum of its eigenvectors' squares.
     """
+    variances, directions = np.linalg.eigh(covariances)
+    roots = directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]
     standard = rng.standard_normal((len(ancestors), covariances.shape[1]))
-    spread = np.ones(len(ancestors), dtype=np.bool_) if spread is None else spread
-    noise = np.zeros_like(standard)
-    shape_each(covariances, ancestors, spread, standard, noise)
+    noise: Array = (roots[ancestors] @ standard[..., None])[..., 0]
     return noise
 
 
-@numba.njit(cache=True, nogil=True)
-def shape_each(
-    covariances: Array,
-    ancestors: NDArray[np.int64],
-    spread: NDArray[np.bool_],
-    standard: Array,
-    noise: Array,
-) -> None:
-    """Fill noise (N, D) where it is to be spread: standard noise (N, D) with the ancestors' covariances."""
-    dofs = standard.shape[1]
-    root, latest = np.empty((dofs, dofs)), -1
-    for n in range(len(ancestors)):
-        if spread[n]:
-            if ancestors[n] != latest:
-                latest = ancestors[n]
-                take_root(covariances[latest], root)
-            for i in range(dofs):
-                total = 0.0
-                for j in range(dofs):
-                    total += root[i, j] * standard[n, j]
-                noise[n, i] = total
+def hold(model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float) -> Array:
+    """The likeliest poses (M, D) given a frame and the motion of so many seconds before it.
 
+    The descent climbs what one frame says. Of a limb that it does not show that is the prior of joint angles
+    alone, which takes it to rest within a few frames. So each hypothesis is set to where the posterior of
+    the frame and of motion is greatest: what is seen stays where it is seen, what is hidden where motion
+    left it. With the covariance S = (L + W)^-1 of a refined pose, L what the frame says and W the weak
+    prior's precision, and P that of motion, the step from it is (I + S (P - W))^-1 S P times the way to where
+    it was expected: L need not be known. Where the base goes is left to the frame, and to the weak prior.
 
-@numba.njit(cache=True, nogil=True)
-def take_root(covariance: Array, root: Array) -> None:
-    """Fill root (D, D) so that root root^T is the covariance (D, D), of whatever rank.
-
-    Cholesky's method with the largest pivot first, until what is left is rounding.
+    Args:
+        model: The body.
+        refined: Hypotheses (M, D) after their descent.
+        covariances: What the descent found of each (M, D, D).
+        expected: Where they would be (M, D) had all gone on as it went.
+        interval: Seconds since then.
     """
-    rest = covariance.copy()
-    root[:] = 0.0
-    least = RANK_TOLERANCE * np.max(np.diag(rest))
-    for k in range(len(rest)):
-        pivot = np.argmax(np.diag(rest))
-        if not rest[pivot, pivot] > least:
-            return
-        column = rest[:, pivot] / np.sqrt(rest[pivot, pivot])  # in a row, so that several go at once
-        root[:, k] = column
-        for i in range(len(rest)):
-            for j in range(len(rest)):
-                rest[i, j] -= column[i] * column[j]
-        rest[pivot, pivot] = 0.0
+    weak, moves, base = precisions(model)
+    motion: Array = np.where(base, weak, moves / interval)
+    way: Array = np.where(base, 0.0, difference(model, refined, expected))
+    pull = covariances @ (motion * way)[..., None]
+    matrix: Array = np.eye(len(motion)) + covariances * (motion - weak)
+    steps = np.asarray(np.linalg.solve(matrix, pull), dtype=np.float64)
+    return within_limits(model, retract(model, refined, steps[..., 0]))
+
+
+@lru_cache(maxsize=16)
+def precisions(model: BodyModel) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Inverse variances (D,) of the weak prior and of a second's motion; which of them place the base."""
+    turning = model.kinds == ROTATION
+    weak = np.where(turning, WEAK_TURN, WEAK_SLIDE) ** -2.0
+    motion = np.where(turning, UNEXPECTED_TURN, WEAK_SLIDE) ** -2.0 * USUAL_INTERVAL
+    return weak, motion, np.isin(model.dof_names, ROOT_DOFS)

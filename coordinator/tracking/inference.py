@@ -14,9 +14,8 @@ from common.frame import SubjectFrame
 from common.kinematics import natural_angles
 from common.refinement import Refined
 from common.settings import RefineSettings, Settings
-from coordinator.filters.belief import Belief
+from coordinator.filters.belief import Belief, Proposal
 from coordinator.filters.methods import METHODS
-from coordinator.filters.proposal import Proposal
 from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.sighting import see

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from common.settings import RefineSettings, Settings
-from coordinator.filters.sighting import USUAL_INTERVAL
+from coordinator.filters.belief import USUAL_INTERVAL
 
 MOST = 3.0  # times the iterations at a pace of 1, and its square at a pace of 2
 LIVE_PACE = 1.0

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from common.kinematics import retract
 from common.refinement import Refined
 from common.settings import FilterSettings
-from coordinator.filters.annealed import Annealed, find_power, survival
+from coordinator.filters.baselines import Annealed, Condensation, find_power, survival
 from coordinator.filters.belief import Belief, mean_pose
-from coordinator.filters.condensation import Condensation
 from coordinator.filters.methods import METHODS, Method, baseline
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, advance

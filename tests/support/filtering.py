@@ -12,11 +12,11 @@ from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import FilterSettings
 from coordinator.filters.methods import METHODS, Method
-from coordinator.filters.proposal import Proposal
-from coordinator.filters.sighting import Sighting
+from coordinator.filters.belief import Proposal
+from coordinator.filters.belief import Observation
 
 INTERVAL = 0.1  # seconds between frames
-NOTHING_SEEN = Sighting(interval=INTERVAL)
+NOTHING_SEEN = Observation(interval=INTERVAL)
 
 
 def advance(
@@ -26,7 +26,7 @@ def advance(
     refine: Callable[[NDArray[np.float64]], Refined],
     settings: FilterSettings,
     rng: np.random.Generator,
-    sighting: Sighting = NOTHING_SEEN,
+    sighting: Observation = NOTHING_SEEN,
 ) -> Any:
     """The belief after a frame in which particles (N, D) are refined by a function."""
     steps = METHODS[method] if isinstance(method, str) else method

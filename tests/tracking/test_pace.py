@@ -9,7 +9,7 @@ from common.bounds import check_work, most_iterations
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
-from coordinator.filters.sighting import LONGEST_MOTION, USUAL_INTERVAL, Sighting
+from coordinator.filters.belief import USUAL_INTERVAL
 from coordinator.tracking.observing.sighting import see
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.pace import keep_up, pace_iterations
@@ -58,9 +58,3 @@ def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
         == see(subject, 0.9).interval
         == USUAL_INTERVAL
     )
-
-
-def test_motion_does_not_go_on_for_ever() -> None:
-    """After a long gap nobody knows any more where a motion led."""
-    assert Sighting(interval=0.1).motion_time == 0.1
-    assert Sighting(interval=5.0).motion_time == LONGEST_MOTION

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from common.frame import SubjectFrame
-from coordinator.filters.sighting import USUAL_INTERVAL, Sighting
+from coordinator.filters.belief import USUAL_INTERVAL, Observation
 
 POINTS = 300
 DIGITS = 4  # of an interval in seconds
@@ -15,14 +15,14 @@ DIGITS = 4  # of an interval in seconds
 
 def see(
     subject: SubjectFrame, last_time_s: float | None, step: NDArray[np.float64] | None = None
-) -> Sighting:
+) -> Observation:
     """The sighting of a frame; at the usual interval where its time is not after the last one's.
 
     `step` (D,) is what encoders say of the motion since then. Intervals are whole tenths of a millisecond:
     how a file rounds its times is to change nothing.
     """
     since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, DIGITS)
-    return Sighting(some_points(subject), since if since > 0.0 else USUAL_INTERVAL, step)
+    return Observation(some_points(subject), since if since > 0.0 else USUAL_INTERVAL, step)
 
 
 def some_points(subject: SubjectFrame) -> NDArray[np.float64]:

@@ -32,7 +32,7 @@ def settle(
 
     It merges by angles, whatever the tracker's filter does: nobody is asked how sure a pose is.
     """
-    filtering = FilterSettings(velocity_share=0.0, explore=True)
+    filtering = FilterSettings(explore=True)
     belief, rng = believe(model, standing, filtering), np.random.default_rng(SEED)
     for _ in range(rounds):
         proposal = gradient_enhanced.propose(model, belief, see(subject, None), filtering, rng)

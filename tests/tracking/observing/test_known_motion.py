@@ -18,7 +18,7 @@ from common.kinematics import retract
 from coordinator.bodies.human.template import human
 from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
-from coordinator.filters.sighting import Sighting
+from coordinator.filters.belief import Observation
 from coordinator.results.evaluation import read_truth
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.synthesis.scenes import Scene, roam
@@ -99,12 +99,12 @@ def test_a_fast_robot_is_followed_where_its_encoders_lead(
 
 
 def test_a_known_step_takes_the_place_of_the_velocity() -> None:
-    """Where it is not a number, a share of the velocity goes on; who rests moves as the encoders say."""
-    sighting = Sighting(interval=0.1, step=np.array([0.3, np.nan]))
+    """Where it is not a number, the velocity goes on; a body at rest moves as the encoders say."""
+    observation = Observation(interval=0.1, step=np.array([0.3, np.nan]))
     velocities = np.array([[1.0, 2.0], [0.0, -2.0]])
-    assert np.allclose(sighting.expect(velocities, 0.5), [[0.3, 0.1], [0.3, -0.1]])
-    assert np.allclose(sighting.expect(velocities, 0.0), [[0.3, 0.0], [0.3, 0.0]])
-    assert np.allclose(Sighting(interval=0.1).expect(velocities, 0.5), [[0.05, 0.1], [0.0, -0.1]])
+    assert np.allclose(observation.expect(velocities, None), [[0.3, 0.2], [0.3, -0.2]])
+    assert np.allclose(observation.expect(np.zeros((2, 2)), 0.1), [[0.3, 0.0], [0.3, 0.0]])
+    assert np.allclose(Observation(interval=0.1).expect(velocities, None), [[0.1, 0.2], [0.0, -0.2]])
 
 
 def states(names: tuple[str, ...], values: list[list[float]]) -> JointStates:

@@ -15,9 +15,8 @@ from common.body import ROTATION
 from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular, triangle_size
 from common.settings import preset
-from coordinator.filters.covariance import TARGET_WORTH, estimate_covariances, found_by_descent, shrink
 from coordinator.filters.gradient_enhanced import begin, propose, update
-from coordinator.filters.mahalanobis import VALLEY, merge_by_mahalanobis
+from coordinator.filters.merging import estimate_covariances, merge_by_covariance, shrink
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import NOTHING_SEEN
 
@@ -53,7 +52,8 @@ def test_what_is_not_observable_merges_and_what_is_does_not() -> None:
     twisted, turned = np.array([np.radians(25.0), 0.0]), np.array([0.0, np.radians(4.0)])
     poses = np.stack([np.zeros(2), twisted, turned])
     roots = roots_of(*[(np.radians(29.0), np.radians(0.8))] * 3)
-    chosen, group = merge_by_mahalanobis(hinges(), poses, np.array([0.0, -1.0, -2.0]), roots)
+    likelihood = np.array([0.0, -1.0, -2.0])
+    chosen, group = merge_by_covariance(hinges(), poses, likelihood, lower_triangular(roots, 2))
     assert chosen.tolist() == [0, 2]
     assert group.tolist() == [0, 0, 1]
 
@@ -62,7 +62,8 @@ def test_the_likeliest_says_how_far_its_valley_reaches() -> None:
     """Two hinges 3 degrees apart: one hypothesis if the likelier is unsure, two if it is sure."""
     poses, sure, unsure = np.radians([[0.0, 0.0], [3.0, 0.0]]), (0.005, 0.005), (0.1, 0.1)
     for likelihood, hypotheses in (([0.0, -1.0], 2), ([-1.0, 0.0], 1)):
-        chosen, _ = merge_by_mahalanobis(hinges(), poses, np.array(likelihood), roots_of(sure, unsure))
+        lower = lower_triangular(roots_of(sure, unsure), 2)
+        chosen, _ = merge_by_covariance(hinges(), poses, np.array(likelihood), lower)
         assert len(chosen) == hypotheses
 
 
@@ -72,13 +73,13 @@ def test_groups_are_those_of_the_mahalanobis_distance(seed: int, count: int) -> 
     rng, model = np.random.default_rng(seed), puppet()
     poses = retract(model, np.tile(rng.normal(size=19), (count, 1)), 0.1 * rng.normal(size=(count, 19)))
     likelihood, roots = rng.normal(size=count), random_roots(rng, count, 19)
-    chosen, group = merge_by_mahalanobis(model, poses, likelihood, roots)
+    chosen, group = merge_by_covariance(model, poses, likelihood, lower_triangular(roots, poses.shape[1]))
     lower = lower_triangular(roots, 19)
     expected: list[int] = []
     for n in np.argsort(-likelihood):
         steps = difference(model, poses[expected], np.tile(poses[n], (len(expected), 1)))
         away = [np.linalg.norm(np.linalg.solve(lower[m], s)) for m, s in zip(expected, steps, strict=True)]
-        near = np.flatnonzero(np.array(away) ** 2 < VALLEY * 19)
+        near = np.flatnonzero(np.array(away) ** 2 < 2.0 / 3.0 * 19)
         assert group[n] == (near[0] if len(near) else len(expected))
         if not len(near):
             expected.append(int(n))
@@ -93,7 +94,7 @@ def test_a_lone_particle_has_what_the_descent_found() -> None:
     roots = random_roots(rng, 2, 2)
     targets = [root @ root.T for root in lower_triangular(roots, 2)]
     by_particles = estimate_covariances(model, before, merged, group, np.tile(np.eye(2), (2, 1, 1)), 0.1)
-    found = shrink(by_particles, found_by_descent(roots, 2), group)
+    found = shrink(by_particles, np.array(targets), group)
     np.testing.assert_allclose(found[1], targets[1])
     np.testing.assert_allclose(found[0], (5 * by_particles[0] + 20 * targets[0]) / 25)
 
@@ -104,12 +105,12 @@ def test_many_particles_outweigh_the_descent(seed: int, members: int) -> None:
     rng = np.random.default_rng(seed)
     before, group = rng.normal(size=(members, 2)), np.zeros(members, dtype=np.int64)
     roots = random_roots(rng, 1, 2)
+    target = lower_triangular(roots, 2)[0] @ lower_triangular(roots, 2)[0].T
     by_particles = estimate_covariances(hinges(), before, np.zeros((1, 2)), group, np.eye(2)[None], 0.1)
-    found = shrink(by_particles, found_by_descent(roots, 2), group)[0]
+    found = shrink(by_particles, target[None], group)[0]
     np.testing.assert_array_equal(found, found.T)
     assert np.linalg.eigvalsh(found).min() > 0.0
-    target = lower_triangular(roots, 2)[0] @ lower_triangular(roots, 2)[0].T
-    left = TARGET_WORTH / (TARGET_WORTH + members) if members > 1 else 1.0
+    left = 20.0 / (20.0 + members) if members > 1 else 1.0
     np.testing.assert_allclose(found - by_particles[0], left * (target - by_particles[0]), atol=1e-9)
 
 
@@ -125,7 +126,7 @@ def test_preset_default_asks_for_it_and_a_lone_particle_or_the_paper_does_not() 
     for name, particles, asks in (("default", 20, True), ("default", 1, False), ("paper", 20, False)):
         settings = msgspec.structs.replace(preset(name).filter, particles=particles)
         proposal = propose(model, begin(model, np.zeros(2), settings), NOTHING_SEEN, settings, rng)
-        assert proposal.covariance is asks
+        assert proposal.asks_covariance(preset("default").refine) is asks
 
 
 def test_who_does_not_descend_does_not_ask_for_it() -> None:
@@ -158,7 +159,5 @@ def test_an_update_merges_and_spreads_by_it(answered: int) -> None:
         past.covariances,
         0.1,
     )
-    expected = (answered * by_particles + TARGET_WORTH * np.diag(wide.astype(float) ** 2)) / (
-        answered + TARGET_WORTH
-    )
+    expected = (answered * by_particles + 20.0 * np.diag(wide.astype(float) ** 2)) / (answered + 20.0)
     np.testing.assert_allclose(found.covariances, expected, atol=1e-9)

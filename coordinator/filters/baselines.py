@@ -1,0 +1,185 @@
+"""The baselines, which never descend and never merge: CONDENSATION and the annealed particle filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROTATION, BodyModel
+from common.kinematics import difference, retract
+from common.refinement import Refined
+from common.settings import FilterSettings
+from coordinator.filters.belief import (
+    Belief,
+    Observation,
+    Proposal,
+    draw_ancestors,
+    effective_sample_size,
+    mean_pose,
+    normalise,
+)
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+LARGEST_POWER = 1e9  # of a likelihood
+
+
+@dataclass(frozen=True, slots=True)
+class Condensation:
+    """CONDENSATION (Isard and Blake, IJCV 1998): draw by weight, predict, weigh by the likelihood.
+
+    A particle is a pose and the motion that led to it; it moves on by its velocity and Gaussian noise, whose
+    standard deviations in a frame are given here. What is reported is the weighted mean.
+    """
+
+    diffusion_deg: float = 2.0  # of joint angles
+    diffusion_position: float = 0.01  # metres
+
+    def begin(self, model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG002
+        """A particle at rest at the initial pose (D,); the first frame's noise spreads its children."""
+        return Belief(
+            poses=pose[None].copy(),
+            log_weights=np.zeros(1),
+            residual=np.full(1, np.nan),
+            velocities=np.zeros((1, len(pose))),
+            reported=pose.copy(),
+        )
+
+    def propose(
+        self,
+        model: BodyModel,
+        past: Belief,
+        observation: Observation,
+        settings: FilterSettings,
+        rng: np.random.Generator,
+    ) -> Proposal[Belief]:
+        """Select and predict: the particles of a frame, whose likelihood is asked for."""
+        ancestors = draw_ancestors(past.weights, settings.particles, rng)
+        noise = self.diffusion(model) * rng.standard_normal((settings.particles, past.poses.shape[1]))
+        motion = observation.expect(past.velocities, settings.velocity_time_s)
+        moved = retract(model, past.poses[ancestors], motion[ancestors])
+        return Proposal(past, ancestors, retract(model, moved, noise), observation.interval)
+
+    def update(
+        self,
+        model: BodyModel,
+        proposal: Proposal[Belief],
+        assessed: Refined,
+        settings: FilterSettings,  # noqa: ARG002 as all methods
+        rng: np.random.Generator,  # noqa: ARG002 as all methods
+    ) -> Belief:
+        """Measure: weigh the proposed particles by their likelihood."""
+        answered = assessed.answered
+        measured, ancestors = assessed.take(answered), proposal.ancestors[answered]
+        return weigh(model, proposal, ancestors, measured, measured.log_likelihood)
+
+    def diffusion(self, model: BodyModel) -> Array:
+        """Standard deviation (D,) of the motion model's noise in a frame, radians and metres."""
+        return np.where(model.kinds == ROTATION, np.deg2rad(self.diffusion_deg), self.diffusion_position)
+
+
+def weigh(
+    model: BodyModel, proposal: Proposal[Belief], ancestors: Indices, measured: Refined, log_weights: Array
+) -> Belief:
+    """The belief in measured particles (N,) that came from these ancestors (N,) of the belief before."""
+    order = np.argsort(-log_weights, kind="stable")
+    poses = measured.poses[order]
+    earlier = proposal.past.poses[ancestors[order]]
+    return Belief(
+        poses=poses,
+        log_weights=log_weights[order],
+        residual=measured.residual[order],
+        velocities=difference(model, earlier, poses) / proposal.interval,
+        reported=mean_pose(model, poses, normalise(log_weights[order])),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer(Proposal[Belief]):
+    """The particles of one layer of a frame of the annealed filter."""
+
+    spread: Array  # (D,) standard deviation of the noise that they were diffused with
+    left: int  # layers of the frame that are still to come
+
+
+@dataclass(frozen=True, slots=True)
+class Annealed:
+    """The annealed particle filter (Deutscher, Blake and Reid, CVPR 2000).
+
+    Each frame the particles pass through layers. In each they are weighed by a power of the likelihood,
+    drawn by weight and diffused, less from layer to layer. The power of a layer is the one that lets a given
+    share of the particles survive: with normalised weights w, 1 / sum w^2 = share * N. What is reported is
+    the weighted mean of the last layer. A frame costs `particles` evaluations of the likelihood a layer.
+    """
+
+    first: Condensation = Condensation()  # gives the first layer
+    layers: int = 10
+    survival_rate: float = 0.5  # of the particles, from layer to layer
+
+    def begin(self, model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:
+        """As in CONDENSATION."""
+        return self.first.begin(model, pose, settings)
+
+    def propose(
+        self,
+        model: BodyModel,
+        past: Belief,
+        observation: Observation,
+        settings: FilterSettings,
+        rng: np.random.Generator,
+    ) -> Layer:
+        """The first layer: selected and predicted as in CONDENSATION."""
+        first = self.first.propose(model, past, observation, settings, rng)
+        spread = self.first.diffusion(model)
+        return Layer(past, first.ancestors, first.poses, observation.interval, spread, self.layers - 1)
+
+    def update(
+        self,
+        model: BodyModel,
+        layer: Layer,
+        assessed: Refined,
+        settings: FilterSettings,
+        rng: np.random.Generator,
+    ) -> Belief | Layer:
+        """The next layer from the likelihoods of this one; after the last layer the belief."""
+        answered = assessed.answered
+        ancestors, measured = layer.ancestors[answered], assessed.take(answered)
+        likelihood = measured.log_likelihood
+        log_weights = find_power(likelihood, self.survival_rate) * likelihood
+        if layer.left == 0:
+            found = weigh(model, layer, ancestors, measured, log_weights)
+            if not np.isfinite(log_weights.max()):
+                return found
+            as_likely = found.log_weights + (likelihood.max() - log_weights.max())
+            return replace(found, log_weights=as_likely)  # by the greatest, a frame is judged
+        survivors = draw_ancestors(normalise(log_weights), settings.particles, rng)
+        spread = layer.spread * np.sqrt(self.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
+        noise = spread * rng.standard_normal((settings.particles, len(spread)))
+        poses = retract(model, measured.poses[survivors], noise)
+        return Layer(layer.past, ancestors[survivors], poses, layer.interval, spread, layer.left - 1)
+
+
+def find_power(log_likelihood: Array, survival_rate: float) -> float:
+    """The power of the likelihoods (N,) with which the survival rate is reached, by bisection.
+
+    The rate falls from 1 at power 0 to the share of the likeliest; where that is higher already than what
+    is asked for, the largest power.
+    """
+    low, high = 0.0, 1.0
+    while survival(log_likelihood, high) > survival_rate and high < LARGEST_POWER:
+        low, high = high, 2.0 * high
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if survival(log_likelihood, middle) > survival_rate:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def survival(log_likelihood: Array, power: float) -> float:
+    """Effective share of particles that survive a draw by a power of their likelihoods (N,)."""
+    return effective_sample_size(normalise(power * log_likelihood)) / len(log_likelihood)
