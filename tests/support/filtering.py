@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import FilterSettings
+from coordinator.filters.belief import Observation, Proposal
 from coordinator.filters.methods import METHODS, Method
-from coordinator.filters.belief import Proposal
-from coordinator.filters.belief import Observation
 
 INTERVAL = 0.1  # seconds between frames
 NOTHING_SEEN = Observation(interval=INTERVAL)
