@@ -63,7 +63,7 @@ ablation: setup ## each setting of preset default alone (needs ../shared/data)
 	$(BIN)/python -m benchmarks.ablation
 
 real-people: setup ## real and skinned people, scored (needs ../shared/data)
-	$(BIN)/python -m benchmarks.real_people
+	$(BIN)/python -m benchmarks.people
 
 images: ## container images of worker and coordinator, with docker, podman or buildah
 	docker/build.sh worker coordinator

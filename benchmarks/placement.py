@@ -1,9 +1,8 @@
-"""How much of what joints are off is how the reference places them: python -m benchmarks.placement.
+"""How much of the error is where the reference places its joints: python -m benchmarks.placement.
 
-The camera's SDK has other joints than an anatomical body: its hips and ankles lie higher, and they move with
-the limbs. A linear map from the tracked joints to the reference's, both in the
-frame of the trunk, is learned on subjects 1 and 2 and applied to 3 and 4: what is still off then is no matter
-of definition. 30 frames a second; lines on stdout. Exit code 1 if a recording crashed.
+The vendor's joints are not those of an anatomical body: hips and ankles lie higher, and they move with the
+limbs. A linear map from the tracked joints to the reference's, both in the frame of the trunk, is learned on
+subjects 1 and 2 and applied to 3 and 4. What is still off then is no matter of definition.
 """
 
 from __future__ import annotations
@@ -11,80 +10,43 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.choices import settings_with
-from benchmarks.command_line import add_data, add_processes, measured, one_thread_each
-from benchmarks.forks import Crash, run_forked
-from benchmarks.frame_rates.reference import read_reference
-from benchmarks.frame_rates.trials import joints_of, read_frames
-from benchmarks.sequences import Recording, find_people
-from benchmarks.tracking import follow, prepare
-from benchmarks.utd import JOINTS, distances
-from coordinator.bodies.tracked import Bodies
-from coordinator.tracking.single import SingleTracker as Tracker
-from gepf.direct import DirectRefiner
+from benchmarks.people import DEFAULT, Trial, pool, run_trials
+from benchmarks.recordings import JOINTS, Array, find_people
+from benchmarks.running import add_data, add_processes, command_line, keep, measured
+from benchmarks.tracking import Outcome, near_percent
 
-Array = NDArray[np.float64]
 Mapped = Callable[[Array], Array]
 """Joints (F, 13, 3) as tracked -> as the reference has them."""
 
-LEARNED, APPLIED = ("s1", "s2"), ("s3", "s4")
-RIDGE = 0.003  # square metres, for each joint that is learned from
-NEAR = 0.1  # metres
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Placed:
-    """Joints (F, 13, 3) of one recording, camera frame, metres, and which of the reference's hold (F, 13)."""
-
-    subject: str
-    tracked: Array
-    reference: Array
-    holds: NDArray[np.bool_]
+LEARNED, APPLIED = (1, 2), (3, 4)  # subjects
+RIDGE_M2 = 0.003  # for each joint that is learned from
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Track, learn, and print the table."""
-    parser = argparse.ArgumentParser("python -m benchmarks.placement", description=__doc__)
+    parser = command_line("placement", __doc__)
     add_data(parser)
     add_processes(parser)
-    chosen = parser.parse_args(arguments)
-    one_thread_each()
-    return measured("placement", measure, chosen)
+    return measured(measure, parser.parse_args(arguments))
 
 
 def measure(chosen: argparse.Namespace) -> int:
     """Exit code: 1 if a recording crashed."""
-    recordings, bodies = find_people(chosen.data / "utd_mhad"), prepare()
-    found: dict[str, Placed] = {}
-    crashed = 0
-    for recording, result in run_forked(lambda each: place(each, bodies), recordings, chosen.processes):
-        if isinstance(result, Crash):
-            sys.stderr.write(f"{recording.name}: {result.error}\n")
-            crashed += 1
-        else:
-            found[recording.name] = result
-    placed = [found[name] for name in sorted(found)]
-    of = {side: [one for one in placed if one.subject in side] for side in (LEARNED, APPLIED)}
-    for side, those in of.items():
-        for name, mapped in learn(of[LEARNED]).items():
-            sys.stdout.write(f"subjects {' '.join(side)}, {name}: {score(those, mapped)}\n")
-    return int(crashed > 0)
-
-
-def place(recording: Recording, bodies: Bodies) -> Placed:
-    """Track a recording and put its joints beside the reference's."""
-    frames = read_frames(recording)
-    tracker = Tracker(DirectRefiner(), settings_with([]), bodies)
-    estimates, _ = follow(tracker, frames)
-    numbers = np.array([estimate.frame for estimate in estimates])
-    there, reference, holds = read_reference(recording.joints, frames).at(numbers)
-    tracked = joints_of(estimates, tracker.model.joint_names)[there]
-    return Placed(recording.name.rpartition("_")[2], tracked, reference, holds)
+    trials = [Trial(DEFAULT, 1, 0, recording) for recording in find_people(chosen.data)]
+    outcomes = list(run_trials(trials, chosen.processes).values())
+    sides = [[one for one in outcomes if one.recording.subject in side] for side in (LEARNED, APPLIED)]
+    lines = [
+        f"subjects {side[0]} {side[1]}, {name}: {score(those, mapped)}"
+        for side, those in zip((LEARNED, APPLIED), sides, strict=True)
+        for name, mapped in learn(sides[0]).items()
+    ]
+    sys.stdout.write("\n".join(lines) + "\n")
+    keep(lines, chosen.out)
+    return int(len(outcomes) < len(trials))
 
 
 def trunk_of(joints: Array) -> Array:
@@ -104,43 +66,47 @@ def unit(vectors: Array) -> Array:
     return units
 
 
-def seen_from_trunk(joints: Array) -> Array:
-    """Joints (F, 39) about their mean, in the trunk's frame, and a one, (F, 40)."""
+def in_trunk(vectors: Array, joints: Array) -> Array:
+    """Vectors (F, 13, 3) in the frame of the joints' trunk."""
+    turned: Array = np.einsum("fij,fkj->fki", trunk_of(joints), vectors)
+    return turned
+
+
+def features(joints: Array) -> Array:
+    """Joints (F, 39) about their mean, in the trunk's frame."""
     centred = joints - joints.mean(axis=1, keepdims=True)
-    turned = np.einsum("fij,fkj->fki", trunk_of(joints), centred).reshape(len(joints), -1)
-    return np.column_stack([turned, np.ones(len(joints))])
+    return in_trunk(centred, joints).reshape(len(joints), -1)
 
 
-def learn(placed: Sequence[Placed]) -> Mapping[str, Mapped]:
+def learn(outcomes: Sequence[Outcome]) -> Mapping[str, Mapped]:
     """Ways to the reference's joints: none, a constant offset of each in the trunk's frame, a linear map."""
-    seen = np.concatenate([seen_from_trunk(one.tracked) for one in placed])
-    apart = np.concatenate(
-        [np.einsum("fij,fkj->fki", trunk_of(one.tracked), one.reference - one.tracked) for one in placed]
-    )
-    constant, mean = np.median(apart, axis=0), np.append(seen[:, :-1].mean(axis=0), 0.0)
-    centred = seen - mean
-    gram = centred.T @ centred + RIDGE * len(seen) * np.eye(centred.shape[1])
+    seen = np.concatenate([features(one.joints) for one in outcomes])
+    apart = np.concatenate([in_trunk(one.reference - one.joints, one.joints) for one in outcomes])
+    constant, mean = np.median(apart, axis=0), seen.mean(axis=0)
+    centred = np.column_stack([seen - mean, np.ones(len(seen))])
+    gram = centred.T @ centred + RIDGE_M2 * len(seen) * np.eye(centred.shape[1])
     weights = np.linalg.solve(gram, centred.T @ apart.reshape(len(apart), -1))
 
-    def offset(joints: Array) -> Array:
-        moved: Array = joints + np.einsum("fij,ki->fkj", trunk_of(joints), constant)
-        return moved
+    def moved(joints: Array, by: Array) -> Array:
+        out: Array = joints + np.einsum("fij,fki->fkj", trunk_of(joints), np.broadcast_to(by, joints.shape))
+        return out
 
     def linear(joints: Array) -> Array:
-        by = ((seen_from_trunk(joints) - mean) @ weights).reshape(joints.shape)
-        moved: Array = joints + np.einsum("fij,fki->fkj", trunk_of(joints), by)
-        return moved
+        by = (features(joints) - mean) @ weights[:-1] + weights[-1]
+        return moved(joints, by.reshape(joints.shape))
 
-    return {"as tracked": lambda joints: joints, "constant offsets": offset, "linear map": linear}
+    return {
+        "as tracked": lambda joints: joints,
+        "constant offsets": lambda joints: moved(joints, constant),
+        "linear map": linear,
+    }
 
 
-def score(placed: Sequence[Placed], mapped: Mapped) -> str:
-    """Of joints that hold: per cent near, and the mean distance in cm, offsets removed, and raw."""
-    words = []
-    for remove_offset in (True, False):
-        apart = [distances(mapped(one.tracked), one.reference, remove_offset=remove_offset) for one in placed]
-        held = np.concatenate([each[one.holds] for each, one in zip(apart, placed, strict=True)])
-        words.append(f"{100.0 * np.mean(held <= NEAR):.1f} % within 10 cm, {100.0 * held.mean():.2f} cm")
+def score(outcomes: Sequence[Outcome], mapped: Mapped) -> str:
+    """Of joints whose reference holds: per cent near and mean distance, offsets removed, and raw."""
+    placed = [replace(one, joints=mapped(one.joints)) for one in outcomes]
+    held = [pool(placed, raw=raw, held=True) for raw in (False, True)]
+    words = [f"{near_percent(one):.1f} % within 10 cm, {100.0 * one.mean():.2f} cm" for one in held]
     return "{}; raw {}".format(*words)
 
 

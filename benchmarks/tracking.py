@@ -1,87 +1,95 @@
-"""One recording tracked in this process, as `gepf track` does it by itself, and held against its joints."""
+"""One recording tracked in this process, as `gepf track` does it, beside what it is compared with."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.comparison import Comparison, compare_people, compare_skinned
-from benchmarks.sequences import Recording
+from benchmarks.recordings import Array, Mask, Recording, read_frames, read_reference
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.inputs import choose_start
+from coordinator.results.evaluation import NEAR_M, positions
 from coordinator.results.summary import count_status
-from coordinator.sources import open_source
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.known import Known
-from coordinator.tracking.observing.isolation import Isolation
-from coordinator.tracking.search.sizes import GIRTHS
-from coordinator.tracking.single import SingleTracker as Tracker
+from coordinator.tracking.tracker import Tracked, Tracker
 from gepf.direct import DirectRefiner
 from worker.cli import load_kernel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tracked:
-    """What came of a recording."""
+class Outcome:
+    """What came of a recording in the F frames that have a reference."""
 
-    comparison: Comparison
-    seconds: NDArray[np.float64]  # (F,) of processor time that each frame took
-    status: dict[str, int]
-    hypotheses: float  # mean number
-    residual: float  # mean, metres
-    stature: float  # metres
-    girth: float
+    recording: Recording
+    joints: Array  # (F, J, 3) metres, camera frame
+    reference: Array  # (F, J, 3)
+    holds: Mask  # (F, J) joints whose reference the depth does not contradict
+    seconds: NDArray[np.float64]  # of processor time, of every tracked frame
+    status: dict[str, int]  # tracked frames by what the tracker says
+    stature: float  # metres, in the end
+
+    def distances(self, *, raw: bool) -> Array:
+        """From the reference (F, J), metres; if not raw, without each joint's constant median offset."""
+        apart = self.joints - self.reference
+        if not raw:
+            apart = apart - np.nanmedian(apart, axis=0)
+        found: Array = np.linalg.norm(apart, axis=-1)
+        return found
+
+
+@cache
+def bodies_of(preset: str) -> Bodies:
+    """The bodies that are tracked with a preset."""
+    return choose_bodies(None, preset)
 
 
 def prepare() -> Bodies:
     """Kernels and bodies, ready for all processes that are forked from now on."""
     load_kernel()
-    bodies = choose_bodies(None, "default")
-    for girth in GIRTHS:
-        bodies.full(REFERENCE_STATURE, girth)
-    return bodies
+    return bodies_of("default")
 
 
 def track(
-    recording: Recording, settings: Settings, bodies: Bodies, isolation: Isolation | None = None
-) -> Tracked:
-    """Track all frames and compare; raises whatever goes wrong."""
-    source = open_source(recording.depth)
-    start = choose_start(None, source)
-    tracker = Tracker(DirectRefiner(), settings, bodies, Known(start), isolation)
-    estimates, seconds = follow(tracker, source)
-    return Tracked(
-        comparison=compare(recording, tracker.model.joint_names, estimates),
-        seconds=seconds,
-        status=count_status(estimates),
-        hypotheses=float(np.mean([len(e.hypothesis_weight) for e in estimates])),
-        residual=float(np.nanmean([e.residual for e in estimates])),
-        stature=tracker.start.stature,
-        girth=tracker.start.girth,
+    recording: Recording,
+    settings: Settings | None,
+    every: int = 1,
+    frames: int | None = None,
+) -> Outcome:
+    """Track every n-th frame, `frames` of them at the most; without settings never move from the first."""
+    read = read_frames(recording)
+    reference, thinned = read_reference(recording, read), read[::every][:frames]
+    numbers = [frame.number for frame in thinned]
+    _, mine, theirs = np.intersect1d(numbers, reference.frame, return_indices=True)
+    status, seconds, stature = dict[str, int](), np.zeros(len(thinned)), float("nan")
+    if settings is None:
+        joints = np.broadcast_to(reference.joints[0], (len(mine), *reference.joints.shape[1:]))
+    else:
+        found, seconds = follow(Tracker(DirectRefiner(), settings, bodies_of(settings.preset)), thinned)
+        start = found[-1].state.start
+        columns = positions(start.model.joint_names, reference.names)
+        joints = np.array([found[row].estimate.joint_positions[columns] for row in mine])
+        status, stature = count_status([one.estimate for one in found]), start.stature
+    return Outcome(
+        recording, joints, reference.joints[theirs], reference.holds[theirs], seconds, status, stature
     )
 
 
-def follow(tracker: Tracker, source: Iterable[DepthFrame]) -> tuple[list[Estimate], NDArray[np.float64]]:
-    """Estimates of all frames, and the seconds of processor time that each took, its reading aside."""
-    estimates, seconds = [], []
-    for frame in source:
+def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked], NDArray[np.float64]]:
+    """What is tracked in each frame, and the seconds (F,) of processor time of each, its reading aside."""
+    found, seconds = [], []
+    for frame in frames:
         began = time.process_time()
-        estimates.append(tracker.track(frame))
+        found.append(tracker.track(frame)[0])
         seconds.append(time.process_time() - began)
-    return estimates, np.array(seconds)
+    return found, np.array(seconds)
 
 
-def compare(recording: Recording, names: tuple[str, ...], estimates: Sequence[Estimate]) -> Comparison:
-    """Hold the estimated joints against those of the recording."""
-    joints = np.array([e.joint_positions for e in estimates])
-    frame = np.array([e.frame for e in estimates])
-    against = compare_skinned if recording.action is None else compare_people
-    return against(recording.joints, names, joints, frame)
+def near_percent(distances: Array) -> float:
+    """Per cent of distances (metres, any shape) within 10 cm."""
+    return 100.0 * float(np.mean(distances <= NEAR_M)) if distances.size else float("nan")

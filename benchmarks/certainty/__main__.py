@@ -10,28 +10,18 @@ particle knows that it has lost a limb: --demo 12 --set method=gradient.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from benchmarks.command_line import add_changes, add_data, add_processes, measured, one_thread_each
+from benchmarks.certainty.measure import measure
+from benchmarks.running import add_changes, add_data, add_processes, command_line, measured
 
 EVERY = [1, 2, 3]  # n-th of 30 frames a second
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the tables, keep the numbers where asked."""
-    chosen = parse(arguments)
-    one_thread_each()
-    from benchmarks.certainty.measure import Choice, measure
-
-    return measured("certainty", measure, Choice(**vars(chosen)))
-
-
-def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """The command line."""
-    parser = argparse.ArgumentParser("python -m benchmarks.certainty", description=__doc__)
+    """Measure, print the tables, keep the numbers."""
+    parser = command_line("certainty", __doc__)
     add = parser.add_argument
     add_data(parser)
     add("--fit", action="store_true", help="fit anew on subjects 1 and 2 and rendered people")
@@ -48,11 +38,10 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add_changes(parser)
     add("--seeds", type=int, default=3, metavar="N", help="default: 3")
     add_processes(parser)
-    add("--out", type=Path, metavar="FILE", help="keep the numbers here")
     chosen = parser.parse_args(arguments)
     if chosen.every is None:
         chosen.every = EVERY if chosen.demo is None else [1]
-    return chosen
+    return measured(measure, chosen)
 
 
 if __name__ == "__main__":

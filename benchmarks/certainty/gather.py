@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.certainty.cutting import cut_below, row_between
-from benchmarks.frame_rates.reference import read_reference
-from benchmarks.frame_rates.trials import read_frames
-from benchmarks.sequences import Recording
-from benchmarks.utd import JOINTS
+from benchmarks.recordings import Recording, read_frames, read_reference
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.evaluation import positions, read_truth
+from coordinator.results.evaluation import positions
 from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.single import SingleTracker as Tracker
@@ -75,16 +72,11 @@ def read_joints(
     recording: Recording, frames: Sequence[DepthFrame]
 ) -> tuple[tuple[str, ...], Array, NDArray[np.bool_]]:
     """Names (J,), joints (T, J, 3) of each frame, NaN where there are none, and which hold (T, J)."""
-    if recording.action is None:
-        truth = read_truth(recording.joints)
-        names, joints = truth.joint_names, np.full((len(frames), len(truth.joint_names), 3), np.nan)
-        joints[truth.frame] = truth.joint_positions
-        return names, joints, np.ones(joints.shape[:2], dtype=bool)
-    reference = read_reference(recording.joints, list(frames))
-    there, found, held = reference.at(np.arange(len(frames)))
-    joints, holds = np.full((len(frames), len(JOINTS), 3), np.nan), np.zeros((len(frames), len(JOINTS)), bool)
-    joints[there], holds[there] = found, held
-    return JOINTS, joints, holds
+    reference = read_reference(recording, frames)
+    shape = len(frames), len(reference.names)
+    joints, holds = np.full((*shape, 3), np.nan), np.zeros(shape, dtype=bool)
+    joints[reference.frame], holds[reference.frame] = reference.joints, reference.holds
+    return reference.names, joints, holds
 
 
 def performance_of(recording: Recording) -> str:

@@ -2,65 +2,30 @@
 
 from __future__ import annotations
 
-import sys
+from argparse import Namespace
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import msgspec
 import numpy as np
-from rich.console import Console
 
 from benchmarks.certainty.fitting import fit, halfway
 from benchmarks.certainty.gather import Gathered, gather
 from benchmarks.certainty.recordings import find_hard, find_rendered, render_demo
 from benchmarks.certainty.scores import Score, score, score_table
 from benchmarks.certainty.writing import FILE, write_functions
-from benchmarks.choices import settings_with
-from benchmarks.command_line import ROOT
-from benchmarks.costs.timing import machine
-from benchmarks.forks import Crash, run_forked
-from benchmarks.people import WIDTH, keep
-from benchmarks.sequences import Recording
+from benchmarks.recordings import Recording
+from benchmarks.running import ROOT, Crash, keep, progress, run_forked, screen, settings_with
 from benchmarks.tracking import prepare
 from common.errors import InputError
 from coordinator.bodies.tracked import Bodies
-from coordinator.results.configuration import versions
 from coordinator.tracking.certainty.assessment import built_in
 
 FIT_SUBJECTS = (1, 2)
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """What to measure."""
-
-    data: Path
-    fit: bool
-    subjects: Sequence[int]
-    demo: int | None
-    every: Sequence[int]
-    cut: float | None
-    changes: Sequence[str]
-    seeds: int
-    processes: int
-    out: Path | None
-
-
-class Report(msgspec.Struct, frozen=True):
-    """One run of the benchmark."""
-
-    every: list[int]
-    cut: float | None
-    changes: list[str]
-    seeds: int
-    versions: dict[str, str]
-    machine: dict[str, str]
-    scores: list[Score]
-
-
-def measure(choice: Choice) -> int:
+def measure(choice: Namespace) -> int:
     """Exit code: 1 if a recording crashed. InputError for what makes no sense."""
     if choice.fit and choice.cut is not None:
         raise InputError("give --fit or --cut: what the tracker goes by is fitted to whole pictures")
@@ -70,7 +35,7 @@ def measure(choice: Choice) -> int:
         return measure_all(choice, *recordings_of(choice, Path(folder)))
 
 
-def recordings_of(choice: Choice, folder: Path) -> tuple[str, list[Recording]]:
+def recordings_of(choice: Namespace, folder: Path) -> tuple[str, list[Recording]]:
     """What is scored: its name and its recordings."""
     if choice.demo is None:
         name = f"subjects {' '.join(map(str, choice.subjects))}"
@@ -78,9 +43,9 @@ def recordings_of(choice: Choice, folder: Path) -> tuple[str, list[Recording]]:
     return f"{choice.demo} people of gepf demo", render_demo(folder, choice.demo)
 
 
-def measure_all(choice: Choice, name: str, scored: Sequence[Recording]) -> int:
+def measure_all(choice: Namespace, name: str, scored: Sequence[Recording]) -> int:
     """Exit code: 1 if a recording crashed."""
-    console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+    console = progress()
     console.print("loading kernels and bodies")
     bodies, crashes, scores, functions = prepare(), list[str](), list[Score](), built_in()
     if choice.fit:
@@ -97,10 +62,9 @@ def measure_all(choice: Choice, name: str, scored: Sequence[Recording]) -> int:
     scores.append(score(name, found, functions))
     for line in crashes:
         console.print(line)
-    Console(width=None if sys.stdout.isatty() else WIDTH).print(score_table(scores))
-    if choice.out is not None:
-        chosen = (list(choice.every), choice.cut, list(choice.changes), choice.seeds)
-        keep(Report(*chosen, versions(), machine(), scores), choice.out)
+    screen().print(score_table(scores))
+    options = {name: str(value) for name, value in vars(choice).items()}
+    keep({"options": options, "scores": scores}, choice.out)
     return 1 if crashes else 0
 
 
@@ -118,7 +82,7 @@ def apart(gathered: Sequence[Gathered]) -> list[tuple[str, list[Gathered], list[
 
 
 def track_all(
-    recordings: Sequence[Recording], choice: Choice, bodies: Bodies, crashes: list[str]
+    recordings: Sequence[Recording], choice: Namespace, bodies: Bodies, crashes: list[str]
 ) -> list[Gathered]:
     """All recordings, frame rates and seeds, each in a process of its own."""
     settings = settings_with(choice.changes, None)

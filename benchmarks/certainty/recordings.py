@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.frame_rates.rows import HARD_ACTIONS
-from benchmarks.sequences import Recording, find_people
-from common.errors import InputError
+from benchmarks.recordings import Recording, choose, find_people
 from coordinator.commands.demo import FRAMES
 from coordinator.files import TRUTH_FILE
 from coordinator.synthesis.sequence import PERSON, synthesise
@@ -18,15 +16,7 @@ FIRST_OF_DEMO = 20  # seed, beyond those that the demo itself has
 
 def find_hard(data: Path, subjects: Sequence[int]) -> list[Recording]:
     """The hard actions of subjects; InputError where there are none."""
-    wanted = {f"s{subject}" for subject in subjects}
-    found = [
-        recording
-        for recording in find_people(data / "utd_mhad")
-        if recording.action in HARD_ACTIONS and recording.name.rpartition("_")[2] in wanted
-    ]
-    if not found:
-        raise InputError(f"{data} holds no such recordings of UTD-MHAD; give the folder with --data")
-    return found
+    return choose(find_people(data, subjects), ["hard"])
 
 
 def find_rendered(data: Path) -> list[Recording]:

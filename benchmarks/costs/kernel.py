@@ -1,168 +1,131 @@
 """What a particle costs, as a multiple of a rigid ICP on the same points: python -m benchmarks.costs.kernel.
 
-One particle is all of steps 4a-4d and 5: pose, visibility, closest points, solve, likelihood. Its 10 000
-observed points and the visible model points are also what the peers get; the plain path is the same
-algorithm in numpy and scipy. Processor time on one core, so that what else the machine does counts little;
-calls in turns; medians. Then each stage by itself, and how it grows with points, degrees of freedom, model
-vertices and noise.
+One particle is all of steps 4a to 4d and 5: pose, visibility, closest points, solve, likelihood. Its 10 000
+observed points and the visible model points are what the peers get ready made; the plain path is the same
+algorithm in numpy and scipy. Processor time on one core, calls in turns, medians.
 """
 
 from __future__ import annotations
 
-import json
+import os
 import sys
+import time
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
 import numpy as np
+import small_gicp
+from numpy.typing import NDArray
 
-from benchmarks.command_line import RESULTS
-from benchmarks.costs.peers import open3d_icp, small_gicp_icp, small_gicp_icp_prepared
-from benchmarks.costs.stages import STAGES, stage_times
-from benchmarks.costs.standing import CAMERA, Case, standing
-from benchmarks.costs.timing import machine, stay_on_one_core, take_turns
-from common.camera import Intrinsics
+from benchmarks.costs.standing import Case, standing
+from benchmarks.running import command_line, keep, processor
 from common.settings import RefineSettings, preset
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from tests.support.kernel import plain_path
 from worker.kernel.icp import refine
 
-POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS, SEED = 10_000, 3, 51, 3, 0
-LARGE = Intrinsics(1920, 1440, 3 * CAMERA.fx, 3 * CAMERA.fy, 959.5, 719.5)
-GROWTH: dict[str, list[dict[str, Any]]] = {
-    "points": [{"points": n, "camera": LARGE} for n in (1_000, 3_000, 10_000, 30_000, 100_000)],
-    "dofs": [{"dofs": n} for n in (4, 12, 24, 48, 96, 180)],
-    "vertices": [{"halvings": n} for n in (0, 1)],
-    "noise_cm": [{"noise": SensorNoise(depth=d / 100, lateral=min(d, 1) / 100)} for d in (0, 1, 5, 10, 15)],
-}
-GROWTH_ROUNDS = 15
+Array = NDArray[np.float64]
+
+POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS = 10_000, 3, 51, 3
 NOISES = {"clean": SensorNoise(), "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}
-YARDSTICK = "small_gicp ICP"
-RESULT = RESULTS / "kernel.json"
+OURS, YARDSTICK = "gepf particle", "small_gicp ICP"
+REACH_M = 10.0  # every observed point has a partner, as in the paper
 
 
 def main() -> int:
     """Measure, print the table, keep the numbers."""
-    stay_on_one_core()
+    chosen = command_line("costs.kernel", __doc__).parse_args()
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # before libraries start their threads
     cases = [
-        measure(standing(POINTS, noise, SEED), label, name)
+        measure(standing(POINTS, noise), label, name)
         for label, noise in NOISES.items()
         for name in ("default", "paper")
     ]
-    result = {
-        "machine": machine("numpy", "scipy", "numba", "small_gicp"),
-        "points": POINTS,
-        "icp_iterations": ITERATIONS,
-        "rounds": ROUNDS,
-        "seed": SEED,
-        "yardstick": YARDSTICK,
-        "cases": cases,
-        "growth": {of: [grow(**change) for change in changes] for of, changes in GROWTH.items()},
-    }
-    RESULT.parent.mkdir(exist_ok=True)
-    RESULT.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    print(table(result))
+    print(f"{processor()}, {POINTS} points, {ITERATIONS} iterations, medians of {ROUNDS}, ms of one core")
+    for case in cases:
+        off = f"{case['joint_error_before_cm']:.1f} -> {case['joint_error_after_cm']:.1f} cm"
+        print(f"\n{case['data']}, preset {case['preset']}: mean joint error {off}")
+        for name, ms in case["ms"].items():
+            print(f"  {name:<24}{ms:8.2f} ms, {ms / case['ms'][YARDSTICK]:.2f} of {YARDSTICK}")
+    keep(cases, chosen.out)
     return 0
 
 
 def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
-    """Times of all calls on one case; medians and quartiles in ms, and ratios to the yardstick."""
-    settings = three_iterations(preset_name)
+    """Median milliseconds of all calls on one case, and that the descent gets somewhere."""
+    settings = msgspec.structs.replace(preset(preset_name).refine, icp_iterations=ITERATIONS)
     observed, visible = case.observed, case.visible()
-    times = take_turns(
-        {
-            "gepf particle": lambda: refine(case.model, case.observation, case.start, settings),
-            YARDSTICK: small_gicp_icp(observed, visible, ITERATIONS),
-            "small_gicp ICP, tree ready": small_gicp_icp_prepared(observed, visible, ITERATIONS),
-            "Open3D ICP": open3d_icp(observed, visible, ITERATIONS),
-        },
-        ROUNDS,
+
+    def ours() -> Array:
+        return refine(case.model, case.observation, case.start, settings).poses
+
+    calls = {
+        OURS: ours,
+        YARDSTICK: small_gicp_icp(observed, visible),
+        "Open3D ICP": open3d_icp(observed, visible),
+    }
+    times = take_turns(calls, ROUNDS) | take_turns(
+        {"plain numpy and scipy": plainly(case, settings)}, PLAIN_ROUNDS
     )
-    plainly = {"plain numpy and scipy": lambda: plainly_refined(case, settings)}
-    times |= take_turns(plainly, PLAIN_ROUNDS)
     return {
         "data": data,
         "preset": preset_name,
-        "model_vertices": len(case.model.vertices),
-        "visible_vertices": len(visible),
-        "joint_error_before_cm": round(100 * case.joint_error(case.start), 2),
-        "joint_error_after_cm": round(100 * refined_error(case, settings), 2),
-        "calls": {name: figures(spent, times[YARDSTICK]) for name, spent in times.items()},
-        "stages_ms": stage_times(case, settings, ROUNDS),
+        "joint_error_before_cm": 100 * case.joint_error(case.start),
+        "joint_error_after_cm": 100 * case.joint_error(ours()),
+        "ms": times,
     }
 
 
-def three_iterations(name: str) -> RefineSettings:
-    """A preset's settings with as many ICP iterations as are measured."""
-    return msgspec.structs.replace(preset(name).refine, icp_iterations=ITERATIONS)
+def take_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+    """Median milliseconds of processor time of every call, one of each a round; the first does not count."""
+    spent: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(1 + rounds):
+        for name, call in calls.items():
+            began = time.process_time()
+            call()
+            spent[name].append(1e3 * (time.process_time() - began))
+    return {name: float(np.median(times[1:])) for name, times in spent.items()}
 
 
-def plainly_refined(case: Case, settings: RefineSettings) -> object:
+def plainly(case: Case, settings: RefineSettings) -> Callable[[], object]:
     """The particle refined by the plain path."""
-    return plain_path.refine(case.model, case.subject, case.start[0], settings)
+    return lambda: plain_path.refine(case.model, case.subject, case.start[0], settings)
 
 
-def grow(points: int = POINTS, noise: SensorNoise = NOISES["clean"], **change: Any) -> dict[str, Any]:
-    """Stage times of another case."""
-    case = standing(points, noise, SEED, **change)
-    return {
-        "points": points,
-        "dofs": len(case.model.dof_names),
-        "vertices": len(case.model.vertices),
-        "noise_cm": 100 * noise.depth,
-        "stages_ms": stage_times(case, three_iterations("default"), GROWTH_ROUNDS),
-    }
+def small_gicp_icp(observed: Array, model: Array) -> Callable[[], object]:
+    """small_gicp's ICP of points (P, 3) onto (Q, 3); point clouds and the k-d tree are part of it."""
 
-
-def refined_error(case: Case, settings: RefineSettings) -> float:
-    """Mean joint error in metres after the descent: a kernel that does nothing would be fast too."""
-    return case.joint_error(refine(case.model, case.observation, case.start, settings).poses)
-
-
-def figures(spent: np.ndarray, yardstick: np.ndarray) -> dict[str, float]:
-    """Median and quartiles of times (rounds,) in ms, and the ratio of the medians."""
-    low, median, high = np.percentile(spent, [25, 50, 75])
-    return {
-        "median_ms": round(float(median), 3),
-        "quartile_1_ms": round(float(low), 3),
-        "quartile_3_ms": round(float(high), 3),
-        "ratio": round(float(median / np.median(yardstick)), 3),
-    }
-
-
-def table(result: dict[str, Any]) -> str:
-    """The numbers for a person to read."""
-    lines = [
-        f"{result['machine']['processor']}, processor time on one core",
-        f"{result['points']} points, {result['icp_iterations']} ICP iterations, median of {result['rounds']}",
-        f"ratio to {result['yardstick']} (point clouds and k-d tree included)",
-    ]
-    for case in result["cases"]:
-        lines.append(
-            f"\n{case['data']}, preset {case['preset']}: {case['visible_vertices']} of "
-            f"{case['model_vertices']} vertices visible; mean joint error "
-            f"{case['joint_error_before_cm']} -> {case['joint_error_after_cm']} cm"
+    def align() -> object:
+        target = small_gicp.PointCloud(model)
+        result = small_gicp.align(
+            target,
+            small_gicp.PointCloud(observed),
+            small_gicp.KdTree(target),
+            registration_type="ICP",
+            max_correspondence_distance=REACH_M,
+            num_threads=1,
+            max_iterations=ITERATIONS,
+            rotation_epsilon=0.0,
+            translation_epsilon=0.0,
         )
-        lines.extend(
-            f"  {name:<28}{call['median_ms']:8.2f} ms  ({call['quartile_1_ms']:.2f} to "
-            f"{call['quartile_3_ms']:.2f}){call['ratio']:8.2f}"
-            for name, call in case["calls"].items()
-        )
-        lines.append("  stages: " + stage_line(case["stages_ms"]))
-    for of, rows in result["growth"].items():
-        lines.append(f"\n{of:<10}" + "".join(f"{stage:>16}" for stage in (*STAGES, "all")) + "  ms")
-        lines.extend(f"{row[of]:<10g}" + stage_columns(row["stages_ms"]) for row in rows)
-    return "\n".join(lines)
+        if result.iterations != ITERATIONS - 1:  # the number of the last one, from 0
+            raise RuntimeError(f"small_gicp stopped after {result.iterations + 1} of {ITERATIONS} iterations")
+        return result
+
+    return align
 
 
-def stage_line(stages: dict[str, float]) -> str:
-    """Stages in one line."""
-    return ", ".join(f"{stage} {spent:.2f}" for stage, spent in stages.items()) + " ms"
+def open3d_icp(observed: Array, model: Array) -> Callable[[], object]:
+    """Open3D's ICP on point clouds that stand ready; it builds its k-d tree every time."""
+    import open3d
 
-
-def stage_columns(stages: dict[str, float]) -> str:
-    """Stages side by side, and their sum."""
-    return "".join(f"{spent:16.3f}" for spent in (*stages.values(), sum(stages.values())))
+    registration = open3d.pipelines.registration
+    target = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(model))
+    source = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(observed))
+    estimation = registration.TransformationEstimationPointToPoint()
+    criteria = registration.ICPConvergenceCriteria(0.0, 0.0, ITERATIONS)
+    return lambda: registration.registration_icp(source, target, REACH_M, np.eye(4), estimation, criteria)
 
 
 if __name__ == "__main__":

@@ -1,16 +1,15 @@
 """What the service costs beside the kernel: python -m benchmarks.costs.service.
 
-N particles go to a worker of two lanes that gives them back after a kernel's time, or at once, and the next
-frame of 512 KB follows them: what is above the kernel's time is encode, dispatch, publish and gather. Beside
-it, in turns, the same by a process pool with shared memory and by Ray. Then what the coordinator does by
-itself (draw, merge, record), how two real lanes compare with one, how near to the ideal 8 to 1 024 lanes
-come that only wait the kernel's time, and a worker's start and size.
+N particles go to a worker of two lanes that gives them back after a kernel's time, and the next frame of
+512 KB follows them: what is above the kernel's time is encode, dispatch, publish and gather. Beside it, in
+turns, the same by a process pool with shared memory and by Ray. Then how two real lanes compare with one,
+how near to the ideal 8 to 1 024 lanes come that only wait the kernel's time, and a worker's start and size.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -24,12 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.command_line import RESULTS
-from benchmarks.costs.coordinator_alone import coordinator_stages
 from benchmarks.costs.scatter_peers import Frame, process_pool, ray_tasks
 from benchmarks.costs.standing import standing
-from benchmarks.costs.timing import machine
-from benchmarks.costs.worker_start import worker_start
+from benchmarks.running import command_line, keep
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -37,14 +33,13 @@ from common.refinement import Refined
 from common.settings import RefineSettings, preset
 from coordinator.pool.options import WORKER_COMMAND, Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.tracking.observing.sensor_noise import SensorNoise
 from worker.lanes import Lanes, SideBySide
 
 Array = NDArray[np.float64]
 
 SHAPE = (512, 512)  # of a 16-bit depth image: 512 KB
 PARTICLES = (20, 100, 1000)
-KERNEL_MS = (30.0, 0.0)  # a frame
+KERNEL_MS = 30.0  # a frame
 ROUNDS = 60
 WAITING = (sys.executable, "-m", "benchmarks.costs.waiting_workers")
 WAIT = 0.0065  # seconds a particle, about the kernel's time
@@ -52,36 +47,30 @@ SHARE = 10  # particles for each waiting lane
 CROWDS = ((2, 4), (4, 16), (8, 32), (16, 64))  # workers, lanes of each
 STARTS = 5
 POINTS = 5_000
-RESULT = RESULTS / "service.json"
 
 
 def main() -> int:
     """Measure, print, keep the numbers."""
-    parser = argparse.ArgumentParser("python -m benchmarks.costs.service", description=__doc__)
+    parser = command_line("costs.service", __doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--out", type=Path, default=RESULT, metavar="FILE")
     chosen = parser.parse_args()
     result: dict[str, Any] = {
-        "machine": machine("eclipse-zenoh", "numpy", "msgspec"),
-        "rounds": chosen.rounds,
-        "frame_bytes": SHAPE[0] * SHAPE[1] * 2,
-        "overhead_ms": [overhead(count, ms, chosen.rounds) for ms in KERNEL_MS for count in PARTICLES],
-        "coordinator_ms": coordinator_stages(chosen.rounds),
+        "overhead_ms": [overhead(count, chosen.rounds) for count in PARTICLES],
         "two_lanes": two_lanes(max(5, chosen.rounds // 6)),
         "crowds": [crowd(*crew) for crew in CROWDS],
-        "worker_start": [worker_start(STARTS, lanes) for lanes in (1, 2, 16)],
+        "worker_start": [worker_start(lanes) for lanes in (1, 2, 16)],
     }
-    chosen.out.write_text(json.dumps(result, indent=2) + "\n")
-    sys.stdout.write(json.dumps(result, indent=2) + "\n")
+    print(json.dumps(result, indent=2))
+    keep(result, chosen.out)
     return 0
 
 
-def overhead(particles: int, kernel_ms: float, rounds: int) -> dict[str, Any]:
+def overhead(particles: int, rounds: int) -> dict[str, Any]:
     """Milliseconds a frame above the kernel's, ours and others' in turns: medians, and ratios to ours."""
-    case = standing(POINTS, SensorNoise(), 0)
+    case = standing(POINTS)
     poses = np.repeat(case.start, particles, axis=0)
     depth = np.full(SHAPE, 2000, np.uint16)
-    seconds = 1e-3 * kernel_ms / (particles / 2)
+    seconds = 1e-3 * KERNEL_MS / (particles / 2)
     with ExitStack() as stack:
         calls: dict[str, Frame] = {
             "gepf": stack.enter_context(pretending_lanes(case.model, 2, seconds)),
@@ -94,10 +83,9 @@ def overhead(particles: int, kernel_ms: float, rounds: int) -> dict[str, Any]:
         except Exception as error:  # noqa: BLE001 - Ray raises a bare one when its processes start too slowly
             sys.stderr.write(f"service: Ray does not start and is left out: {error}\n")
         times = in_turns({name: partial(call, depth, poses) for name, call in calls.items()}, rounds)
-    median = {name: float(np.median(spent)) - kernel_ms for name, spent in times.items()}
+    median = {name: float(np.median(spent)) - KERNEL_MS for name, spent in times.items()}
     return {
         "particles": particles,
-        "kernel_ms": kernel_ms,
         "median": median,
         "gepf_over": {name: median["gepf"] / other for name, other in median.items() if name != "gepf"},
     }
@@ -152,7 +140,7 @@ def two_lanes(rounds: int) -> dict[str, Any]:
 
     Over the bus, each in a worker of its own, and the kernel alone in this process.
     """
-    case = standing(POINTS, SensorNoise(), 0)
+    case = standing(POINTS)
     poses = np.repeat(case.start, 20, axis=0)
     settings = preset("default").refine
     with ExitStack() as stack:
@@ -174,7 +162,7 @@ def two_lanes(rounds: int) -> dict[str, Any]:
 
 def crowd(workers: int, lanes: int) -> dict[str, Any]:
     """Ten particles a lane that waits: milliseconds a frame, and the share of the ideal that is reached."""
-    case = standing(POINTS, SensorNoise(), 0)
+    case = standing(POINTS)
     poses = np.repeat(case.start, SHARE * workers * lanes, axis=0)
     with tempfile.TemporaryDirectory(prefix="gepf-") as folder, ExitStack() as stack:
         endpoint = f"unixsock-stream/{folder}/bus"
@@ -201,6 +189,35 @@ def start_waiting(endpoint: str, name: str, lanes: int) -> subprocess.Popen[byte
     options = {"connect": endpoint, "name": name, "lanes": lanes, "seconds": WAIT}
     given = [text for option, value in options.items() for text in (f"--{option}", str(value))]
     return subprocess.Popen([*WAITING, *given], stdin=subprocess.PIPE)
+
+
+def worker_start(lanes: int) -> dict[str, float]:
+    """Medians: seconds until a local worker is there, of which its processor's; megabytes after a frame."""
+    starts = np.array([start_one(lanes) for _ in range(1 + STARTS)][1:])
+    names = ("lanes", "seconds", "processor_seconds", "megabytes")
+    return dict(zip(names, (float(lanes), *np.median(starts, axis=0).tolist()), strict=True))
+
+
+def start_one(lanes: int) -> tuple[float, float, float]:
+    """Seconds, seconds of its processor and megabytes of a fresh worker."""
+    case = standing(POINTS)
+    began = time.perf_counter()
+    with ZenohRefiner(Pool(workers=lanes)) as refiner:
+        refiner.wait_for(lanes)
+        seconds = time.perf_counter() - began
+        (pid,) = refiner.local_pids.values()
+        used = processor_seconds(pid)
+        refiner.publish(case.subject)
+        poses = np.repeat(case.start, 4 * lanes, axis=0)
+        refine_now(refiner, case.model, poses, preset("default").refine)
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+        return seconds, used, pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def processor_seconds(pid: int) -> float:
+    """Processor time of a process so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,51 +66,20 @@ class Case:
         return float(np.linalg.norm(apart, axis=-1).mean())
 
 
-def standing(
-    points: int,
-    noise: SensorNoise,
-    seed: int,
-    camera: Intrinsics = CAMERA,
-    dofs: int = len(DEFAULT_ACTIVE),
-    halvings: int = 0,
-) -> Case:
-    """A person at 2.5 m, seen by a camera with this noise in this many points.
-
-    The first `dofs` of the default's degrees of freedom and then of all others are active; the surface's
-    edges are halved as often as asked for.
-    """
-    rng = np.random.default_rng(seed)
-    template = human()
-    names = [*DEFAULT_ACTIVE, *(name for name in template.dof_names if name not in DEFAULT_ACTIVE)][:dofs]
+def standing(points: int, noise: SensorNoise | None = None, seed: int = 0) -> Case:
+    """A person at 2.5 m, seen by a camera with this noise in this many points."""
+    rng, template = np.random.default_rng(seed), human()
     held = np.array([POSE.get(name, 0.0) for name in template.dof_names])
-    model = activate(template, names, held)
-    for _ in range(halvings):
-        model = halve_edges(model)
+    model = activate(template, DEFAULT_ACTIVE, held)
     truth = np.array([[POSE.get(name, 0.0) for name in model.dof_names]])
-    spread = np.where(model.kinds == 0, OFF_TRANSLATION, OFF_ROTATION)
-    spread[[name not in DEFAULT_ACTIVE for name in model.dof_names]] = 0.0
-    start = truth + rng.standard_normal(truth.shape) * spread
-    with DepthRenderer(camera) as renderer:
+    start = truth + rng.standard_normal(truth.shape) * np.where(
+        model.kinds == 0, OFF_TRANSLATION, OFF_ROTATION
+    )
+    with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(model, truth)[0], model.triangles)
-    noisy = add_noise(depth.astype(np.float64), camera, noise, rng)
-    frame = DepthFrame(0, 0.0, np.rint(noisy * UNITS_PER_METRE).astype(np.uint16), UNITS_PER_METRE, camera)
-    subject = isolate(frame, None, points)
+    noisy = add_noise(depth.astype(np.float64), CAMERA, noise or SensorNoise(), rng)
+    units = np.rint(noisy * UNITS_PER_METRE).astype(np.uint16)
+    subject = isolate(DepthFrame(0, 0.0, units, UNITS_PER_METRE, CAMERA), None, points)
     if subject is None or len(subject.picked) != points:
         raise RuntimeError(f"the camera sees fewer than {points} points of the person")
     return Case(model, subject, observe(subject), truth, start)
-
-
-def halve_edges(model: BodyModel) -> BodyModel:
-    """The same surface with four times as many triangles; a new vertex has the skin of one of its two."""
-    sides = np.concatenate([model.triangles[:, [i, (i + 1) % 3]] for i in range(3)])
-    edges, number = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
-    ab, bc, ca = (len(model.vertices) + number.reshape(3, -1)).astype(np.int64)
-    a, b, c = model.triangles.T
-    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return replace(
-        model,
-        vertices=np.concatenate([model.vertices, model.vertices[edges].mean(axis=1)]),
-        triangles=np.concatenate([np.stack(part, axis=1) for part in parts]),
-        skin_links=np.concatenate([model.skin_links, model.skin_links[edges[:, 0]]]),
-        skin_weights=np.concatenate([model.skin_weights, model.skin_weights[edges[:, 0]]]),
-    )

@@ -30,12 +30,13 @@ from scipy.ndimage import gaussian_filter
 
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import Scene
+from coordinator.synthesis.scenes import ARM_DOFS, Scene
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 
 STEP = np.radians(1.0)  # of the central differences: a hand moves by a few pixels, less than the noise
+EVERY = 4  # frames between those whose information is rendered
 LEVELS_PER_DEVIATION, REACH = 2.0, 4.0  # of the readings that are summed over
 EXPECTED_ABSOLUTE = np.sqrt(2.0 / np.pi)  # of a Gaussian with standard deviation 1
 
@@ -48,29 +49,14 @@ class Bound(msgspec.Struct, frozen=True):
     mean_deg: float
 
 
-def informations(
-    scene: Scene, active: Sequence[str], noise: SensorNoise, frames: Sequence[int]
-) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Fisher information of the angles in single frames, 1/rad^2.
-
-    Returns:
-        That of all measured pixels (F, A, A), that of all pixels (F, A, A), and how many measure
-        something (F,).
-    """
-    measured, everything, counts = [], [], []
-    with DepthRenderer(scene.camera) as renderer:
-        for frame in frames:
-            near, far, count = information(renderer, scene, active, noise, frame)
-            measured.append(near)
-            everything.append(far)
-            counts.append(count)
-    return np.array(measured), np.array(everything), np.array(counts)
-
-
 def information(
     renderer: DepthRenderer, scene: Scene, active: Sequence[str], noise: SensorNoise, frame: int
 ) -> tuple[Array, Array, int]:
-    """The same of one frame."""
+    """Fisher information (A, A) of the angles in one frame, 1/rad^2.
+
+    Returns:
+        That of all measured pixels, that of all pixels, and how many measure something.
+    """
     pose, dofs = scene.poses[frame], [scene.model.dof(name) for name in active]
     steps = STEP * np.eye(len(pose))[dofs]
     images = [exact_depth(renderer, scene, p) for p in (pose, *(pose + steps), *(pose - steps))]
@@ -136,46 +122,17 @@ def gather(densities: Sequence[Array]) -> Array:
     return gathered
 
 
-def bound_of_frames(
-    measured: Array, everything: Array, counts: NDArray[np.int64], active: Sequence[str], points: int | None
-) -> Bound:
-    """What single frames allow on average, from so many picked points or (None) from all pixels."""
-    told = everything if points is None else measured * np.minimum(1.0, points / counts)[:, None, None]
-    covariances = np.asarray(np.linalg.inv(told), dtype=np.float64)
-    return as_bound(covariances, active, points)
-
-
-def as_bound(covariances: Array, active: Sequence[str], points: int | None) -> Bound:
-    """Mean absolute errors of Gaussians with covariances (F, A, A) in rad^2."""
-    deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    by_angle = np.degrees(EXPECTED_ABSOLUTE * deviations).mean(axis=0)
-    named = dict(zip(active, by_angle.round(3).tolist(), strict=True))
-    return Bound(points, named, round(float(by_angle.mean()), 3))
-
-
-def smoothed(told: Array, acceleration: Array, *, ahead: bool) -> Array:
-    """Covariances (F, A, A) when all frames so far, or (`ahead`) all frames, are known, rad^2.
-
-    For a motion of constant velocity but for independent Gaussian accelerations of the given standard
-    deviations (A,) a frame, and information `told` (F, A, A) in each: a Kalman filter's covariances, and
-    those of a Rauch-Tung-Striebel smoother.
-    """
-    frames, count = told.shape[:2]
-    eye, zero = np.eye(count), np.zeros((count, count))
-    move = np.block([[eye, eye], [zero, eye]])
-    kick = np.vstack([0.5 * np.diag(acceleration), np.diag(acceleration)])
-    wandering = kick @ kick.T
-    predicted, filtered = np.empty((frames, 2 * count, 2 * count)), np.empty((frames, 2 * count, 2 * count))
-    state = np.eye(2 * count)  # a radian: nothing is known at first
-    for frame in range(frames):
-        predicted[frame] = state
-        seen = np.linalg.inv(state)
-        seen[:count, :count] += told[frame]
-        filtered[frame] = np.linalg.inv(seen)
-        state = move @ filtered[frame] @ move.T + wandering
-    if not ahead:
-        return filtered[:, :count, :count]
-    for frame in range(frames - 2, -1, -1):
-        gain = filtered[frame] @ move.T @ np.linalg.inv(predicted[frame + 1])
-        filtered[frame] += gain @ (filtered[frame + 1] - predicted[frame + 1]) @ gain.T
-    return filtered[:, :count, :count]
+def bounds(scene: Scene, noise: SensorNoise) -> list[Bound]:
+    """What single frames of the arm allow on average, from picked points and from all pixels."""
+    frames = range(0, len(scene.poses), EVERY)
+    with DepthRenderer(scene.camera) as renderer:
+        parts = [information(renderer, scene, ARM_DOFS, noise, frame) for frame in frames]
+    measured, everything, counts = (np.array(column) for column in zip(*parts, strict=True))
+    found = []
+    for points in (4_000, 10_000, None):
+        told = everything if points is None else measured * np.minimum(1.0, points / counts)[:, None, None]
+        deviations = np.sqrt(np.diagonal(np.linalg.inv(told), axis1=1, axis2=2))
+        by_angle = np.degrees(EXPECTED_ABSOLUTE * deviations).mean(axis=0)
+        named = dict(zip(ARM_DOFS, by_angle.round(3).tolist(), strict=True))
+        found.append(Bound(points, named, round(float(by_angle.mean()), 3)))
+    return found

@@ -1,12 +1,9 @@
-"""The paper's figures 5 and 6 drawn again, and the price of an error."""
+"""The paper's figure 5 drawn again, and the cost of accuracy."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-import numpy as np
-from matplotlib.axes import Axes
 
 from benchmarks.paper.runs import Run
 from benchmarks.paper.scores import RowScore
@@ -29,67 +26,37 @@ PANELS = (
 )
 
 
-def draw(runs: Mapping[str, Sequence[Run]], rows: Sequence[RowScore], folder: Path) -> list[Path]:
-    """Draw every picture whose rows are there; gives the files."""
+def draw(runs: Mapping[str, Run | None], rows: Sequence[RowScore], folder: Path) -> list[Path]:
+    """Draw every picture whose rows are there; gives the files. `runs` are those of the first seed."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
+    panels = [(run, title) for name, title in PANELS if (run := runs.get(name)) is not None]
+    curves = [row for row in rows if row.row.part == "curves"]
     with styled():
-        if {name for name, _ in PANELS} <= runs.keys():
+        if len(panels) == len(PANELS):
             files.append(folder / "paper-noise.png")
-            draw_noise(runs, files[-1])
-        if {"clean-gradient-paper", "clean-gradient-default"} <= runs.keys():
-            files.append(folder / "paper-clean.png")
-            draw_clean(runs, files[-1])
-        if any(row.part == "curves" for row in rows):
+            draw_noise(panels, files[-1])
+        if curves:
             files.append(folder / "paper-curves.png")
-            draw_curves([row for row in rows if row.part == "curves"], files[-1])
+            draw_curves(curves, files[-1])
     return files
 
 
-def draw_noise(runs: Mapping[str, Sequence[Run]], file: Path) -> None:
+def draw_noise(panels: Sequence[tuple[Run, str]], file: Path) -> None:
     """As the paper's Fig. 5: each angle's error of the best hypothesis, one seed; and the gradient's."""
     figure = new_figure(8.5, 9.4)
-    panels = figure.subplots(len(PANELS), 1, sharex=True, sharey=True)
-    for axes, (name, title) in zip(panels, PANELS, strict=True):
-        run = runs[name][0]
-        errors = np.array(run.best_deg)
+    axes_of = figure.subplots(len(panels), 1, sharex=True, sharey=True)
+    for axes, (run, title) in zip(axes_of, panels, strict=True):
         for a, angle in enumerate(run.angles):
-            axes.plot(errors[:, a], color=COLOURS[a], linewidth=1.1, label=LABELS.get(angle, angle))
-        axes.set(title=f"{title}, mean {errors.mean():.1f} degrees", ylabel="degrees", ylim=(0.0, 100.0))
-        mark_close(axes)
-    panels[-1].legend(loc="upper right", ncols=4, fontsize=8)
-    panels[-1].set_xlabel("frame (shaded: the arm is close to the body)")
-    figure.savefig(file)
-
-
-def draw_clean(runs: Mapping[str, Sequence[Run]], file: Path) -> None:
-    """As the paper's Fig. 6: the abduction angle's error without noise."""
-    figure = new_figure(8.5, 2.8)
-    axes = figure.subplots()
-    for colour, preset in zip(COLOURS, ("paper", "default"), strict=False):
-        run = runs[f"clean-gradient-{preset}"][0]
-        error = np.array(run.reported_deg)[:, run.angles.index("r_shoulder_abduct")]
-        axes.plot(
-            error,
-            color=colour,
-            linewidth=1.2,
-            label=f"preset {preset}, mean {error[10:].mean():.2f} after frame 10",
+            axes.plot(run.best_deg[:, a], color=COLOURS[a], linewidth=1.1, label=LABELS.get(angle, angle))
+        axes.set(
+            title=f"{title}, mean {run.best_deg.mean():.1f} degrees", ylabel="degrees", ylim=(0.0, 100.0)
         )
-    axes.set(
-        title="gradient tracking without noise: shoulder abduction",
-        ylabel="degrees",
-        xlabel="frame",
-        ylim=(0.0, 2.0),
-    )
-    mark_close(axes)
-    axes.legend(loc="upper right")
+        for frame in CLOSE:
+            axes.axvspan(frame - 6, frame + 6, color="#eef0f4", zorder=0)
+    axes_of[-1].legend(loc="upper right", ncols=4, fontsize=8)
+    axes_of[-1].set_xlabel("frame (shaded: the arm is close to the body)")
     figure.savefig(file)
-
-
-def mark_close(axes: Axes) -> None:
-    """Shade the frames around which the arm is close to the body."""
-    for frame in CLOSE:
-        axes.axvspan(frame - 6, frame + 6, color="#eef0f4", zorder=0)
 
 
 def draw_curves(rows: Sequence[RowScore], file: Path) -> None:
@@ -114,4 +81,4 @@ def draw_curves(rows: Sequence[RowScore], file: Path) -> None:
 
 def kind_of(row: RowScore) -> str:
     """Method and preset."""
-    return f"{row.settings.method}, {row.settings.preset}"
+    return f"{row.row.method}, {row.row.preset}"

@@ -1,100 +1,183 @@
-"""One run: a scene with noise, tracked in this process, and its errors frame by frame."""
+"""What is run: methods, particles, noise and seeds, a row of the table each; and one run of a row.
+
+The scenes are rendered once for all seeds; their frames are those that `gepf synth` writes.
+"""
 
 from __future__ import annotations
 
-import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.paper.footage import Footage
-from benchmarks.paper.matrix import Row
+from benchmarks.running import settings_with
+from benchmarks.tracking import follow
 from common.body import ROOT_DOFS, BodyModel
+from common.errors import InputError
+from common.frame import DepthFrame
 from common.kinematics import joint_positions
+from common.settings import Settings
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.shape_space import person_of_size
-from coordinator.bodies.tracked import Bodies
+from coordinator.filters.baselines import Annealed
 from coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
+from coordinator.synthesis.noise import add_noise
+from coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
+from coordinator.synthesis.sequence import DEPTH_SCALE, render, to_units
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.known import Known
-from coordinator.tracking.single import SingleTracker as Tracker
+from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
+from worker.kernel.parameters import pack_parameters
 
 Array = NDArray[np.float64]
+
+NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Runs that differ by their seed alone, which is that of the noise and of the tracker."""
+
+    name: str
+    part: str  # the table that it stands in
+    method: str
+    preset: str
+    particles: int | None
+    noise: SensorNoise
+    seeds: int
+    frames: int
+    scene: str = "arm"
+    changes: tuple[str, ...] = ()  # of settings, `key=value`
+
+    def settings(self, seed: int) -> Settings:
+        """What `gepf track` computes with."""
+        changes = (f"method={self.method}", f"preset={self.preset}", *self.changes)
+        return settings_with(changes, self.particles, seed)
+
+    @property
+    def evaluations(self) -> int:
+        """Poses that are held against the points in a frame: one in each iteration, and one to weigh."""
+        settings = self.settings(0)
+        particles = settings.filter.particles
+        if self.method == "condensation":
+            return particles
+        if self.method == "annealed":
+            return particles * Annealed().layers
+        rounds = 2 if pack_parameters(assume_noise(settings.refine, self.noise)).soft else 1
+        return particles * (rounds * settings.refine.icp_iterations + 1)
+
+
+GRADIENT = Row("gradient-paper", "heavy", "gradient", "paper", None, HEAVY, 10, 176)
+CURVE = replace(GRADIENT, part="curves", seeds=2, frames=110, changes=("points=1000",))
+TURN = replace(GRADIENT, part="turn", noise=STEREO, seeds=1, frames=180, scene="turn")
+ROWS = [
+    *(
+        replace(GRADIENT, name=f"clean-gradient-{preset}", part="clean", preset=preset, noise=NONE, seeds=1)
+        for preset in ("paper", "default")
+    ),
+    GRADIENT,
+    replace(GRADIENT, name="gradient-default", preset="default"),
+    replace(GRADIENT, name="gepf-20-paper", method="gepf", particles=20),
+    replace(GRADIENT, name="gepf-20-default", method="gepf", preset="default", particles=20),
+    *(
+        replace(CURVE, name=f"curve-{method}-{preset}-{n}", method=method, preset=preset, particles=n)
+        for method, preset, particles in (
+            ("gepf", "paper", (5, 20, 60)),
+            ("gepf", "default", (2, 5, 10, 20, 50)),
+            ("condensation", "default", (100, 300, 1000, 2000)),
+            ("annealed", "default", (10, 30, 100, 200)),
+        )
+        for n in particles
+    ),
+    *(
+        replace(TURN, name=f"turn-{method}-{preset}", method=method, preset=preset, particles=particles)
+        for preset in ("paper", "default")
+        for method, particles in (("gradient", None), ("gepf", 100))
+    ),
+]
+
+
+def choose(only: Sequence[str] | None, seeds: int | None) -> list[Row]:
+    """All rows, or those of a name or part, with so many seeds at the most. InputError if unknown."""
+    for name in only or ():
+        if not any(name in (row.name, row.part) for row in ROWS):
+            parts = ", ".join(dict.fromkeys(row.part for row in ROWS))
+            raise InputError(f"no row '{name}'; name a part ({parts}) or a row such as {ROWS[0].name}")
+    wanted = [row for row in ROWS if only is None or row.name in only or row.part in only]
+    return wanted if seeds is None else [replace(row, seeds=min(row.seeds, seeds)) for row in wanted]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Footage:
+    """A scene and the exact depth (F, H, W) in metres of all its frames."""
+
+    scene: Scene
+    exact: NDArray[np.float32]
+
+    def frames(self, noise: SensorNoise, seed: int, count: int) -> Iterator[DepthFrame]:
+        """The first `count` frames with noise, as they come back from the files of `gepf synth`."""
+        camera, fps = self.scene.camera, self.scene.fps
+        for number, depth_m in enumerate(self.exact[:count]):
+            rng = np.random.default_rng([seed, number])
+            noisy = to_units(add_noise(depth_m.astype(np.float64), camera, noise, rng))
+            yield DepthFrame(number, number / fps, noisy, DEPTH_SCALE, camera)
+
+
+def shoot(scene: str) -> Footage:
+    """Render all of a scene."""
+    found = SCENES[scene]()
+    return Footage(found, np.array([depth.astype(np.float32) for depth in render(found)]))
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A row of the table with one seed, which is that of the noise and of the tracker."""
+    """A row of the table with one seed."""
 
     row: Row
     seed: int
 
 
 class Run(msgspec.Struct, frozen=True):
-    """What came of a job: F frames, A angles, J joints."""
+    """What came of a job: errors (F, A) of angles in degrees and (F, J) of joints in metres."""
 
-    row: str
-    seed: int
     angles: tuple[str, ...]
     joints: tuple[str, ...]
-    reported_deg: list[list[float]]  # (F, A) of the reported pose
-    best_deg: list[list[float]]  # (F, A) of the hypothesis whose mean is least
-    joint_cm: list[list[float]]  # (F, J) of the reported pose
-    hypotheses: list[int]  # (F,)
-    ms: list[float]  # (F,) of processor time; making the frame does not count
+    reported_deg: Array
+    best_deg: Array  # of the hypothesis whose mean is least
+    joint_m: Array  # of the reported pose
+    ms: float  # of processor time a frame; making the frame does not count
 
 
 def run(job: Job, footage: Footage) -> Run:
     """Track a row's frames, starting where the scene says."""
-    row = job.row
+    row, scene = job.row, footage.scene
     settings = row.settings(job.seed)
-    bodies = choose_bodies(row.active, settings.preset)
-    if not row.limits:
-        bodies = Bodies(limitless, bodies.start_dofs, bodies.active)
-    tracker = Tracker(DirectRefiner(), settings, bodies, Known(footage.start))
-    estimates, ms = [], []
-    for frame in footage.frames(row.noise, job.seed, row.frames):
-        began = time.process_time()
-        estimates.append(tracker.track(frame))
-        ms.append(1e3 * (time.process_time() - began))
-    return score(job, tracker.model, estimates, footage, ms)
+    bodies = choose_bodies(ARM_DOFS if row.scene == "arm" else None, settings.preset)
+    begun = scene.poses[0] if scene.start is None else scene.start
+    start = dict(zip(scene.model.dof_names, begun.tolist(), strict=True))
+    tracker = Tracker(DirectRefiner(), settings, bodies, start=start)
+    found, seconds = follow(tracker, footage.frames(row.noise, job.seed, row.frames))
+    estimates = [one.estimate for one in found]
+    return compare(found[-1].state.start.model, estimates, scene, 1e3 * float(seconds.mean()))
 
 
-def limitless(stature: float, girth: float) -> BodyModel:
-    """A person whose joints turn as far as they like."""
-    model = person_of_size(stature, girth)
-    return replace(model, limits=np.tile([-np.inf, np.inf], (len(model.limits), 1)))
-
-
-def score(job: Job, model: BodyModel, estimates: list[Estimate], footage: Footage, ms: list[float]) -> Run:
+def compare(model: BodyModel, estimates: Sequence[Estimate], scene: Scene, ms: float) -> Run:
     """Hold the estimates against the scene's own poses."""
-    full, poses = footage.scene.model, footage.scene.poses[: len(estimates)]
+    full, poses = scene.model, scene.poses[: len(estimates)]
     angles = tuple(name for name in model.dof_names if name not in ROOT_DOFS[:3])
     mine, theirs = positions(model.dof_names, angles), positions(full.dof_names, angles)
-    reported = np.array([e.pose for e in estimates])[:, mine]
     joints = np.array([e.joint_positions for e in estimates])
-    apart = np.linalg.norm(joints - joint_positions(full, poses), axis=-1)
     best = [
         best_hypothesis(e.hypothesis_pose[None][..., mine], truth[None])[0]
         for e, truth in zip(estimates, poses[:, theirs], strict=True)
     ]
     return Run(
-        row=job.row.name,
-        seed=job.seed,
         angles=angles,
         joints=full.joint_names,
-        reported_deg=rounded(angle_error_deg(reported, poses[:, theirs])),
-        best_deg=rounded(np.array(best)),
-        joint_cm=rounded(100.0 * apart),
-        hypotheses=[len(e.hypothesis_weight) for e in estimates],
-        ms=[round(spent, 2) for spent in ms],
+        reported_deg=angle_error_deg(np.array([e.pose for e in estimates])[:, mine], poses[:, theirs]),
+        best_deg=np.array(best),
+        joint_m=np.linalg.norm(joints - joint_positions(full, poses), axis=-1),
+        ms=ms,
     )
-
-
-def rounded(errors: Array) -> list[list[float]]:
-    """Errors to four decimals."""
-    found: list[list[float]] = np.round(errors, 4).tolist()
-    return found

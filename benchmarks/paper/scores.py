@@ -1,4 +1,4 @@
-"""Scores of a row from its runs."""
+"""Scores of a row from its runs, and their tables."""
 
 from __future__ import annotations
 
@@ -7,140 +7,143 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
-from benchmarks.paper.matrix import Row
-from benchmarks.paper.runs import Run
-from common.settings import Settings
+from benchmarks.paper.runs import Row, Run
+from common.camera import back_project
+from common.kinematics import joint_positions, pose_vertices
 from coordinator.results.evaluation import LOST_M, Errors, lost_from, to_the_end
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes import Scene
 
 Array = NDArray[np.float64]
 
 SETTLED = {"clean": 10, "turn": 0}  # frames that do not count: tracking starts with a wrong pose
 USUALLY_SETTLED = 30
 NEAR_DEG = 10.0
-LIMBS = [
-    (f"{side}_{middle}", f"{side}_{end}")
-    for side in ("right", "left")
-    for middle, end in (("elbow", "wrist"), ("knee", "ankle"))
-]
-
-
-class Limbs(msgspec.Struct, frozen=True):
-    """Mean joint error in centimetres, of joints that the camera sees and of those that it does not."""
-
-    all_cm: float
-    visible_cm: float
-    hidden_cm: float
-
-
-class RunScore(msgspec.Struct, frozen=True):
-    """One run; errors in degrees, means over frames and angles."""
-
-    seed: int
-    reported_deg: float
-    best_deg: float
-    within_10_deg_percent: float  # frames whose reported pose is that near on average
-    lost_from_frame: int | None
-    limb_lost_from_frame: int | None
-    ms_per_frame: float
-    joints: Limbs | None = None
+AROUND_M = 0.08  # across the line of sight: the part of a limb by which a joint is seen
+HIDDEN_M = 0.005  # what is nearer than the limb by more hides it
+LIMBS = {
+    "elbow": ("upper_arm", "forearm"),
+    "wrist": ("forearm", "hand"),
+    "knee": ("thigh", "shank"),
+    "ankle": ("shank", "foot"),
+}
+"""Links that meet in a joint; the joints of the trunk are always taken as seen."""
 
 
 class RowScore(msgspec.Struct, frozen=True):
-    """A row: every seed counts the same."""
+    """A row: means over frames and angles in degrees, over joints in centimetres; seeds count the same."""
 
-    name: str
-    part: str
-    scene: str
-    noise: SensorNoise
-    settings: Settings  # of the first seed
+    row: Row
     evaluations: int  # a frame
-    frames: int
+    seeds: int
     from_frame: int  # on which errors count
     reported_deg: float
+    reported_by_seed: list[float]
     best_deg: float
-    reported_deg_by_angle: dict[str, float]
-    within_10_deg_percent: float
+    by_angle_deg: dict[str, float]
+    within_10_deg_percent: float  # frames whose reported pose is that near on average
     lost: int  # runs
     limb_lost: int  # runs in which an arm or a leg was never found again
     ms_per_frame: float
-    hypotheses: float
-    joints: Limbs | None
-    runs: list[RunScore]
+    joints_cm: float
+    visible_cm: float
+    hidden_cm: float
 
 
 def score_row(row: Row, runs: Sequence[Run], visible: NDArray[np.bool_] | None) -> RowScore:
     """The score of a row; `visible` (F, J) where it is known which joints the camera sees."""
     first = SETTLED.get(row.part, USUALLY_SETTLED)
-    scores = [score_run(run, first, visible) for run in runs]
-    by_angle = np.mean([np.array(run.reported_deg)[first:].mean(axis=0) for run in runs], axis=0)
+    reported, best = (
+        np.array([getattr(one, name)[first:] for one in runs]) for name in ("reported_deg", "best_deg")
+    )
+    joints = np.array([one.joint_m for one in runs])[:, first:]
+    seen = np.ones(joints.shape[1:], dtype=bool) if visible is None else visible[first : row.frames]
+    errors = [
+        Errors(np.arange(row.frames), one.angles, one.reported_deg, one.best_deg, one.joint_m) for one in runs
+    ]
     return RowScore(
-        name=row.name,
-        part=row.part,
-        scene=row.scene,
-        noise=row.noise,
-        settings=row.settings(0),
+        row=row,
         evaluations=row.evaluations,
-        frames=row.frames,
+        seeds=len(runs),
         from_frame=first,
-        reported_deg=mean([s.reported_deg for s in scores]),
-        best_deg=mean([s.best_deg for s in scores]),
-        reported_deg_by_angle=dict(zip(runs[0].angles, by_angle.round(3).tolist(), strict=True)),
-        within_10_deg_percent=mean([s.within_10_deg_percent for s in scores]),
-        lost=sum(s.lost_from_frame is not None for s in scores),
-        limb_lost=sum(s.limb_lost_from_frame is not None for s in scores),
-        ms_per_frame=mean([s.ms_per_frame for s in scores]),
-        hypotheses=mean([float(np.mean(run.hypotheses)) for run in runs]),
-        joints=average([s.joints for s in scores if s.joints is not None]),
-        runs=scores,
+        reported_deg=mean(reported),
+        reported_by_seed=[mean(one) for one in reported],
+        best_deg=mean(best),
+        by_angle_deg=dict(zip(runs[0].angles, map(mean, np.moveaxis(reported, -1, 0)), strict=True)),
+        within_10_deg_percent=100.0 * mean(reported.mean(axis=-1) <= NEAR_DEG),
+        lost=sum(lost_from(one) is not None for one in errors),
+        limb_lost=sum(limb_lost(runs[0].joints, one) for one in errors),
+        ms_per_frame=mean([one.ms for one in runs]),
+        joints_cm=100.0 * mean(joints),
+        visible_cm=100.0 * mean(joints[:, seen]),
+        hidden_cm=100.0 * mean(joints[:, ~seen]) if not seen.all() else float("nan"),
     )
 
 
-def score_run(run: Run, first: int, visible: NDArray[np.bool_] | None) -> RunScore:
-    """The score of one run from frame `first` on; lost is judged over all frames."""
-    reported, best = np.array(run.reported_deg), np.array(run.best_deg)
-    joint_cm = np.array(run.joint_cm)
-    errors = Errors(np.arange(len(reported)), run.angles, reported, best, joint_cm / 100.0)
-    return RunScore(
-        seed=run.seed,
-        reported_deg=round(float(reported[first:].mean()), 3),
-        best_deg=round(float(best[first:].mean()), 3),
-        within_10_deg_percent=round(100.0 * float(np.mean(reported[first:].mean(axis=1) <= NEAR_DEG)), 2),
-        lost_from_frame=lost_from(errors),
-        limb_lost_from_frame=limb_lost_from(run.joints, errors),
-        ms_per_frame=round(float(np.mean(run.ms)), 2),
-        joints=None if visible is None else limbs(joint_cm[first:], visible[first : len(joint_cm)]),
-    )
+def mean(values: Array | Sequence[float]) -> float:
+    """To five decimals."""
+    return round(float(np.mean(values)), 5)
 
 
-def limb_lost_from(joints: tuple[str, ...], errors: Errors) -> int | None:
-    """First frame from which on an arm or a leg is lost to the end, its two joints far off on average."""
-    pairs = [[joints.index(name) for name in limb] for limb in LIMBS]
-    far = [to_the_end(errors.frame, errors.joint_m[:, pair].mean(axis=1) > LOST_M) for pair in pairs]
-    return min((frame for frame in far if frame is not None), default=None)
+def limb_lost(joints: tuple[str, ...], errors: Errors) -> bool:
+    """Whether from some frame to the end the two joints of an arm or a leg are far off on average."""
+    for side in ("right", "left"):
+        for limb in (("elbow", "wrist"), ("knee", "ankle")):
+            pair = [joints.index(f"{side}_{name}") for name in limb]
+            if to_the_end(errors.frame, errors.joint_m[:, pair].mean(axis=1) > LOST_M) is not None:
+                return True
+    return False
 
 
-def limbs(joint_cm: Array, visible: NDArray[np.bool_]) -> Limbs:
-    """Errors (F, J) of joints that are seen (F, J), and of the others."""
-    return Limbs(
-        all_cm=round(float(joint_cm.mean()), 3),
-        visible_cm=round(float(joint_cm[visible].mean()), 3),
-        hidden_cm=round(float(joint_cm[~visible].mean()), 3),
-    )
+def visible_joints(scene: Scene) -> NDArray[np.bool_]:
+    """For every frame and joint (F, J) whether the camera sees it.
+
+    A joint lies inside its limb. It is seen if at least half of what its limb shows around it, were the limb
+    alone in the picture, is still seen when the whole body is.
+    """
+    model = scene.model
+    seen = np.ones((len(scene.poses), len(model.joint_names)), dtype=bool)
+    vertices, joints = pose_vertices(model, scene.poses), joint_positions(model, scene.poses)
+    with DepthRenderer(scene.camera) as renderer:
+        for frame in range(len(scene.poses)):
+            whole = renderer.depth(vertices[frame], model.triangles)
+            for j, name in enumerate(model.joint_names):
+                side, _, kind = name.partition("_")
+                if kind not in LIMBS:
+                    continue
+                prefixes = tuple(f"{side[0]}_{link}" for link in LIMBS[kind])
+                links = [k for k, link in enumerate(model.link_names) if link.startswith(prefixes)]
+                limb = model.triangles[np.isin(model.skin_links[model.triangles[:, 0], 0], links)]
+                alone = renderer.depth(vertices[frame], limb)
+                points, joint = back_project(alone, scene.camera), joints[frame, j]
+                near = np.hypot(points[..., 0] - joint[0], points[..., 1] - joint[1]) < AROUND_M
+                near &= alone > 0.0
+                seen[frame, j] = near.any() and np.mean(whole[near] > alone[near] - HIDDEN_M) >= 0.5
+    return seen
 
 
-def average(scores: Sequence[Limbs]) -> Limbs | None:
-    """The mean of several runs."""
-    if not scores:
-        return None
-    return Limbs(
-        mean([s.all_cm for s in scores]),
-        mean([s.visible_cm for s in scores]),
-        mean([s.hidden_cm for s in scores]),
-    )
-
-
-def mean(values: Sequence[float]) -> float:
-    """To three decimals."""
-    return round(float(np.mean(values)), 3)
+def table(part: str, rows: Sequence[RowScore]) -> Table:
+    """A line for each row of a part."""
+    shown = Table(title=part, caption=f"degrees and centimetres, errors from frame {rows[0].from_frame} on")
+    for heading in (
+        "row", "seeds", "reported deg", "from, to", "best deg", "within 10 deg", "lost", "limb lost",
+        "joints cm", "visible cm", "hidden cm", "evaluations", "ms/frame",
+    ):  # fmt: skip
+        shown.add_column(heading, justify="left" if heading == "row" else "right", no_wrap=heading == "row")
+    for one in rows:
+        shown.add_row(
+            one.row.name,
+            str(one.seeds),
+            f"{one.reported_deg:.2f}",
+            f"{min(one.reported_by_seed):.2f}, {max(one.reported_by_seed):.2f}",
+            f"{one.best_deg:.2f}",
+            f"{one.within_10_deg_percent:.0f} %",
+            str(one.lost),
+            str(one.limb_lost),
+            *(f"{value:.1f}" for value in (one.joints_cm, one.visible_cm, one.hidden_cm)),
+            str(one.evaluations),
+            f"{one.ms_per_frame:.0f}",
+        )
+    return shown

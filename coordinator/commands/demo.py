@@ -3,7 +3,7 @@
 Several people, each with a motion of their own, are rendered as a Kinect would see them. Their limbs hide
 each other, and are elsewhere in the next frame: a pose that is followed alone ends in the wrong valley. One
 particle gets all that helps it: twice the iterations, more than twice the points, and it is looked for
-again where it is in doubt; `python -m benchmarks.frame_rates.rendered` has the other ways to track with one.
+again where it is in doubt; `python -m benchmarks.rendered` has the other ways to track with one.
 """
 
 from __future__ import annotations

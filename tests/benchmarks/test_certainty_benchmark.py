@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.certainty.__main__ import main, parse
+from benchmarks.certainty.__main__ import main
 from benchmarks.certainty.cutting import cut_below, row_between
 from benchmarks.certainty.fitting import averaged, distances, fit, fit_functions, fit_logistic, halfway, judge
 from benchmarks.certainty.gather import Gathered
@@ -150,12 +150,9 @@ def test_a_picture_ends_between_knees_and_hips() -> None:
     assert (cut.intrinsics.height, cut.intrinsics.cy, cut.number) == (140, 120.0, 3)
 
 
-def test_every_frame_of_the_demo_is_looked_at_unless_others_are_asked_for(
+def test_nothing_is_fitted_beside_the_demo(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """It has 10 a second; and nothing is fitted beside it."""
-    assert parse([]).every == [1, 2, 3]
-    assert parse(["--demo", "2"]).every == [1]
-    assert parse(["--demo", "2", "--every", "2"]).every == [2]
+    """One line that names the option."""
     assert main(["--fit", "--demo", "2"]) == 2
     assert "--demo" in capsys.readouterr().err

@@ -1,1 +1,0 @@
-"""How well people are tracked when the camera is slow: fewer frames a second, one particle or many."""

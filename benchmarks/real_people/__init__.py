@@ -1,1 +1,0 @@
-"""How well real people are tracked."""

@@ -1,0 +1,151 @@
+"""What all benchmarks share: options, settings to measure with, jobs in processes of their own, results."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import platform
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+from rich.console import Console
+
+from common.errors import InputError
+from common.settings import Settings
+from coordinator.commands.job import choose_settings
+from coordinator.files import write_atomically
+from coordinator.results.configuration import versions
+
+ROOT = Path(__file__).parent.parent
+DATA = ROOT.parent / "shared" / "data"
+RESULTS = ROOT / "runs" / "benchmarks"
+WIDTH = 150  # columns of a table that goes to no terminal
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+
+def command_line(name: str, description: str | None) -> argparse.ArgumentParser:
+    """A benchmark's options; `--out` is common to all."""
+    parser = argparse.ArgumentParser(f"python -m benchmarks.{name}", description=description)
+    out = RESULTS / f"{name.replace('.', '-')}.json"
+    parser.add_argument("--out", type=Path, default=out, metavar="FILE", help="numbers; default: %(default)s")
+    return parser
+
+
+def add_data(parser: argparse.ArgumentParser) -> None:
+    """`--data`."""
+    text = "default: ../shared/data beside the checkout"
+    parser.add_argument("--data", type=Path, default=DATA, metavar="DIR", help=text)
+
+
+def add_changes(parser: argparse.ArgumentParser) -> None:
+    """`--set`."""
+    kinds: dict[str, Any] = {"nargs": "+", "action": "extend", "default": [], "dest": "changes"}
+    parser.add_argument("--set", metavar="KEY=VALUE", help="settings", **kinds)
+
+
+def add_processes(parser: argparse.ArgumentParser) -> None:
+    """`--processes`."""
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, metavar="N")
+
+
+def measured(measure: Callable[[argparse.Namespace], int], chosen: argparse.Namespace) -> int:
+    """Measure and return the exit code; faults of the input are one line."""
+    try:
+        return measure(chosen)
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+
+
+def settings_with(changes: Sequence[str], particles: int | None = None, seed: int = 0) -> Settings:
+    """The default settings after changes `key=value`; InputError for one that makes no sense.
+
+    `preset` and `method` mean what they mean to `gepf track`; all other keys are fields of the settings.
+    """
+    for change in changes:
+        if "=" not in change:
+            raise InputError(f"--set {change} is not of the form key=value; write e.g. --set particles=20")
+    given = {key: read_value(text) for key, _, text in (change.partition("=") for change in changes)}
+    method, preset = given.pop("method", "gepf"), given.pop("preset", "default")
+    plain = msgspec.to_builtins(choose_settings(str(method), str(preset), particles, None, seed))
+    for key, value in given.items():
+        parts = [part for part in (plain, plain["refine"], plain["filter"]) if key in part]
+        if not parts:
+            raise InputError(
+                f"no setting '{key}'; choose from {', '.join([*plain['refine'], *plain['filter']])}"
+            )
+        parts[0][key] = value
+    try:
+        return msgspec.convert(plain, Settings)
+    except msgspec.ValidationError as error:
+        raise InputError(f"--set {' '.join(changes)} does not fit: {error}; give a fitting value") from error
+
+
+def read_value(text: str) -> Any:
+    """A JSON value; what is not JSON is a text."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Crash:
+    """A job that came to no result."""
+
+    error: str
+
+
+def run_forked(work: Callable[[J], R], jobs: Iterable[J], processes: int) -> Iterator[tuple[J, R | Crash]]:
+    """Each job with its result as soon as that is there; processes start with all that is in memory now."""
+    global _work  # noqa: PLW0603 forked processes inherit it, so that it need not be pickled
+    _work = work
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("fork")) as pool:
+        running = {pool.submit(_call, job): job for job in jobs}
+        for done in as_completed(running):
+            error = done.exception()
+            result = done.result() if error is None else Crash("".join(traceback.format_exception(error)))
+            yield running[done], result
+
+
+_work: Callable[[Any], Any]
+
+
+def _call(job: Any) -> Any:
+    return _work(job)
+
+
+def progress() -> Console:
+    """Where progress is written."""
+    return Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+
+
+def screen() -> Console:
+    """Where tables are written."""
+    return Console(width=None if sys.stdout.isatty() else WIDTH)
+
+
+def keep(result: object, path: Path) -> None:
+    """Write the numbers as JSON, with what they belong to: versions of packages and the machine."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    whole = {"versions": versions(), "processor": processor(), "result": result}
+    text = msgspec.json.format(msgspec.json.encode(whole, enc_hook=lambda value: value.tolist()), indent=2)
+    write_atomically(path, lambda file: file.write(text + b"\n"))
+
+
+def processor() -> str:
+    """The processor's name as Linux gives it."""
+    for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.machine()

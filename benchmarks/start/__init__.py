@@ -1,1 +1,0 @@
-"""How well a start is found in any frame, after a gap, and in situations that are none: `python -m`."""

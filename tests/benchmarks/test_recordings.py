@@ -1,0 +1,105 @@
+"""What benchmarks compare with: skeletons of the data set, and which of their joints hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from benchmarks.recordings import (
+    JOINTS,
+    Recording,
+    choose,
+    find_people,
+    fits_bones,
+    fits_depth,
+    read_reference,
+    read_skeleton,
+)
+from benchmarks.running import DATA
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.frame import DepthFrame
+
+CAMERA = Intrinsics(40, 30, 30.0, 30.0, 20.0, 15.0)
+LEFT_WRIST_ROW, RIGHT_KNEE_ROW = 6, 17  # of the data set's skeleton
+needs_people = pytest.mark.skipif(not (DATA / "utd_mhad").exists(), reason="the UTD-MHAD data are not there")
+
+
+def wall(depth_m: float) -> DepthFrame:
+    """A surface at this depth in the picture's left half, and nothing in its right half."""
+    depth = np.zeros((30, 40), dtype=np.uint16)
+    depth[:, :20] = round(1000 * depth_m)
+    return DepthFrame(0, 0.0, depth, 1000.0, CAMERA)
+
+
+def write_skeleton(path: Path, skeleton: np.ndarray) -> Path:
+    """A file like the data set's, of a skeleton (20, 3, T)."""
+    scipy.io.savemat(path, {"d_skel": skeleton})
+    return path
+
+
+def test_left_and_right_of_the_skeleton_change_places(tmp_path: Path) -> None:
+    """The pictures are mirrored: the SDK's left wrist is our right one; its y points up, ours down."""
+    skeleton = np.zeros((20, 3, 1))
+    skeleton[LEFT_WRIST_ROW] = [[0.1], [0.2], [2.5]]
+    skeleton[RIGHT_KNEE_ROW] = [[-0.3], [-0.4], [2.6]]
+    joints = read_skeleton(write_skeleton(tmp_path / "skeleton.mat", skeleton))
+    assert joints[0, JOINTS.index("right_wrist")].tolist() == [0.1, -0.2, 2.5]
+    assert joints[0, JOINTS.index("left_knee")].tolist() == [-0.3, 0.4, 2.6]
+
+
+def test_depth_frames_meet_the_skeleton_of_two_frames_before(tmp_path: Path) -> None:
+    """Whichever of the two is longer."""
+    skeleton = np.broadcast_to(np.arange(1.0, 11.0), (20, 3, 10))
+    path = write_skeleton(tmp_path / "skeleton.mat", skeleton)
+    for frames, last in ((8, 7), (12, 11), (20, 11)):
+        reference = read_reference(Recording("a1_s1", path, path, 1, 1), [wall(2.0)] * frames)
+        assert reference.frame.tolist() == list(range(2, last + 1))
+        assert np.array_equal(reference.joints[:, 0, 0], reference.frame - 1.0)
+
+
+@pytest.mark.parametrize(("behind", "fits"), [(0.1, True), (0.5, False), (-0.02, True), (-0.3, False)])
+def test_a_joint_lies_behind_the_surface_but_not_far(behind: float, fits: bool) -> None:
+    """A joint in front of the surface at its pixel, or far behind it, does not hold."""
+    joint = np.array([[-0.3, 0.0, 2.0 + behind]])
+    assert fits_depth(joint, wall(2.0)).tolist() == [fits]
+
+
+def test_a_joint_beside_the_body_does_not_hold() -> None:
+    """Where the camera saw nothing for several pixels around there is no body for a joint to be in."""
+    assert fits_depth(np.array([[0.8, 0.0, 2.1]]), wall(2.0)).tolist() == [False]
+
+
+def test_a_bone_of_unusual_length_contradicts_its_lower_joint() -> None:
+    """A wrist that is half a forearm too far away in one frame counts in all frames but that one."""
+    joints = np.random.default_rng(0).random((5, 13, 3))
+    joints[:] = joints[0]
+    wrist, elbow = JOINTS.index("left_wrist"), JOINTS.index("left_elbow")
+    joints[3, wrist] = joints[3, elbow] + 1.5 * (joints[3, wrist] - joints[3, elbow])
+    fits = fits_bones(joints)
+    assert not fits[3, wrist]
+    assert fits.sum() == fits.size - 1
+
+
+@needs_people
+def test_all_people_are_found_and_can_be_named() -> None:
+    """27 actions of 4 subjects in order; an action or a recording by its name, the hard ones together."""
+    recordings = find_people(DATA)
+    assert len(recordings) == 108
+    assert all(recording.joints.exists() for recording in recordings)
+    chosen = [recording.name for recording in choose(recordings, ["a2", "a14_s2"])]
+    assert chosen == ["a2_s1", "a2_s2", "a2_s3", "a2_s4", "a14_s2"]
+    assert len(choose(find_people(DATA, [3]), ["hard"])) == 8
+    with pytest.raises(InputError, match="no recording 'a99'"):
+        choose(recordings, ["a99"])
+
+
+@needs_people
+def test_the_right_side_of_a_recorded_person_is_at_image_left() -> None:
+    """The first person recorded faces the camera upright: the mirrored skeleton agrees with the picture."""
+    first = dict(zip(JOINTS, read_skeleton(find_people(DATA)[0].joints)[0], strict=True))
+    assert first["right_shoulder"][0] < first["left_shoulder"][0]
+    assert first["head"][1] < first["right_hip"][1] < first["right_ankle"][1]
