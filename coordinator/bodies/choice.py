@@ -18,8 +18,11 @@ from coordinator.files import read_numbers, write_atomically
 
 
 def read_person(path: Path) -> Measures:
-    """Measures in metres; what is missing follows from stature. InputError for what is no person's."""
-    values = read_numbers(path, "gepf fit writes one for --model", "measure: metres")
+    """Measures in metres from a JSON file; what is missing follows from stature.
+
+    InputError for what is no person's, and for entries that are no measures.
+    """
+    values = read_numbers(path, "give --model a file of a person's measures", "measure: metres")
     stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
     try:
         return Measures.of(stature, girth, **values)
@@ -53,7 +56,7 @@ def choose_model(model: str) -> str:
     """The human template or a file that there is."""
     if model != HUMAN and not Path(model).is_file():
         what = f"no such file: {model}" if Path(model).suffix else f"unknown model '{model}'"
-        raise InputError(f"{what}; give {HUMAN}, a URDF file, or a file of gepf fit")
+        raise InputError(f"{what}; give {HUMAN}, a URDF file, or a file of a person's measures")
     return model
 
 

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.activation import activate
 from common.body import BodyModel
-from common.sizes import Sizes
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 
 Array = NDArray[np.float64]
 
-THICKER = 0.1  # than usual, of the second body from which those of all girths are made
-BETWEEN = (1.0, 1.0 + THICKER)  # girths of these two
-
-
-def size_of(stature: float, girth: float) -> tuple[float, float]:
-    """The share of the way from the usual girth to the thick one, and the scale."""
-    return (girth - 1.0) / THICKER, stature / REFERENCE_STATURE
+THICKER = 0.1  # than the usual girth of 1: of the second body from which people of all girths are made
+KEPT = 16  # bodies, of the sizes that were asked for last: two people may share one
 
 
 def scaled(model: BodyModel, factor: float) -> BodyModel:
@@ -31,6 +26,21 @@ def scaled(model: BodyModel, factor: float) -> BodyModel:
         points=model.points * factor,
         vertices=model.vertices * factor,
         joint_points=model.joint_points * factor,
+    )
+
+
+@lru_cache(maxsize=KEPT)
+def resized(slim: BodyModel, thick: BodyModel, share: float, scale: float) -> BodyModel:
+    """A body at a share of the way from a slim one to the same one, thicker, and then larger by a factor."""
+
+    def between(one: Array, other: Array) -> Array:
+        return (one + share * (other - one)) * scale
+
+    return replace(
+        slim,
+        points=between(slim.points, thick.points),
+        vertices=between(slim.vertices, thick.vertices),
+        joint_points=between(slim.joint_points, thick.joint_points),
     )
 
 
@@ -76,7 +86,6 @@ class Bodies:
         self._build = build
         self._full: dict[float, BodyModel] = {}
         self._started: dict[float, BodyModel] = {}
-        self._for_start: Sizes | None = None  # in all sizes
         self.start_dofs = start_dofs
         self.active = active
         self.measures = measures
@@ -96,18 +105,17 @@ class Bodies:
         """The body with the degrees of freedom that a start is searched in."""
         if self.measures is not None:
             return self._starting(stature, girth)
-        if self._for_start is None:
-            slim, thick = (self._starting(REFERENCE_STATURE, between) for between in BETWEEN)
-            if len(slim.vertices) != len(thick.vertices):
-                return self._starting(stature, girth)
-            self._for_start = Sizes(slim, thick)
-        return self._for_start.body(size_of(stature, girth))
+        slim, thick = (self._starting(REFERENCE_STATURE, of) for of in (1.0, 1.0 + THICKER))
+        if len(slim.vertices) != len(thick.vertices):
+            return self._starting(stature, girth)
+        return resized(slim, thick, (girth - 1.0) / THICKER, stature / REFERENCE_STATURE)
 
     def _starting(self, stature: float, girth: float) -> BodyModel:
         if girth not in self._started:
             full = self.full(REFERENCE_STATURE, girth)
             self._started[girth] = activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
-        return scaled(self._started[girth], stature / REFERENCE_STATURE)
+        started, scale = self._started[girth], stature / REFERENCE_STATURE
+        return started if scale == 1.0 else scaled(started, scale)
 
     def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The body as it is tracked, what is not active held at `values`, and its pose (D,) there."""

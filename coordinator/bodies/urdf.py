@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -23,112 +22,9 @@ from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls,
 from common.errors import InputError
 from coordinator.bodies.human.mesh import sample_evenly
 
-XACRO = "http://www.ros.org/wiki/xacro"
-
-
-def check_text(path: Path) -> None:
-    """InputError for what is no XML, no robot, still to be expanded, or names links that are not there."""
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise InputError(f"{path} is no URDF: its XML is damaged ({error}); copy it again") from None
-    except (LookupError, ValueError):
-        return  # an encoding that the reader of URDF knows, or names
-    if root.tag != "robot":
-        raise InputError(f"{path} is no URDF: it is a <{root.tag}>, not a <robot>; give a robot's file")
-    if any(XACRO in str(part.tag) or "${" in "".join(part.attrib.values()) for part in root.iter()):
-        raise InputError(f"{path} holds xacro's macros; run xacro {path.name} > robot.urdf, and give that")
-    links = {link.get("name") for link in root.iterfind("link")}
-    for joint in root.iterfind("joint"):
-        for side in ("parent", "child"):
-            end = joint.find(side)
-            if end is None or end.get("link") not in links:
-                named = "no link" if end is None else f"the link '{end.get('link')}', which is not there"
-                raise InputError(f"{path}: joint '{joint.get('name')}' has as {side} {named}; mend it")
-
-
-def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
-    """The parsed file with `what` yourdfpy is to load_urdf of it; whatever goes wrong is the file's fault."""
-    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # what matters is raised here
-    try:
-        return yourdfpy.URDF.load(str(path), filename_handler=partial(find_mesh, path=path), **what)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(
-            f"{path} is no URDF that can be read ({type(error).__name__}: {error}); check the file"
-        ) from error
-
-
-def find_mesh(fname: str, path: Path) -> str:
-    """Where a mesh is: as named, or below the URDF's folder or one above it, without its package."""
-    found: str = yourdfpy.urdf.filename_handler_magic(fname, str(path.parent.absolute()))
-    if not Path(found).is_file():
-        raise InputError(f"{path} names the mesh {fname}, which is not there; put it beside or mend the name")
-    return found
-
-
 Array = NDArray[np.float64]
 
-
-def surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
-    """The surface of every link that has one, at rest: what is seen, or else what is for collisions."""
-    found = surfaces_in(load_urdf(path).scene, t_links)
-    if not found:
-        shapes = load_urdf(
-            path,
-            load_meshes=False,
-            build_collision_scene_graph=True,
-            load_collision_meshes=True,
-            force_collision_mesh=False,
-        )
-        found = surfaces_in(shapes.collision_scene, t_links)
-    if not found:
-        raise InputError(
-            f"{path} has no surface to track; give its links <visual> meshes, boxes or cylinders"
-        )
-    return found
-
-
-def surfaces_in(scene: trimesh.Scene, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
-    """The surface of every link that has one, at rest."""
-    found: dict[str, list[trimesh.Trimesh]] = {}
-    for node in scene.graph.nodes_geometry:
-        link = scene.graph.transforms.parents[node]
-        t_link_mesh, name = scene.graph.get(node, link)
-        mesh = scene.geometry[name]
-        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
-            found.setdefault(link, []).append(outside_out(mesh, t_links[link] @ t_link_mesh))
-    return {link: unite(found[link]) for link in t_links if link in found}
-
-
-def join(parts: list[trimesh.Trimesh]) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (V, 3) and triangles (T, 3) of all parts."""
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-    vertices = np.concatenate([part.vertices for part in parts])
-    return vertices, np.concatenate(
-        [np.asarray(part.faces, dtype=np.int64) + start for part, start in zip(parts, starts, strict=True)]
-    )
-
-
-def unite(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """One surface; where all parts are closed, without what is inside of them."""
-    if len(parts) > 1 and all(part.is_volume for part in parts):
-        union: trimesh.Trimesh = trimesh.boolean.union(parts)
-        if union.is_volume:
-            return union
-    return trimesh.Trimesh(*join(parts), process=False)
-
-
-def outside_out(mesh: trimesh.Trimesh, transform: Array) -> trimesh.Trimesh:
-    """The mesh moved; counter-clockwise from outside where it is closed, so that there is an outside."""
-    bare = trimesh.Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), process=True)
-    bare.apply_transform(transform)
-    if bare.is_watertight:
-        bare.fix_normals()
-    return bare
-
-
+XACRO = "http://www.ros.org/wiki/xacro"
 REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """URDF: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
 
@@ -150,10 +46,15 @@ def read_urdf(path: Path) -> BodyModel:
     moving = [joint for joint in joints if joint.type in MOVING]
     dof_of = assign_dofs(robot, joints, moving)
 
-    skin = cover(path, t_links, dof_of)
+    carried = surfaces(path, t_links)
+    sampled = sample_evenly(list(carried.values()))
+    vertices, triangles = join(sampled)
+    owners = np.repeat([dof_of[link] for link in carried], [len(part.vertices) for part in sampled])
+    skin_links, skin_weights = (owners - BASE)[:, None].astype(np.int64), np.ones((len(owners), 1))
     kinds = np.array([TRANSLATION] * 3 + [ROTATION] * 3 + [MOVING[j.type] for j in moving], dtype=np.int64)
     parents = np.array([*range(-1, BASE), *(dof_of[j.parent] for j in moving)], dtype=np.int64)
-    axes = np.array([*np.eye(3), *np.eye(3), *(axis_at_rest(j, t_links) for j in moving)])
+    own_axes = [t_links[j.child][:3, :3] @ j.axis for j in moving]
+    axes = np.array([*np.eye(3), *np.eye(3), *(axis / np.linalg.norm(axis) for axis in own_axes)])
     points = np.array([*np.zeros((6, 3)), *(t_links[j.child][:3, 3] for j in moving)])
     link_dofs = np.arange(BASE, len(kinds), dtype=np.int64)
     base = base_link(robot)
@@ -166,37 +67,17 @@ def read_urdf(path: Path) -> BodyModel:
         points=points,
         rest_spreads=np.ones(len(kinds)),
         limits=np.array([(-np.inf, np.inf)] * 6 + [limits_of(path, j) for j in moving]),
-        balls=find_balls(kinds, parents, axes, points, surface_carriers(link_dofs, skin.links, skin.weights)),
+        balls=find_balls(kinds, parents, axes, points, surface_carriers(link_dofs, skin_links, skin_weights)),
         link_names=(base, *(j.child for j in moving)),
         link_dofs=link_dofs,
-        vertices=skin.vertices,
-        triangles=skin.triangles,
-        skin_links=skin.links,
-        skin_weights=skin.weights,
+        vertices=vertices,
+        triangles=triangles,
+        skin_links=skin_links,
+        skin_weights=skin_weights,
         joint_names=(base, *(j.name for j in joints)),
         joint_links=np.array([0, *(dof_of[j.child] - BASE for j in joints)], dtype=np.int64),
         joint_points=np.array([t_links[base][:3, 3], *(t_links[j.child][:3, 3] for j in joints)]),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Skin:
-    """A surface at rest: vertices (V, 3), triangles (F, 3), and the one link of each vertex (V, 1)."""
-
-    vertices: Array
-    triangles: NDArray[np.int64]
-    links: NDArray[np.int64]
-    weights: Array
-
-
-def cover(path: Path, t_links: dict[str, Array], dof_of: dict[str, int]) -> Skin:
-    """The surfaces of all links, sampled evenly."""
-    carried = surfaces(path, t_links)
-    sampled = sample_evenly(list(carried.values()))
-    vertices, triangles = join(sampled)
-    owners = np.repeat([dof_of[link] for link in carried], [len(part.vertices) for part in sampled])
-    links = (owners - BASE)[:, None].astype(np.int64)
-    return Skin(vertices, triangles, links, np.ones((len(owners), 1)))
 
 
 def check_tree(path: Path, robot: yourdfpy.Robot) -> None:
@@ -261,12 +142,6 @@ def assign_dofs(
     return last
 
 
-def axis_at_rest(joint: yourdfpy.Joint, t_links: dict[str, Array]) -> Array:
-    """Unit axis (3,) of a joint."""
-    axis: Array = t_links[joint.child][:3, :3] @ joint.axis
-    return axis / np.linalg.norm(axis)
-
-
 def limits_of(path: Path, joint: yourdfpy.Joint) -> tuple[float, float]:
     """Lower and upper limit; infinite where none is given."""
     limit = joint.limit
@@ -276,3 +151,103 @@ def limits_of(path: Path, joint: yourdfpy.Joint) -> tuple[float, float]:
     if lower > upper:
         raise InputError(f"{path}: joint '{joint.name}' has its lower limit above its upper; exchange them")
     return lower, upper
+
+
+def check_text(path: Path) -> None:
+    """InputError for what is no XML, no robot, still to be expanded, or names links that are not there."""
+    try:
+        root = ET.parse(path).getroot()
+    except ET.ParseError as error:
+        raise InputError(f"{path} is no URDF: its XML is damaged ({error}); copy it again") from None
+    except (LookupError, ValueError):
+        return  # an encoding that the reader of URDF knows, or names
+    if root.tag != "robot":
+        raise InputError(f"{path} is no URDF: it is a <{root.tag}>, not a <robot>; give a robot's file")
+    if any(XACRO in str(part.tag) or "${" in "".join(part.attrib.values()) for part in root.iter()):
+        raise InputError(f"{path} holds xacro's macros; run xacro {path.name} > robot.urdf, and give that")
+    links = {link.get("name") for link in root.iterfind("link")}
+    for joint in root.iterfind("joint"):
+        for side in ("parent", "child"):
+            end = joint.find(side)
+            if end is None or end.get("link") not in links:
+                named = "no link" if end is None else f"the link '{end.get('link')}', which is not there"
+                raise InputError(f"{path}: joint '{joint.get('name')}' has as {side} {named}; mend it")
+
+
+def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
+    """The parsed file with `what` yourdfpy is to load of it; whatever goes wrong is the file's fault."""
+    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # what matters is raised here
+    try:
+        return yourdfpy.URDF.load(str(path), filename_handler=partial(find_mesh, path=path), **what)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{path} is no URDF that can be read ({type(error).__name__}: {error}); check the file"
+        ) from error
+
+
+def find_mesh(fname: str, path: Path) -> str:
+    """Where a mesh is: as named, or below the URDF's folder or one above it, without its package."""
+    found: str = yourdfpy.urdf.filename_handler_magic(fname, str(path.parent.absolute()))
+    if not Path(found).is_file():
+        raise InputError(f"{path} names the mesh {fname}, which is not there; put it beside or mend the name")
+    return found
+
+
+def surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
+    """The surface of every link that has one, at rest: what is seen, or else what is for collisions."""
+    found = surfaces_in(load_urdf(path).scene, t_links)
+    if not found:
+        shapes = load_urdf(
+            path,
+            load_meshes=False,
+            build_collision_scene_graph=True,
+            load_collision_meshes=True,
+            force_collision_mesh=False,
+        )
+        found = surfaces_in(shapes.collision_scene, t_links)
+    if not found:
+        raise InputError(
+            f"{path} has no surface to track; give its links <visual> meshes, boxes or cylinders"
+        )
+    return found
+
+
+def surfaces_in(scene: trimesh.Scene, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
+    """The surface of every link that has one, at rest."""
+    found: dict[str, list[trimesh.Trimesh]] = {}
+    for node in scene.graph.nodes_geometry:
+        link = scene.graph.transforms.parents[node]
+        t_link_mesh, name = scene.graph.get(node, link)
+        mesh = scene.geometry[name]
+        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
+            found.setdefault(link, []).append(outside_out(mesh, t_links[link] @ t_link_mesh))
+    return {link: unite(found[link]) for link in t_links if link in found}
+
+
+def join(parts: list[trimesh.Trimesh]) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (V, 3) and triangles (T, 3) of all parts."""
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    vertices = np.concatenate([part.vertices for part in parts])
+    return vertices, np.concatenate(
+        [np.asarray(part.faces, dtype=np.int64) + start for part, start in zip(parts, starts, strict=True)]
+    )
+
+
+def unite(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """One surface; where all parts are closed, without what is inside of them."""
+    if len(parts) > 1 and all(part.is_volume for part in parts):
+        union: trimesh.Trimesh = trimesh.boolean.union(parts)
+        if union.is_volume:
+            return union
+    return trimesh.Trimesh(*join(parts), process=False)
+
+
+def outside_out(mesh: trimesh.Trimesh, transform: Array) -> trimesh.Trimesh:
+    """The mesh moved; counter-clockwise from outside where it is closed, so that there is an outside."""
+    bare = trimesh.Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), process=True)
+    bare.apply_transform(transform)
+    if bare.is_watertight:
+        bare.fix_normals()
+    return bare
