@@ -17,8 +17,8 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.filters.methods import apply_method
 from coordinator.results.log import assemble, floor_up
-from coordinator.results.people import person_folder
 from coordinator.results.recorder import save_run
+from coordinator.results.summary import PERSON
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
@@ -110,7 +110,7 @@ class PeopleTracker(Closing):
             start = self._crowd.followers[place].start
             own = [frame[place] for frame in given]
             track = assemble(start.model, own, held=start.held, up=floor_up(scene))
-            folders.append(person_folder(Path(folder), place + 1))
+            folders.append(Path(folder) / f"{PERSON}{place + 1}")
             save_run(folders[-1], track, TrackedBody(start.model, start.held), self._settings)
         return folders
 
