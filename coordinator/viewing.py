@@ -22,7 +22,7 @@ from coordinator.pictures.overlay import bones
 from coordinator.pictures.plots import STATUS
 from coordinator.results.track import Track
 from coordinator.sources import Source
-from coordinator.tracking.observing.isolation import Isolation, PosedBody
+from coordinator.tracking.segmenter import PosedBody, Segmenter
 
 Array = NDArray[np.float64]
 
@@ -36,9 +36,9 @@ class Correspondences:
     residual: Array  # (P,)
 
 
-def correspond(isolation: Isolation, frame: DepthFrame, body: PosedBody) -> Correspondences | None:
+def correspond(segmenter: Segmenter, frame: DepthFrame, body: PosedBody) -> Correspondences | None:
     """For the points of the subject near a body in the next frame; None where nothing of it was seen."""
-    subject = isolation.cut(frame, body).subject
+    subject = segmenter.segment(frame, [body]).subjects[0]
     if subject is None:
         return None
     surface = body.surface
@@ -120,7 +120,7 @@ def log_run(
     to.log("/", rr.ViewCoordinates.RDF, static=True)
     if source is not None:
         log_camera(to, source)
-    isolation = Isolation(POINTS)
+    segmenter = Segmenter(POINTS)
     for f in range(len(track.frame)):
         to.set_time("frame", sequence=int(track.frame[f]))
         to.set_time("time", duration=float(track.time_s[f]))
@@ -128,7 +128,7 @@ def log_run(
         log_numbers(to, track, model, f)
         if source is not None:
             frame, body = source.frame(int(track.frame[f])), PosedBody(model, track.pose[f])
-            log_observation(to, frame, correspond(isolation, frame, body))
+            log_observation(to, frame, correspond(segmenter, frame, body))
         advance(f + 1, len(track.frame))
 
 

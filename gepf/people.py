@@ -17,15 +17,13 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.filters.methods import apply_method
 from coordinator.results.log import assemble, floor_up
+from coordinator.results.people import person_folder
 from coordinator.results.recorder import save_run
-from coordinator.results.summary import PERSON
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
-from coordinator.tracking.observing.isolation import prepare
 from coordinator.tracking.pace import keep_up
-from coordinator.tracking.people.crowd import Crowd
-from coordinator.tracking.people.pipeline import follow_all
+from coordinator.tracking.tracker import Tracker
 from gepf.images import Images
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
@@ -66,8 +64,8 @@ class PeopleTracker(Closing):
         self._images, self._frames = Images(camera, depth_scale), 0
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)
-        self._made = partial(Crowd, refiner, bodies=bodies, people=people)
-        self._crowd = self._made(self._settings)
+        self._made = partial(Tracker, refiner, bodies=bodies, people=people)
+        self._tracker = self._made(self._settings)
 
     def close(self) -> None:
         """End the workers that were started, and leave the pool."""
@@ -76,13 +74,13 @@ class PeopleTracker(Closing):
     @property
     def found(self) -> int:
         """How many people have been found so far: the first so many of each list of estimates."""
-        return sum(each.start.found for each in self._crowd.followers)
+        return sum(state.start.found for state in self._tracker.states)
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
         """Follow all into the next frame, as `Tracker.track` does; an estimate a person, found or not."""
         frame = self._images.frame(depth, self._frames, time_s)
         self._frames += 1
-        return self._named(self._crowd.track(frame))
+        return self._named([each.estimate for each in self._tracker.track(frame)])
 
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
         """Track the frames of a source: the estimates of `track`, sooner where there are workers.
@@ -93,9 +91,9 @@ class PeopleTracker(Closing):
             self._keep_up()
             yield from map(self.track, frames)
             return
-        for results in follow_all(self._crowd, frames):
+        for tracked in self._tracker.follow(frames):
             self._frames += 1
-            yield self._named([estimate for estimate, _ in results])
+            yield self._named([each.estimate for each in tracked])
 
     def save(self, estimates: Iterable[list[Estimate]], folder: str | Path) -> list[Path]:
         """Write the run of each person who was found into `person1/`, ... in the folder; gives these.
@@ -105,12 +103,12 @@ class PeopleTracker(Closing):
         given = list(estimates)
         if not given or not self.found:
             raise InputError("there is nobody to save; give the estimates that `track` returned")
-        scene, folders = self._crowd.followers[0].state.checkpoint.scene, list[Path]()
+        scene, folders = self._tracker.states[0].checkpoint.scene, list[Path]()
         for place in range(self.found):
-            start = self._crowd.followers[place].start
+            start = self._tracker.states[place].start
             own = [frame[place] for frame in given]
             track = assemble(start.model, own, held=start.held, up=floor_up(scene))
-            folders.append(Path(folder) / f"{PERSON}{place + 1}")
+            folders.append(person_folder(Path(folder), place + 1))
             save_run(folders[-1], track, TrackedBody(start.model, start.held), self._settings)
         return folders
 
@@ -118,9 +116,9 @@ class PeopleTracker(Closing):
         """Before the first frame, spend no more time on frames that come late, and load what it needs."""
         if self._frames == 0:
             self._settings = keep_up(self._settings)
-            self._crowd = self._made(self._settings)
-            prepare()
+            self._tracker = self._made(self._settings)
+            self._tracker.prepare()
 
     def _named(self, estimates: list[PlainEstimate]) -> list[Estimate]:
-        starts = [each.start for each in self._crowd.followers]
+        starts = [state.start for state in self._tracker.states]
         return [named(e, s.model, s.held) for e, s in zip(estimates, starts, strict=True)]

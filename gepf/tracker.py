@@ -25,13 +25,11 @@ from coordinator.results.recorder import save_run
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
 from coordinator.tracking.estimate import Estimate as PlainEstimate
-from coordinator.tracking.known import Known
-from coordinator.tracking.observing.isolation import prepare
 from coordinator.tracking.pace import keep_up
-from coordinator.tracking.pipeline import follow
-from coordinator.tracking.single import SingleTracker as FrameTracker
-from coordinator.tracking.starting.start import given_start
-from coordinator.tracking.starting.start_file import read_start
+from coordinator.tracking.start import Start as DetectedStart
+from coordinator.tracking.start import given_start
+from coordinator.tracking.start_file import read_start
+from coordinator.tracking.tracker import Tracker as FrameTracker
 from gepf.images import Images
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
@@ -82,7 +80,7 @@ class Tracker(Closing):
             given_start(given, bodies)  # checked before any worker starts
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)
-        self._made = partial(FrameTracker, refiner, bodies=bodies, known=Known(given))
+        self._made = partial(FrameTracker, refiner, bodies=bodies, start=given)
         self._tracker = self._made(settings)
 
     def close(self) -> None:
@@ -95,12 +93,12 @@ class Tracker(Closing):
 
         A person's becomes another one, of the same names, a few times in the first seconds.
         """
-        return self._tracker.model
+        return self._start.model
 
     @property
     def size(self) -> tuple[float, float] | None:
         """The person's stature, metres, and girth as known by now; None before, and of other bodies."""
-        start = self._tracker.start
+        start = self._start
         return (start.stature, start.girth) if np.isfinite(start.stature) else None
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
@@ -115,7 +113,7 @@ class Tracker(Closing):
         """
         frame = self._images.frame(depth, self._frames, time_s)
         self._frames += 1
-        return self._named(self._tracker.track(frame))
+        return self._named(self._tracker.track(frame)[0].estimate)
 
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, sooner where there are workers.
@@ -127,9 +125,9 @@ class Tracker(Closing):
             self._keep_up()
             yield from map(self.track, frames)
             return
-        for estimate, _ in follow(self._tracker, frames):
+        for tracked in self._tracker.follow(frames):
             self._frames += 1
-            yield self._named(estimate)
+            yield self._named(tracked[0].estimate)
 
     def save(self, estimates: Iterable[Estimate], folder: str | Path) -> Path:
         """Write estimates as the folder of a run, for `gepf.load`, `gepf report` and `gepf export`.
@@ -139,9 +137,9 @@ class Tracker(Closing):
         given = list(estimates)
         if not given:
             raise InputError("there is nothing to save; give the estimates that `track` returned")
-        start = self._tracker.start
+        start = self._start
         track = assemble(
-            start.model, given, held=start.held, up=floor_up(self._tracker.state.checkpoint.scene)
+            start.model, given, held=start.held, up=floor_up(self._tracker.states[0].checkpoint.scene)
         )
         save_run(Path(folder), track, TrackedBody(start.model, start.held), self._settings)
         return Path(folder)
@@ -155,11 +153,14 @@ class Tracker(Closing):
         if self._frames == 0:
             self._settings = keep_up(self._settings)
             self._tracker = self._made(self._settings)
-            prepare()
             self._tracker.prepare()
 
+    @property
+    def _start(self) -> DetectedStart:
+        return self._tracker.states[0].start
+
     def _named(self, estimate: PlainEstimate) -> Estimate:
-        start = self._tracker.start
+        start = self._start
         return named(estimate, start.model, start.held)
 
 

@@ -16,7 +16,9 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import positions
 from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import UNKNOWN
-from coordinator.tracking.single import SingleTracker as Tracker
+from coordinator.tracking.segmenter import Segmenter
+from coordinator.tracking.stopwatch import Stopwatch
+from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]
@@ -49,11 +51,13 @@ def gather(
     if cut is not None:
         row = row_between(truth, names, cut, frames[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
-    tracker = Tracker(DirectRefiner(), settings, bodies)
+    segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies)
     rows: list[tuple[float, Array, Array, NDArray[np.bool_], str]] = []
     for frame in frames[::every]:
-        tracked = tracker.collect(tracker.submit(frame))
-        estimate, sighted = tracker.report(tracked).estimate, tracked.sighted
+        segmented = segmenter.segment(frame, [tracker.expected])
+        (subject,) = segmented.candidates[:1] or segmented.subjects
+        updated = tracker.update(tracker.submit(frame, subject, segmented.view.planes, Stopwatch()))
+        estimate, sighted = tracker.report(updated).estimate, updated.sighted
         if estimate.status in UNKNOWN or sighted is None or not np.isfinite(truth[frame.number]).all():
             continue
         mine = positions(tracker.model.joint_names, names)

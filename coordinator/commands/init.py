@@ -30,13 +30,13 @@ from coordinator.pictures.run import opengl_fault
 from coordinator.sources import open_source
 from coordinator.sources.camera import parse_camera_options
 from coordinator.sources.source import select_frames
-from coordinator.tracking.observing.isolation import Isolation, PosedBody
+from coordinator.tracking.gating import Gate, gate_pose
 from coordinator.tracking.observing.sensor_noise import assume_noise, measure_noise
+from coordinator.tracking.placing import FACING_DEG, ROUNDS, YAWS_DEG, place
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.search.verdict import Verdict, weigh
-from coordinator.tracking.starting.placing import FACING_DEG, ROUNDS, YAWS_DEG, place
-from coordinator.tracking.starting.start import given_start
-from coordinator.tracking.starting.start_file import read_start, require_known
+from coordinator.tracking.segmenter import PosedBody, Segmenter
+from coordinator.tracking.start import given_start
+from coordinator.tracking.start_file import read_start, require_known
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Fitted:
 
     pose: Array
     residual: float
-    verdict: Verdict
+    gate: Gate
 
 
 def run_init(options: InitOptions, show: Show, connect: Connect) -> None:
@@ -73,8 +73,8 @@ def run_init(options: InitOptions, show: Show, connect: Connect) -> None:
     for line in describe(start.model, before, after):
         show.say(line)
     show.say(f"the start is in {options.out}, drawn in {picture}; track with --init {options.out}")
-    if not after.verdict.stands:
-        show.warn(f"{after.verdict.why}: look at {picture}, and give other values with --set")
+    if not after.gate.passes:
+        show.warn(f"{after.gate.why}: look at {picture}, and give other values with --set")
 
 
 def read_values(init: Path | None, settings: Sequence[str], bodies: Bodies) -> dict[str, float]:
@@ -102,16 +102,18 @@ def settle(
     """Values with the base placed, if it was not given; how they fit the frame, and how after a descent."""
     settings = choose_settings("gepf", PRESET, None, None, 0)
     rules = assume_noise(settings.refine, measure_noise(frame))
-    isolation, placed = Isolation(settings.points), dict(values)
+    placed = dict(values)
     if not any(name in values for name in ROOT_DOFS[:3]):
-        subject = require_seen(isolation.cut(frame, None).subject, frame)
+        found = Segmenter(settings.points).segment(frame, [None]).candidates
+        subject = require_seen(found[0] if found else None, frame)
         refiner.publish(subject)
         full = bodies.full(*(bodies.measures or (1.75, 1.0)))
         yaws_deg = FACING_DEG if bodies.people else YAWS_DEG
         placed |= place(full, values, subject, refiner, rules, yaws_deg)
     start = given_start(placed, bodies)
     body = PosedBody(start.model, start.pose)
-    refiner.publish(require_seen(Isolation(settings.points).cut(frame, body).subject, frame))
+    segmented = Segmenter(settings.points).segment(frame, [body])
+    refiner.publish(require_seen(segmented.subjects[0], frame))
     before = descend(start.model, start.pose, refiner, rules, 0)
     return placed, before, descend(start.model, start.pose, refiner, rules, ROUNDS if refine else 0)
 
@@ -131,7 +133,7 @@ def descend(model: BodyModel, pose: Array, refiner: Refiner, rules: RefineSettin
     asked = msgspec.structs.replace(rules, icp_iterations=rounds)
     refined = refiner.submit(model, pose[None], asked).result()
     residual = float(refined.residual[0])
-    return Fitted(refined.poses[0], residual, weigh(float(refined.log_likelihood[0]), residual, rules))
+    return Fitted(refined.poses[0], residual, gate_pose(float(refined.log_likelihood[0]), residual, rules))
 
 
 def encode(values: Mapping[str, float]) -> bytes:
@@ -145,7 +147,7 @@ def draw(frame: DepthFrame, model: BodyModel, fitted: Mapping[str, Fitted], path
     try:
         pictures: list[Image.Image] = []
         for title, each in fitted.items():
-            status = "tracked" if each.verdict.stands else "lost"
+            status = "tracked" if each.gate.passes else "lost"
             shown = Shown(each.pose, each.pose[None][:0], np.empty(0), status)
             pictures.append(painter.paint(frame, shown, title))
     finally:

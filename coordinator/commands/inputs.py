@@ -26,7 +26,7 @@ from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.source import select_frames
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.pace import keep_up
-from coordinator.tracking.starting.start_file import read_start
+from coordinator.tracking.start_file import read_start
 
 LOOKED_AT = 24  # frames before the first of several people is tracked, for furniture
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"

@@ -14,7 +14,7 @@ from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import RECORDED, UNKNOWN, Estimate
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import explain_doubt, explain_leaps, find_leaps, judge
-from coordinator.tracking.step import Tracked
+from coordinator.tracking.step import Updated
 
 Array = NDArray[np.float64]
 
@@ -27,10 +27,10 @@ class Reported:
     state: TrackerState
 
 
-def report(tracked: Tracked) -> Reported:
+def report(tracked: Updated) -> Reported:
     """What was found in a frame that was collected, when the one before it had been reported."""
     with tracked.clock.stage("report"):
-        watch, model = tracked.state.checkpoint.watch, tracked.state.start.model
+        management, model = tracked.state.checkpoint.management, tracked.state.start.model
         names = model.joint_names
         belief = tracked.belief
         reported = tracked.state.start.pose if belief is None else belief.reported
@@ -39,7 +39,7 @@ def report(tracked: Tracked) -> Reported:
         joints = joint_positions(model, np.concatenate([reported[None], shown]))
         certainty, verdict = assess(tracked, reported, shown, weights)
         leaps = leaps_of(tracked, joints[0])
-        status = tracked.status or judge(watch, weights, joints[1:], joints[0], certainty)
+        status = tracked.status or judge(management, weights, joints[1:], joints[0], certainty)
         if status == "tracked" and leaps.any():
             status = "ambiguous"
     estimate = Estimate(
@@ -52,7 +52,7 @@ def report(tracked: Tracked) -> Reported:
         hypothesis_weight=weights / weights.sum() if len(weights) else weights,
         residual=np.nan if belief is None else float(belief.residual[0]),
         particles_answered=tracked.answered,
-        why=watch.reason or explain_doubt(names, certainty) or explain_leaps(names, leaps),
+        why=management.reason or explain_doubt(names, certainty) or explain_leaps(names, leaps),
         stage_seconds=tracked.clock.seconds,
         certainty=unknown_certainty(len(model.joint_names)) if status in UNKNOWN else certainty,
     )
@@ -60,7 +60,7 @@ def report(tracked: Tracked) -> Reported:
     return Reported(estimate, replace(tracked.state, checkpoint=checkpoint))
 
 
-def leaps_of(tracked: Tracked, joints: Array) -> NDArray[np.bool_]:
+def leaps_of(tracked: Updated, joints: Array) -> NDArray[np.bool_]:
     """Which joints (J, 3) of a frame's report are not where they may have gone since the one before."""
     if tracked.sighted is None or tracked.sighted.first:
         return np.zeros(len(joints), dtype=np.bool_)
@@ -69,7 +69,7 @@ def leaps_of(tracked: Tracked, joints: Array) -> NDArray[np.bool_]:
 
 
 def assess(
-    tracked: Tracked, pose: Array, hypotheses: Array, weights: Array
+    tracked: Updated, pose: Array, hypotheses: Array, weights: Array
 ) -> tuple[Certainty, Array | None]:
     """How sure each joint of a reported pose is, by what the frame shows and by what was known before.
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from coordinator.filters.belief import Belief
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.size import SizeEstimate
-from coordinator.tracking.starting.start import Start
+from coordinator.tracking.start import Start
+from coordinator.tracking.track_management import TrackManagement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,11 +20,11 @@ class Checkpoint:
     """What changes with every frame, as it is recorded to resume from. A new field here is recorded, too."""
 
     belief: dict[str, NDArray[np.float64]]  # by field; none until the body is found
-    around: NDArray[np.float64] | None  # pose (D,) near which the next frame shows the subject
+    expected: NDArray[np.float64] | None  # pose (D,) near which the next frame shows the subject
     time_s: float | None  # of the last frame that showed something
     generator: str  # the random generator's state as JSON, whose integers have any size
     scene: SceneChange  # what the frame changed in what is known of the scene; of a resumed run, all of it
-    watch: Watch = field(default_factory=Watch)
+    management: TrackManagement = field(default_factory=TrackManagement)
     verdict: NDArray[np.float64] | None = None  # (J, 2) about each joint, see certainty/assessment.py
     size: SizeEstimate | None = None  # of the person; None where it is not sought
 
@@ -39,11 +39,11 @@ class TrackerState:
 
 def take_checkpoint(
     belief: Belief | None,
-    around: NDArray[np.float64] | None,
+    expected: NDArray[np.float64] | None,
     time_s: float | None,
     rng: np.random.Generator,
     scene: SceneChange,
-    watch: Watch,
+    management: TrackManagement,
     verdict: NDArray[np.float64] | None,
     size: SizeEstimate | None,
 ) -> Checkpoint:
@@ -51,7 +51,7 @@ def take_checkpoint(
     names = [] if belief is None else [field.name for field in fields(belief)]
     arrays = {name: getattr(belief, name) for name in names}
     generator = json.dumps(rng.bit_generator.state)
-    return Checkpoint(arrays, around, time_s, generator, scene, watch, verdict, size)
+    return Checkpoint(arrays, expected, time_s, generator, scene, management, verdict, size)
 
 
 def load_generator(state: str) -> np.random.Generator:

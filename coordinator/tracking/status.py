@@ -9,7 +9,7 @@ from common.compiling import numba
 from common.kinematics.chain import contiguous
 from coordinator.tracking.certainty.certainty import OFF, PROBABLE, SUSPECTED, Certainty
 from coordinator.tracking.estimate import Status
-from coordinator.tracking.search.watch import Watch
+from coordinator.tracking.track_management import TrackManagement
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,9 @@ FASTEST = 12.0  # metres a second, of a joint beside the body's own way: who thr
 RIVAL = 0.5  # weight of a hypothesis, relative to the likeliest, from which on it is a rival
 
 
-def judge(watch: Watch, weights: Array, joints: Array, reported: Array, certainty: Certainty) -> Status:
+def judge(
+    management: TrackManagement, weights: Array, joints: Array, reported: Array, certainty: Certainty
+) -> Status:
     """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), likeliest first.
 
     `reported` (J, 3) are the joints that are reported, which need not be the likeliest's.
@@ -28,18 +30,23 @@ def judge(watch: Watch, weights: Array, joints: Array, reported: Array, certaint
     joints are probably off. `ambiguous`: some joint may be, or a hypothesis about as likely has it elsewhere,
     or front and back look alike.
     """
-    if watch.seeks:
+    if management.seeks:
         return "searching"
-    if watch.unexplained or np.mean(certainty.off_probability > PROBABLE) > MOST:
+    if management.unexplained or np.mean(certainty.off_probability > PROBABLE) > MOST:
         return "lost"
-    if watch.alike or np.any(certainty.off_probability > SUSPECTED):
+    if management.ambiguous_facing or np.any(certainty.off_probability > SUSPECTED):
         return "ambiguous"
     return "ambiguous" if has_rival(weights, joints, reported) else "tracked"
 
 
-def is_settled(watch: Watch, weights: Array, joints: Array) -> bool:
+def is_settled(management: TrackManagement, weights: Array, joints: Array) -> bool:
     """Whether hypotheses explain what is seen, and agree; before anything is said of single joints."""
-    return not (watch.seeks or watch.unexplained or watch.alike or has_rival(weights, joints, joints[0]))
+    return not (
+        management.seeks
+        or management.unexplained
+        or management.ambiguous_facing
+        or has_rival(weights, joints, joints[0])
+    )
 
 
 def has_rival(weights: Array, joints: Array, reported: Array) -> bool:

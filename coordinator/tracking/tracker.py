@@ -8,23 +8,31 @@ is reported and the next one is segmented.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from common.frame import DepthFrame
+import numpy as np
+from numpy.typing import NDArray
+
+from common.frame import DepthFrame, SubjectFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
+from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
+from coordinator.tracking import segmenter
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.known import Known
-from coordinator.tracking.observing.isolation import Isolation
-from coordinator.tracking.observing.isolation import prepare as prepare_isolation
+from coordinator.tracking.look_ahead import Lookahead
 from coordinator.tracking.observing.known_motion import KnownMotion
-from coordinator.tracking.people.crowd import Crowd
-from coordinator.tracking.people.pipeline import follow_all
-from coordinator.tracking.pipeline import follow as follow_one
+from coordinator.tracking.observing.sighting import some_points
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.single import SingleTracker
+from coordinator.tracking.segmenter import Segmented, Segmenter
 from coordinator.tracking.state import TrackerState
+from coordinator.tracking.step import Updated
+from coordinator.tracking.stopwatch import Stopwatch
+from coordinator.tracking.target import TargetTracker
+
+Array = NDArray[np.float64]
+
+STEP_M = 1.0  # that a body may go between two frames
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +50,7 @@ class Tracker:
         refiner: Refines particles, in this process or on workers.
         settings: What to compute, for each person.
         bodies: The bodies that may be tracked.
-        people: How many at the most; the first is the one that was found first.
+        people: How many at the most; the first is the one that was detected first.
         scope: Which part of the scene counts, and who is meant.
         start: Values of degrees of freedom in the first frame, metres and radians; None to detect the body.
         motion: Joint motion as encoders report it.
@@ -61,38 +69,35 @@ class Tracker:
         motion: KnownMotion | None = None,
         states: Sequence[TrackerState] | None = None,
     ) -> None:
-        self.people = people
-        self._single: SingleTracker | None = None
-        self._crowd: Crowd | None = None
-        if people == 1:
-            known = Known(start, states[0] if states else None, motion)
-            isolation = Isolation(settings.points, scope)
-            self._single = SingleTracker(refiner, settings, bodies, known, isolation)
-        else:
-            self._crowd = Crowd(refiner, settings, bodies, people, scope, states)
+        past: Sequence[TrackerState | None] = states or [None] * people
+        self._segmenter = Segmenter(settings.points, scope)
+        if states:
+            self._segmenter.recall(states[0].checkpoint.scene)
+        self._targets = tuple(
+            TargetTracker(refiner, settings, bodies, start=start, motion=motion, state=state)
+            for state in past
+        )
+        self._ahead: tuple[DepthFrame, Segmented, list[Stopwatch]] | None = None  # segmented before its turn
+
+    @property
+    def people(self) -> int:
+        """How many are tracked at the most."""
+        return len(self._targets)
 
     @property
     def states(self) -> list[TrackerState]:
         """All that the next frame goes on from, one a person."""
-        if self._single is not None:
-            return [self._single.state]
-        assert self._crowd is not None
-        return [each.state for each in self._crowd.followers]
+        return [target.state for target in self._targets]
 
     def prepare(self) -> None:
         """Load and make what the first frames need, so that no frame waits for it."""
-        prepare_isolation()
-        if self._single is not None:
-            self._single.prepare()
+        segmenter.prepare()
+        self._targets[0].prepare()
 
     def track(self, frame: DepthFrame) -> list[Tracked]:
-        """Track the next frame, one after the other."""
-        if self._single is not None:
-            estimates = [self._single.track(frame)]
-        else:
-            assert self._crowd is not None
-            estimates = self._crowd.track(frame)
-        return [Tracked(*each) for each in zip(estimates, self.states, strict=True)]
+        """Track the next frame."""
+        (tracked,) = self.follow([frame], look_ahead=False)
+        return tracked
 
     def follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Tracked]]:
         """Track frames; what is known of a frame is given out while the workers refine the next one.
@@ -100,12 +105,89 @@ class Tracker:
         The results are those of `track`. They are given out also where the next frame fails. Without
         `look_ahead`, for live input, a frame is given out before the next one is asked for.
         """
-        if not look_ahead:
-            yield from map(self.track, frames)
-        elif self._single is not None:
-            for estimate, state in follow_one(self._single, frames):
-                yield [Tracked(estimate, state)]
-        else:
-            assert self._crowd is not None
-            for results in follow_all(self._crowd, frames):
-                yield [Tracked(*each) for each in results]
+        upcoming, pending = Lookahead(frames), list[Updated]()
+        try:
+            for frame in upcoming:
+                segmented, clocks = self._segment(frame)
+                subjects, updated = self._assign(segmented), list[Updated]()
+                for n, target in enumerate(self._targets):
+                    submitted = target.submit(frame, subjects[n], segmented.view.planes, clocks[n])
+                    if pending:
+                        tracked, pending = self._report(pending), []
+                        yield tracked
+                    if n + 1 < self.people:
+                        self._targets[n + 1].send_ahead(subjects[n + 1], clocks[n + 1])
+                    elif look_ahead:
+                        self._segment_ahead(upcoming.peek())
+                    updated.append(target.update(submitted))
+                pending = updated
+                if not look_ahead:
+                    tracked, pending = self._report(pending), []
+                    yield tracked
+        except (Exception, KeyboardInterrupt):
+            if pending:
+                yield self._report(pending)
+            raise
+        if pending:
+            yield self._report(pending)
+
+    def _segment(self, frame: DepthFrame) -> tuple[Segmented, list[Stopwatch]]:
+        """What a frame shows of each body, and who else is there; now, or as it was done ahead."""
+        if self._ahead is None or self._ahead[0] is not frame:
+            self._segment_now(frame)
+        assert self._ahead is not None
+        (_, segmented, clocks), self._ahead = self._ahead, None
+        for n, target in enumerate(self._targets):
+            target.scene = segmented.change if n == 0 else replace(segmented.change, learned=NOTHING)
+        return segmented, clocks
+
+    def _segment_now(self, frame: DepthFrame) -> None:
+        clocks = [Stopwatch() for _ in self._targets]
+        with clocks[0].stage("segment"):
+            segmented = self._segmenter.segment(frame, [target.expected for target in self._targets])
+        self._ahead = frame, segmented, clocks
+
+    def _segment_ahead(self, frame: DepthFrame | None) -> None:
+        """Segment the frame that comes next, and let the workers have its first person before its turn."""
+        if frame is not None:
+            self._segment_now(frame)
+            assert self._ahead is not None
+            _, segmented, clocks = self._ahead
+            self._targets[0].send_ahead(segmented.subjects[0], clocks[0])
+
+    def _assign(self, segmented: Segmented) -> list[SubjectFrame | None]:
+        """What each person is tracked on: a candidate, where the person is not detected yet or lost."""
+        subjects, free = list(segmented.subjects), list(segmented.candidates)
+        for n, target in enumerate(self._targets):
+            if not target.start.found:
+                if free:
+                    subjects[n] = free[target.management.failures % len(free)]
+                break  # those after it wait until it is detected
+            if target.expected is None:
+                subjects[n] = min(free, key=lambda each: distance(each, target.last_seen), default=None)
+                free = [each for each in free if each is not subjects[n]]
+            elif target.misses(segmented.pixels(n)):
+                subjects[n] = self._find_elsewhere(n, segmented)
+        return subjects
+
+    def _find_elsewhere(self, place: int, segmented: Segmented) -> SubjectFrame | None:
+        """The subject of a body that may have left, or the person who shows more and may be it."""
+        target, pixels = self._targets[place], segmented.pixels(place)
+        others = [each.expected for n, each in enumerate(self._targets) if n != place]
+        found = self._segmenter.find_candidates(segmented, [each for each in others if each is not None])
+        for each in found[:1]:
+            near = distance(each, target.last_seen) < STEP_M
+            if each.pixels > pixels and (near or pixels < target.least_pixels):
+                target.nothing_seen()
+                return each
+        return segmented.subjects[place]
+
+    def _report(self, updated: Sequence[Updated]) -> list[Tracked]:
+        """Assess and report a frame of which all people were updated."""
+        reported = [target.report(each) for target, each in zip(self._targets, updated, strict=True)]
+        return [Tracked(each.estimate, each.state) for each in reported]
+
+
+def distance(subject: SubjectFrame, place: Array) -> float:
+    """Metres from the middle of what is seen of a person to a place (3,)."""
+    return float(np.linalg.norm(np.median(some_points(subject), axis=0) - place))

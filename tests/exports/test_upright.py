@@ -20,8 +20,8 @@ from coordinator.exports.recorded import read_run
 from coordinator.results.log import floor_up
 from coordinator.scene.scene import Scene
 from coordinator.scene.scope import Scope, up_in_picture
-from coordinator.tracking.observing.isolation import Isolation
-from coordinator.tracking.search.search import WAYS_UP, ways_from
+from coordinator.tracking.detector import upright_ways
+from coordinator.tracking.segmenter import Segmenter
 from coordinator.viewing import layout
 from tests.support.bodies import person, puppet, random_body
 from tests.support.export_readers import bvh_joints, c3d_points, world_matrices
@@ -194,13 +194,13 @@ def test_level_axes_are_a_rotation_with_down_along_gravity(camera: str) -> None:
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
     """Half a degree off at the most, with a person, noise and 30 degrees of pitch."""
     room = Room(pitch=PITCH, noise=0.0015)
-    change = Isolation(1000).cut(room.see((0.0, 2.4)).frame, None).change
+    change = Segmenter(1000).segment(room.see((0.0, 2.4)).frame, [None]).change
     up = floor_up(change)
     assert up is not None
     assert up @ (room.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.5))
     frame = room.see(None).frame
     nothing = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
-    assert floor_up(Isolation(1000).cut(nothing, None).change) is None
+    assert floor_up(Segmenter(1000).segment(nothing, [None]).change) is None
 
 
 def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
@@ -215,4 +215,6 @@ def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
     up = Scope(up=up_in_picture(0.5 * np.pi)).up
     view = Scene(up=up).see(side)
     assert view.floor_height == pytest.approx(HEIGHT, abs=0.02)
-    assert ways_from(view.planes, WAYS_UP)[0] % (2 * np.pi) == pytest.approx(0.5 * np.pi, abs=0.02)
+    assert upright_ways(view.planes, (0.0, 0.5 * np.pi))[0] % (2 * np.pi) == pytest.approx(
+        0.5 * np.pi, abs=0.02
+    )

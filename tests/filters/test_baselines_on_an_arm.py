@@ -18,9 +18,8 @@ from coordinator.commands.job import choose_settings
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.estimate import RECORDED
-from coordinator.tracking.known import Known
-from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
 FRAMES = 6
@@ -41,7 +40,7 @@ def test_an_arm_is_followed(method: str, particles: int) -> None:
     """From the truth on, four angles stay within 8 degrees on average, and few hypotheses are recorded."""
     settings = choose_settings(method, "default", particles, 1000, 0)
     start = pose_by_name(human(), arm().poses[0])
-    tracker = Tracker(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), Known(start))
+    tracker = OnePerson(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), start)
     estimates = [tracker.track(frame) for frame in shown()]
     columns = [human().dof_names.index(name) for name in tracker.model.dof_names]
     poses: NDArray[np.float64] = np.array([estimate.pose for estimate in estimates])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
@@ -17,13 +18,14 @@ from coordinator.commands.job import choose_settings
 from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_log, read_records
+from coordinator.scene.room.planes import NONE
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.known import Known
-from coordinator.tracking.pipeline import follow
-from coordinator.tracking.single import SingleTracker as Tracker
-from coordinator.tracking.starting.start import Start
+from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.state import Checkpoint, TrackerState
+from coordinator.tracking.stopwatch import Stopwatch
+from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 from tests.support.people import STANDING, as_bytes, empty, shown
 from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 from tests.support.rooms import in_a_room
@@ -55,24 +57,24 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     settings = choose_settings(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
-    whole = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
-    said = [as_bytes(estimate) for estimate, _ in follow(whole, frames)]
+    whole = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
+    said = [as_bytes(estimate) for estimate, _ in whole.follow(frames)]
 
-    following = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
+    following = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
     for number, frame in enumerate(frames):
         estimate = following.track(frame)
         assert as_bytes(estimate) == said[number]
         state = through_a_file(following.state, estimate, tmp_path / "log")
-        following = Tracker(DirectRefiner(), settings, bodies(), Known(state=state))
+        following = OnePerson(DirectRefiner(), settings, bodies(), state=state)
 
 
 def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
     """What is known of the scene is folded from the log: resumed after every frame, a run says the same."""
     settings = choose_settings("gepf", "default", 4, 400, seed=5)
     frames = [in_a_room(frame) for frame in shown("standing").frames]
-    calm = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
-    said = [as_bytes(estimate) for estimate, _ in follow(calm, frames)]
-    following = Tracker(DirectRefiner(), settings, bodies(), Known(STANDING))
+    calm = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
+    said = [as_bytes(estimate) for estimate, _ in calm.follow(frames)]
+    following = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
     with (tmp_path / "log").open("ab") as file:
         for number, frame in enumerate(frames):
             estimate = following.track(frame)
@@ -83,24 +85,21 @@ def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
             append_records(file.fileno(), [Began(state.start), entry])
             recorded = read_log(tmp_path / "log")
             assert recorded is not None
-            following = Tracker(DirectRefiner(), settings, bodies(), Known(state=recorded.state))
+            following = OnePerson(DirectRefiner(), settings, bodies(), state=recorded.state)
 
 
-def test_all_that_a_tracker_changes_is_in_its_state() -> None:
+def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
     """Attributes that tracking changes are those that are recorded; a new one fails here."""
-    following = Tracker(DirectRefiner(), preset("default"), bodies(), Known(STANDING))
-    before = dict(vars(following))
-    generator = json.dumps(following._rng.bit_generator.state)
-    following.track(shown("standing").frames[0])
-    changed = {name for name, value in vars(following).items() if value is not before.get(name)}
-    changed.remove("_distance")  # of the frame at hand, before anything is done with it
-    assert changed == {"_start", "_belief", "_around", "_time_s", "_verdict", "_scene", "_watch"}
-    assert generator != following.state.checkpoint.generator
-    assert set(TrackerState.__slots__) == {"start", "checkpoint"}
-    assert set(Checkpoint.__slots__) == {
-        "belief", "around", "time_s", "generator", "scene", "watch", "verdict", "size",
-    }  # fmt: skip
-    assert isinstance(following.state.start, Start)
+    target = TargetTracker(DirectRefiner(), preset("default"), bodies(), start=STANDING)
+    before, state = dict(vars(target)), target.state
+    frame = shown("standing").frames[0]
+    subject = isolate(frame, None, 1000)
+    target.report(target.update(target.submit(frame, subject, NONE, Stopwatch())))
+    changed = {name.lstrip("_") for name, value in vars(target).items() if value is not before[name]}
+    recorded = {field.name for field in fields(Checkpoint)} | {"start"}
+    assert changed - {"distance"} <= recorded  # of the present frame, before anything is done with it
+    assert target.state.checkpoint.generator != state.checkpoint.generator
+    assert {field.name for field in fields(TrackerState)} == {"start", "checkpoint"}
 
 
 OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3")

@@ -22,7 +22,7 @@ from coordinator.commands.scope import choose_scope, complete_scope
 from coordinator.commands.track_options import SceneOptions
 from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
-from coordinator.tracking.observing.isolation import Isolation, PosedBody
+from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import STANDING, shown
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, Room, in_a_room
 
@@ -180,7 +180,7 @@ def test_a_chair_in_the_empty_room_is_none_of_the_body() -> None:
     seen = type(frame)(0, 0.0, furnished, 1000.0, camera)
     counts = []
     for scope in (None, Scope(background=empty)):
-        subject = Isolation(2000, scope).cut(seen, PosedBody(model, pose)).subject
+        subject = Segmenter(2000, scope).segment(seen, [PosedBody(model, pose)]).subjects[0]
         assert subject is not None
         counts.append(np.count_nonzero(subject.frame.depth))
     assert counts[0] > counts[1] + 0.3 * box.sum()

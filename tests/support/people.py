@@ -19,9 +19,8 @@ from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.known import Known
-from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 
 Array = NDArray[np.float64]
 
@@ -84,9 +83,9 @@ def known() -> Bodies:
     return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
 
 
-def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> Tracker:
+def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> OnePerson:
     """A tracker of the known person, from a given start."""
-    return Tracker(DirectRefiner(), settings, known(), Known(start))
+    return OnePerson(DirectRefiner(), settings, known(), start)
 
 
 def as_bytes(estimate: Estimate) -> list[bytes]:

@@ -17,9 +17,8 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.sources.utd_mhad import KINECT
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.known import Known
-from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 from tests.support.recordings import (
     Depth,
 )
@@ -61,5 +60,5 @@ def poses_of(frames: Iterable[DepthFrame]) -> Array:
     settings = preset("default")
     one = msgspec.structs.replace(settings.filter, particles=1)
     settings = msgspec.structs.replace(settings, method="gradient", points=1500, filter=one)
-    tracker = Tracker(DirectRefiner(), settings, bodies(), Known(START))
+    tracker = OnePerson(DirectRefiner(), settings, bodies(), START)
     return np.array([tracker.track(frame).pose for frame in frames])

@@ -10,8 +10,8 @@ from coordinator.bodies.choice import USUAL, choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
 
 DOWN = 0.7  # radians by which the neck is bent in the end
@@ -28,7 +28,7 @@ def test_a_head_goes_down_with_the_neck(turned: float) -> None:
     frames = [frame_of(n, picture) for n, picture in enumerate(pictures)]
     truth = joint_positions(model, poses)[-1, model.joint_names.index("head")]
 
-    following, stiff = Tracker(DirectRefiner(), SETTINGS, choose_bodies(None, "default")), stiff_tracker()
+    following, stiff = OnePerson(DirectRefiner(), SETTINGS, choose_bodies(None, "default")), stiff_tracker()
     bent, straight = [[one.track(frame) for frame in frames][-1] for one in (following, stiff)]
     head = following.model.joint_names.index("head")
     assert np.linalg.norm(bent.joint_positions[head] - truth) < 0.04
@@ -36,7 +36,7 @@ def test_a_head_goes_down_with_the_neck(turned: float) -> None:
     assert np.linalg.norm(straight.joint_positions[head] - truth) > 0.05
 
 
-def stiff_tracker() -> Tracker:
+def stiff_tracker() -> OnePerson:
     """A tracker of bodies without a neck that bends."""
     names = tuple(name for name in USUAL["default"] if name != "vc7_tilt")
-    return Tracker(DirectRefiner(), SETTINGS, choose_bodies(names, "default"))
+    return OnePerson(DirectRefiner(), SETTINGS, choose_bodies(names, "default"))

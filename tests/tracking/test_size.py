@@ -17,9 +17,9 @@ from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose, scaled
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
-from coordinator.tracking.single import SingleTracker as Tracker
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 from tests.support.people import CAMERA, SETTINGS, SITTING, STANDING, frame_of, shown
 
 STATURE = 1.7
@@ -112,7 +112,7 @@ def test_the_median_of_the_first_frames_becomes_the_stature_and_stays() -> None:
 def test_a_tracked_person_gets_the_right_stature_and_keeps_the_pose() -> None:
     """Measured while tracking; a settled stature does not change from frame to frame."""
     still = shown("standing").frames[0]
-    tracker, statures = Tracker(DirectRefiner(), SETTINGS, BODIES), []
+    tracker, statures = OnePerson(DirectRefiner(), SETTINGS, BODIES), []
     for n in range(20):
         estimate = tracker.track(replace(still, number=n, time_s=0.1 * n))
         statures.append(tracker.start.stature)
@@ -124,7 +124,7 @@ def test_a_tracked_person_gets_the_right_stature_and_keeps_the_pose() -> None:
 def test_a_stature_that_is_not_wanted_is_not_measured() -> None:
     """A run without measuring keeps the body that was detected."""
     still, settings = shown("standing").frames[0], msgspec.structs.replace(SETTINGS, measure_person=False)
-    tracker = Tracker(DirectRefiner(), settings, BODIES)
+    tracker = OnePerson(DirectRefiner(), settings, BODIES)
     for n in range(4):
         tracker.track(replace(still, number=n, time_s=0.1 * n))
     assert tracker.state.checkpoint.size is None

@@ -18,7 +18,7 @@ from common.errors import InputError
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Refined
-from common.settings import RefineSettings, Settings
+from common.settings import Settings
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
@@ -26,18 +26,15 @@ from coordinator.filters.methods import settings_for
 from coordinator.scene.scope import Scope
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
-from coordinator.tracking.known import Known
-from coordinator.tracking.observing.isolation import Isolation
 from coordinator.tracking.observing.subject import CLEARANCE, isolate
-from coordinator.tracking.pipeline import follow
 from coordinator.tracking.refiner import Pending
-from coordinator.tracking.search.verdict import weigh
-from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.single import SingleTracker as Tracker
+from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.status import explain_leaps, find_leaps, judge
+from coordinator.tracking.track_management import TrackManagement
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
+from tests.support.one_person import OnePerson
 from tests.support.people import (
     CAMERA,
     SETTINGS,
@@ -71,7 +68,7 @@ def apart(estimate: Estimate, joints: Array) -> Array:
 def test_it_starts_by_itself_and_follows(posture: str, stature: float) -> None:
     """Told nothing, it finds stature within 5 %, the pelvis within 5 cm, and all joints in every frame."""
     frames, joints = shown(posture, stature)
-    fresh = Tracker(DirectRefiner(), SETTINGS, people())
+    fresh = OnePerson(DirectRefiner(), SETTINGS, people())
     for frame, truth in zip(frames, joints, strict=True):
         estimate = fresh.track(frame)
         assert estimate.status == "tracked"
@@ -84,7 +81,7 @@ def test_it_starts_by_itself_and_follows(posture: str, stature: float) -> None:
 def test_a_room_around_the_person_changes_little() -> None:
     """With a floor and a wall in every frame it starts by itself and follows as it does without them."""
     frames, joints = shown("standing", 1.82)
-    fresh = Tracker(DirectRefiner(), SETTINGS, people())
+    fresh = OnePerson(DirectRefiner(), SETTINGS, people())
     for frame, truth in zip(frames, joints, strict=True):
         estimate = fresh.track(in_a_room(frame))
         assert estimate.status == "tracked"
@@ -125,9 +122,8 @@ def test_a_given_background_stays_known() -> None:
     empty_room[60:200, 40:80] = 2.5
     seen = empty_room.copy()
     seen[50:220, 140:190] = 2.4
-    isolation = Isolation(2000, Scope(background=empty_room))
-    Tracker(DirectRefiner(), SETTINGS, people(), isolation=isolation)
-    assert isolation.cut(frame_of(0, seen), None).subject is None
+    segmenter = Segmenter(2000, Scope(background=empty_room))
+    assert segmenter.segment(frame_of(0, seen), [None]).candidates == ()
 
 
 def test_the_way_from_the_initial_guess_is_no_motion() -> None:
@@ -164,7 +160,7 @@ def test_an_estimate_is_whole() -> None:
         estimate.joint_positions, joint_positions(followed.model, estimate.pose[None])[0]
     )
     assert 0.0 < estimate.residual < 0.03
-    assert {"isolate", "publish", "draw", "refine", "merge"} <= estimate.stage_seconds.keys()
+    assert {"segment", "publish", "draw", "refine", "merge"} <= estimate.stage_seconds.keys()
 
 
 def test_the_same_seed_gives_the_same_estimates() -> None:
@@ -225,7 +221,7 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
     frames, refiner = list(shown("standing").frames), Watched()
     frames[2] = empty(2)  # nothing to be busy with: the frame before comes all the same
     states: list[TrackerState] = []
-    for estimate, state in follow(Tracker(refiner, FOLLOWING, known(), Known(STANDING)), frames):
+    for estimate, state in OnePerson(refiner, FOLLOWING, known(), STANDING).follow(frames):
         refiner.events.append(f"told {estimate.frame}")
         states.append(state)
     assert refiner.events == [
@@ -266,16 +262,16 @@ def test_who_merges_by_covariance_asks_for_it(
     refine = msgspec.structs.replace(settings.refine, noise_depth=noise)
     settings = msgspec.structs.replace(settings, refine=refine, measure_person=False, recover=False)
     refiner = Listening()
-    Tracker(refiner, settings, known(), Known(STANDING)).track(shown("standing").frames[0])
+    OnePerson(refiner, settings, known(), STANDING).track(shown("standing").frames[0])
     assert refiner.asked == {asked}
 
 
 def test_what_was_tracked_is_told_before_a_failure() -> None:
     """A frame that cannot be refined does not take the one before with it."""
     told: list[int] = []
-    failing = Tracker(Watched(fails_at=2), SETTINGS, known(), Known(STANDING))
+    failing = OnePerson(Watched(fails_at=2), SETTINGS, known(), STANDING)
     with pytest.raises(RuntimeError, match="gone"):
-        note(told, follow(failing, shown("standing").frames))
+        note(told, failing.follow(shown("standing").frames))
     assert told == [0, 1]
 
 
@@ -288,7 +284,7 @@ def test_what_was_tracked_is_told_before_a_frame_that_cannot_be_read() -> None:
 
     told: list[int] = []
     with pytest.raises(InputError, match="torn"):
-        note(told, follow(tracker(), torn()))
+        note(told, tracker().follow(torn()))
     assert told == [0, 1]
 
 
@@ -296,7 +292,7 @@ def test_a_recorder_that_fails_raises_where_it_was_called() -> None:
     """A full disk ends the loop over the estimates, and passes through neither tracker nor refiner."""
 
     def record() -> None:
-        for _ in follow(tracker(), shown("standing").frames):
+        for _ in tracker().follow(shown("standing").frames):
             raise OSError(ENOSPC, "no space left on device")
 
     with pytest.raises(OSError, match="no space") as caught:
@@ -344,7 +340,7 @@ def test_somebody_elsewhere_is_not_followed(settings: Settings, status: Status) 
 def test_nobody_is_there_until_somebody_comes() -> None:
     """Frames before are absent, without a pose; then the body is found, in whichever frame that is."""
     frames, joints = shown("standing")
-    fresh = Tracker(DirectRefiner(), SETTINGS, people())
+    fresh = OnePerson(DirectRefiner(), SETTINGS, people())
     before = [fresh.track(empty(n)) for n in range(3)]
     assert [e.status for e in before] == ["absent"] * 3
     assert not fresh.start.found
@@ -356,31 +352,31 @@ def test_nobody_is_there_until_somebody_comes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("watch", "weights", "away", "word"),
+    ("management", "weights", "away", "word"),
     [
-        (Watch(), [1.0], [0.0], "tracked"),
-        (Watch(), [0.9, 0.1], [0.0, 0.3], "tracked"),  # elsewhere, but no rival
-        (Watch(), [0.5, 0.1, 0.4], [0.0, 0.3, 0.3], "ambiguous"),
-        (Watch(unexplained=1), [0.6, 0.4], [0.0, 0.3], "lost"),
-        (Watch(seeks=True, unexplained=3), [1.0], [0.0], "searching"),
+        (TrackManagement(), [1.0], [0.0], "tracked"),
+        (TrackManagement(), [0.9, 0.1], [0.0, 0.3], "tracked"),  # elsewhere, but no rival
+        (TrackManagement(), [0.5, 0.1, 0.4], [0.0, 0.3, 0.3], "ambiguous"),
+        (TrackManagement(unexplained=1), [0.6, 0.4], [0.0, 0.3], "lost"),
+        (TrackManagement(seeks=True, unexplained=3), [1.0], [0.0], "searching"),
     ],
 )
 def test_one_word_says_how_sure_it_is(
-    watch: Watch, weights: list[float], away: list[float], word: str
+    management: TrackManagement, weights: list[float], away: list[float], word: str
 ) -> None:
     """Searching: it may be anywhere. Lost: its pose explains nothing. Ambiguous: a rival is elsewhere."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
     sure = Certainty(np.ones(2), np.zeros(2), np.zeros(2))
-    assert judge(watch, np.array(weights), joints, joints[0], sure) == word
+    assert judge(management, np.array(weights), joints, joints[0], sure) == word
 
 
 def test_a_report_that_is_not_the_likeliest_is_not_tracked() -> None:
     """The motion speaks for the pose that is reported, the frame for one that has a joint elsewhere."""
     joints, sure = np.zeros((2, 2, 3)), Certainty(np.ones(2), np.zeros(2), np.zeros(2))
     joints[1, 1, 0] = 0.3
-    assert judge(Watch(), np.array([0.9, 0.1]), joints, joints[0], sure) == "tracked"
-    assert judge(Watch(), np.array([0.9, 0.1]), joints, joints[1], sure) == "ambiguous"
+    assert judge(TrackManagement(), np.array([0.9, 0.1]), joints, joints[0], sure) == "tracked"
+    assert judge(TrackManagement(), np.array([0.9, 0.1]), joints, joints[1], sure) == "ambiguous"
 
 
 def test_a_joint_that_went_faster_than_people_is_named() -> None:
@@ -438,10 +434,3 @@ def test_what_is_farther_than_80_cm_is_not_the_subject() -> None:
         subject = isolate(frame_of(0, depth), surface, 10**6)
         assert subject is not None
         assert (len(subject.picked) == len(surface) + 1) is kept
-
-
-def test_the_depths_own_noise_is_no_loss() -> None:
-    """A residual that the assumed noise explains can be believed; without that noise it cannot."""
-    noisy = RefineSettings(noise_depth=0.15, noise_lateral=0.15)
-    assert weigh(-1.0, 0.12, noisy).stands
-    assert not weigh(-1.0, 0.12, RefineSettings()).stands

@@ -18,7 +18,7 @@ from coordinator.results.configuration import PATH
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
-from coordinator.tracking.observing.isolation import Isolation, PosedBody
+from coordinator.tracking.segmenter import PosedBody, Segmenter
 from coordinator.viewing import SMALLEST, correspond, ellipsoids
 from tests.support.runs import write_run
 
@@ -93,7 +93,7 @@ def test_correspondences_of_the_true_pose_are_short() -> None:
     with DepthRenderer(scene.camera) as renderer:
         metres = renderer.depth(surface, model.triangles)
     frame = DepthFrame(0, 0.0, (metres * 1000.0).astype(np.uint16), 1000.0, scene.camera)
-    found = correspond(Isolation(500), frame, PosedBody(model, pose))
+    found = correspond(Segmenter(500), frame, PosedBody(model, pose))
     assert found is not None
     assert len(found.observed) == 500
     assert found.residual == pytest.approx(np.linalg.norm(found.observed - found.nearest, axis=1))

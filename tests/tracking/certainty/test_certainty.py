@@ -23,8 +23,8 @@ from coordinator.tracking.certainty.evidence import CLUES, Sighted, weigh_eviden
 from coordinator.tracking.certainty.regions import regions_of
 from coordinator.tracking.certainty.unexplained import NEAR, find_left_over
 from coordinator.tracking.observing.subject import isolate
-from coordinator.tracking.search.watch import Watch
 from coordinator.tracking.status import explain_doubt, judge
+from coordinator.tracking.track_management import TrackManagement
 from tests.support.people import CAMERA, STANDING, frame_of
 
 Array = NDArray[np.float64]
@@ -215,7 +215,7 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
 def test_status_follows_from_the_joints(off: list[float], word: str, why: str) -> None:
     """One joint in doubt makes a frame ambiguous, most of them lost; it says which, the likeliest first."""
     certainty = Certainty(np.ones(3), np.array(off), np.full(3, 0.05))
-    assert judge(Watch(), np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3)), certainty) == word
+    assert judge(TrackManagement(), np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3)), certainty) == word
     assert explain_doubt(("head", "left_knee", "left_hip"), certainty) == why
 
 

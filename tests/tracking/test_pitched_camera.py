@@ -11,8 +11,8 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 from tests.support.people import CAMERA, RAISING, SETTINGS, STANDING, Shown, frame_of, known
 from tests.support.rooms import along
 
@@ -28,7 +28,7 @@ FRAMES = 3
 def test_a_camera_that_looks_down(roll_deg: float) -> None:
     """The person is found in the first frame, and followed; nothing is taken for upright that is not."""
     frames, joints = looked_down_on(np.radians(roll_deg))
-    tracker = Tracker(DirectRefiner(), SETTINGS, known())
+    tracker = OnePerson(DirectRefiner(), SETTINGS, known())
     for frame, truth in zip(frames, joints, strict=True):
         estimate = tracker.track(frame)
         assert estimate.status == "tracked"

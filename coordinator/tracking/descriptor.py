@@ -1,4 +1,4 @@
-"""A body's shape as a camera sees it: a coarse depth image about its middle, seen from far away.
+"""A body's descriptor: a coarse depth image about its centre, as seen from far away.
 
 The image is orthographic, with cells so large that a few hundred points fill them, so it can be had of a
 model's vertices and of observed points alike, at any distance. Depth counts from the middle, too.
@@ -18,12 +18,12 @@ Image = NDArray[np.float32]
 
 ROWS, COLUMNS = 40, 36
 EMPTY = np.float32(1e3)  # depth of a cell in which there is nothing
-CELL = 0.06  # metres, of a person of reference stature
-BOUND = 25.0 / 6.0  # cells: a difference of depth beyond it is as bad as nothing at all
+PERSON_CELL_M = 0.06  # of a person of reference stature
+BOUND_CELLS = 4.0  # a difference of depth beyond it is as bad as an empty cell
 
 
 @numba.njit(cache=True, nogil=True)
-def sign(points: Any, cell: float, image: Image, middle: Array) -> int:
+def describe(points: Any, cell: float, image: Image, middle: Array) -> int:
     """Fill image (ROWS, COLUMNS) with the nearest depth of points (P, 3) in each cell, and middle (3,).
 
     The middle is the mean of the cells' centres that see something and of their depth; depth in the image is
@@ -81,9 +81,9 @@ def centre(cell: float, image: Image, middle: Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def compare(cells: Image, occupied: Array, image: Image, bound: float, out: Array) -> None:
-    """Fill out (N,) with how much signatures differ from an image: the sum of min(|dz|, bound)^2.
+    """Fill out (N,) with how much descriptors differ from an image: the sum of min(|dz|, bound)^2.
 
-    cells: The signatures (ROWS * COLUMNS, N), cell by cell; occupied: how many of each are not empty.
+    cells: The descriptors (ROWS * COLUMNS, N), cell by cell; occupied: how many of each are not empty.
     """
     worst, depths = bound * bound, image.ravel()
     for n in range(len(out)):

@@ -1,7 +1,8 @@
-"""Several people at once: each keeps what is his, nobody is found twice, and who walks by disturbs nobody."""
+"""Several people at once: each keeps the own pixels and identity, and none is detected twice."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import msgspec
@@ -17,27 +18,24 @@ from coordinator.scene.cutting import cut_out
 from coordinator.scene.nearness import surround
 from coordinator.scene.scene import Scene
 from coordinator.scene.sharing import share
-from coordinator.tracking.observing.company import has_company
-from coordinator.tracking.people.crowd import Crowd
-from coordinator.tracking.people.pipeline import follow_all
-from coordinator.tracking.search.verdict import UNEXPLAINED, Verdict
-from coordinator.tracking.search.watch import Watch
+from coordinator.tracking.state import TrackerState
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.pairs import pair
 from tests.support.people import SETTINGS, as_bytes
-from tests.support.rooms import CABINET, Room
+from tests.support.rooms import Room
 
 BODIES = Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
 STOOD = ((-0.4, 2.6), (0.05, 2.6))
 
 
-def crowd(people: int) -> Crowd:
-    """For so many people."""
-    return Crowd(DirectRefiner(), FEW, BODIES, people)
+def tracker(people: int, states: Sequence[TrackerState] | None = None) -> Tracker:
+    """A tracker of so many people."""
+    return Tracker(DirectRefiner(), FEW, BODIES, people=people, states=states)
 
 
-def test_who_touches_another_keeps_the_own_pixels() -> None:
+def test_people_who_touch_keep_their_own_pixels() -> None:
     """Two who stand 5 cm apart: nearly all pixels of each are cut out, and next to none of the other's."""
     room = Room(noise=0.001)
     seen = [room.see(place) for place in STOOD]
@@ -55,7 +53,7 @@ def test_who_touches_another_keeps_the_own_pixels() -> None:
         assert np.sum(mine & masks[1 - place]) / mine.sum() < 0.01
 
 
-def test_who_is_far_from_all_others_is_cut_out_as_if_alone() -> None:
+def test_a_person_far_from_all_others_is_cut_out_as_if_alone() -> None:
     """Nothing is shared, so nothing is taken away."""
     room = Room()
     view = Scene().see(room.see(STOOD[0]).frame)
@@ -63,67 +61,51 @@ def test_who_is_far_from_all_others_is_cut_out_as_if_alone() -> None:
     assert share(view, surfaces, [surround(each) for each in surfaces]) == [None, None]
 
 
-def test_both_are_found_and_followed() -> None:
+def test_two_people_are_detected_and_tracked() -> None:
     """Either within 4 cm of the truth in every frame, the first one the same all the time."""
     first, second = pair()
     last = None
-    for number, results in enumerate(follow_all(crowd(2), first.frames)):
-        joints = [estimate.joint_positions for estimate, _ in results]
+    for number, results in enumerate(tracker(2).follow(first.frames)):
+        joints = [each.estimate.joint_positions for each in results]
         if joints[0][:, 0].mean() > joints[1][:, 0].mean():
             joints.reverse()
         for found, shown in zip(joints, (first, second), strict=True):
             assert np.linalg.norm(found - shown.joints[number], axis=-1).mean() < 0.04
-        order = results[0][0].joint_positions[:, 0].mean() < 0.0
+        order = results[0].estimate.joint_positions[:, 0].mean() < 0.0
         assert last in (None, order)
         last = order
-        assert {estimate.status for estimate, _ in results} <= {"tracked", "ambiguous"}
+        assert {each.estimate.status for each in results} <= {"tracked", "ambiguous"}
 
 
-def test_a_third_person_whom_nobody_sees_is_absent() -> None:
-    """Two are there: nobody is found twice."""
-    first, _ = pair()
-    following = crowd(3)
-    for results in follow_all(following, first.frames[:3]):
-        assert results[2][0].status in ("absent", "searching")
-    assert [each.start.found for each in following.followers] == [True, True, False]
+def test_a_third_person_who_is_not_there_is_absent() -> None:
+    """Two are there: none is detected twice."""
+    for results in tracker(3).follow(pair()[0].frames[:3]):
+        assert results[2].estimate.status in ("absent", "searching")
+        assert [each.state.start.found for each in results] == [True, True, False]
 
 
-def test_an_empty_room_has_nobody() -> None:
-    """Nobody is found in it, and nothing fails."""
+def test_an_empty_room_has_no_people() -> None:
+    """None are detected in it, and nothing fails."""
     empty = [replace(frame, depth=np.full_like(frame.depth, 3000)) for frame in pair()[0].frames[:2]]
-    for results in follow_all(crowd(2), empty):
-        assert [estimate.status for estimate, _ in results] == ["absent", "absent"]
+    for results in tracker(2).follow(empty):
+        assert [each.estimate.status for each in results] == ["absent", "absent"]
 
 
 @pytest.mark.parametrize("stop", [1, 3])
-def test_people_go_on_bit_for_bit(stop: int) -> None:
-    """A crowd from the states of another says what that would have said, and so does `track`."""
+def test_people_are_resumed_bit_for_bit(stop: int) -> None:
+    """A tracker from the states of another gives what that would have given, and so does `track`."""
     first, _ = pair()
-    states, said = [], []
-    for results in follow_all(crowd(2), first.frames[:5]):
-        said.append([as_bytes(estimate) for estimate, _ in results])
-        states.append([state for _, state in results])
+    states, given = [], []
+    for results in tracker(2).follow(first.frames[:5]):
+        given.append([as_bytes(each.estimate) for each in results])
+        states.append([each.state for each in results])
     folded = Scene()
     for each in states[:stop]:
         folded.recall(each[0].checkpoint.scene)
     past = [
         replace(state, checkpoint=replace(state.checkpoint, scene=folded.all())) for state in states[stop - 1]
     ]
-    going_on = Crowd(DirectRefiner(), FEW, BODIES, 2, states=past)
+    resumed = tracker(2, past)
     for number in range(stop, 5):
-        assert [as_bytes(each) for each in going_on.track(first.frames[number])] == said[number]
-
-
-def test_somebody_else_is_told() -> None:
-    """Who stands beside a body is noticed, a cabinet is not; what is unexplained from then on says so."""
-    room = Room((CABINET,), noise=0.001)
-    seen = [room.see(place).frame.metres() for place in STOOD]
-    together = np.rint(1000.0 * np.minimum(*seen)).astype(np.uint16)
-    frame = room.see(STOOD[0]).frame
-    surface = room.surface(STOOD[0])
-    assert not has_company(Scene().see(frame), surface)
-    assert has_company(Scene().see(replace(frame, depth=together)), surface)
-    bad = Verdict(2.0, UNEXPLAINED)
-    assert Watch().followed(bad, anew=False).why == UNEXPLAINED
-    told = Watch().accompanied().followed(Verdict(0.5), anew=False).followed(bad, anew=False)
-    assert "--people 2" in told.why
+        found = [as_bytes(each.estimate) for each in resumed.track(first.frames[number])]
+        assert found == given[number]

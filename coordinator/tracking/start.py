@@ -13,7 +13,6 @@ from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.tracking.observing.sensor_noise import SensorNoise
-from coordinator.tracking.search.search import Found
 
 Array = NDArray[np.float64]
 
@@ -59,11 +58,13 @@ def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
     return Start(model, pose, stature, girth, values=dict(values))
 
 
-def found_start(found: Found, bodies: Bodies, noise: SensorNoise) -> Start:
-    """The start at the likeliest pose that was found."""
-    values = pose_by_name(found.model, found.poses[0])
-    model, pose = bodies.tracked(*found.size, values)
-    return Start(model, pose, *found.size, values, noise, way_up=way_up(model, pose))
+def detected_start(
+    searched: BodyModel, pose: Array, size: tuple[float, float], bodies: Bodies, noise: SensorNoise
+) -> Start:
+    """The start at a pose (D,) of the body that was searched for, of this stature and girth."""
+    values = pose_by_name(searched, pose)
+    model, tracked = bodies.tracked(*size, values)
+    return Start(model, tracked, *size, values, noise, way_up=way_up(model, tracked))
 
 
 def way_up(model: BodyModel, pose: Array) -> float:
@@ -74,12 +75,3 @@ def way_up(model: BodyModel, pose: Array) -> float:
     across, down, _ = joints[model.joint_names.index("head")] - joints[model.joint_names.index("pelvis")]
     quarters = round(float(-np.arctan2(across, -down)) / QUARTER) % 4
     return quarters * QUARTER
-
-
-def poses_of(found: Found, start: Start) -> Array:
-    """Poses (M, D) that were found, of the body that is tracked: what does not move stays where it is."""
-    poses = np.tile(start.pose, (len(found.poses), 1))
-    for j, name in enumerate(start.model.dof_names):
-        if name in found.model.dof_names:
-            poses[:, j] = found.poses[:, found.model.dof(name)]
-    return poses

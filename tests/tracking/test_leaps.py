@@ -10,18 +10,18 @@ from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources import open_source
-from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 from tests.support.people import SETTINGS
 
-WALKER = Path(__file__).parents[4] / "shared" / "data" / "real_rooms" / "ist_um"
+WALKER = Path(__file__).parents[3] / "shared" / "data" / "real_rooms" / "ist_um"
 FARTHER = {9: 3.0, 10: 3.3}  # metres, by frame: the walker was nearer two frames before
 
 
 @pytest.mark.skipif(not WALKER.is_dir(), reason="the class room is not beside the checkout")
 def test_who_is_farther_by_half_a_metre_is_not_lost() -> None:
     """At four frames a second nothing of the walker is where it was; it is found where it is."""
-    tracker = Tracker(DirectRefiner(), SETTINGS, Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE))
+    tracker = OnePerson(DirectRefiner(), SETTINGS, Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE))
     source = open_source(WALKER)
     estimates = {number: tracker.track(source.frame(number)) for number in range(max(FARTHER) + 1)}
     pelvis = tracker.model.joint_names.index("pelvis")

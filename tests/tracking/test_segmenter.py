@@ -1,4 +1,4 @@
-"""The subject is cut out of frame after frame."""
+"""The segmenter: the subject is cut out of frame after frame, or found among people."""
 
 from __future__ import annotations
 
@@ -12,43 +12,40 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.scene.limits import Limits
 from coordinator.scene.scope import Scope
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.observing.isolation import Isolation, PosedBody, prepare
+from coordinator.tracking.segmenter import PosedBody, Segmenter, prepare
 from tests.support.people import CAMERA, STANDING, frame_of
 from tests.support.rooms import TABLE, Room, along
 
 PERSON = (-0.4, 2.6)
 
 
-def test_somebody_is_found_whose_body_is_not_known() -> None:
+def test_a_person_is_found_whose_body_is_not_known() -> None:
     """In a room it is the best candidate, with what hides it; the points are the subject's."""
     room = Room((TABLE,), noise=0.001)
     frame, truth = room.see(PERSON)
-    isolated = Isolation(300).cut(frame, None)
-    subject = isolated.subject
-    assert subject is not None
+    segmented = Segmenter(300).segment(frame, [None])
+    (subject,) = segmented.candidates
     assert subject.kinds is not None
     assert len(subject.picked) == 300
     assert np.all(subject.kinds.ravel()[subject.picked] == SUBJECT)
     assert np.any(subject.kinds == HIDDEN)
     assert np.sum(subject.kinds == SUBJECT) / truth.sum() > 0.9
-    assert isolated.change.furnished
+    assert segmented.change.furnished
 
 
-def test_nobody_is_no_subject() -> None:
-    """A room without anybody, and a frame in which nothing counts, have none."""
-    assert Isolation(300).cut(Room(noise=0.001).see(None).frame, None).subject is None
+def test_a_room_without_people_has_no_candidates() -> None:
+    """An empty room, and a frame in which nothing counts, have none."""
+    assert Segmenter(300).segment(Room(noise=0.001).see(None).frame, [None]).candidates == ()
     near = Scope(limits=Limits(far=0.5))
-    assert Isolation(300, near).cut(Room().see(PERSON).frame, None).subject is None
+    assert Segmenter(300, near).segment(Room().see(PERSON).frame, [None]).candidates == ()
 
 
 def test_preparing_leaves_nothing_behind() -> None:
     """What is loaded ahead does not change what is found."""
     frame = Room(noise=0.001).see(PERSON).frame
-    before = Isolation(300).cut(frame, None).subject
+    (before,) = Segmenter(300).segment(frame, [None]).candidates
     prepare()
-    after = Isolation(300).cut(frame, None).subject
-    assert before is not None
-    assert after is not None
+    (after,) = Segmenter(300).segment(frame, [None]).candidates
     np.testing.assert_array_equal(after.frame.depth, before.frame.depth)
     np.testing.assert_array_equal(after.picked, before.picked)
 
@@ -67,7 +64,8 @@ def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str
     holes = v > rows[0] + 0.3 * len(rows) if measured == "head alone" else (3 * u + 5 * v) % 8 > 0
     poor = np.where((person > 0.0) & holes, 0.0, whole)
     frames = [poor] * 8 if measured == "head alone" else [*[whole] * 5, poor, *[whole] * 3]
-    isolation, body = Isolation(1_500), PosedBody(model, pose)
-    subjects = [isolation.cut(frame_of(n, depth), body).subject for n, depth in enumerate(frames)]
+    segmenter, body = Segmenter(1_500), PosedBody(model, pose)
+    segmented = [segmenter.segment(frame_of(n, depth), [body]) for n, depth in enumerate(frames)]
+    subjects = [each.subjects[0] for each in segmented]
     assert subjects[-1] is not None
     assert subjects[-1].pixels > 0.95 * np.count_nonzero((person > 0.0) & (frames[-1] > 0.0))

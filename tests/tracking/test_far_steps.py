@@ -11,11 +11,8 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.known import Known
-from coordinator.tracking.search.verdict import Verdict
-from coordinator.tracking.search.watch import Watch
-from coordinator.tracking.single import SingleTracker as Tracker
 from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
 from tests.support.people import CAMERA, SETTINGS, STANDING, Shown, frame_of, known
 from tests.support.rooms import along
 
@@ -42,17 +39,8 @@ def stepping(posture: str) -> Shown:
 def test_who_steps_far_is_found_in_that_frame(posture: str) -> None:
     """Found there at once, though some of it is left near where the body was; and in the frame after it."""
     frames, joints = stepping(posture)
-    followed = Tracker(DirectRefiner(), SETTINGS, known(), Known(STARTS[posture]))
+    followed = OnePerson(DirectRefiner(), SETTINGS, known(), STARTS[posture])
     for frame, truth in zip(frames, joints, strict=True):
         estimate = followed.track(frame)
         assert estimate.status in ("tracked", "ambiguous")
         assert np.linalg.norm(estimate.joint_positions - truth, axis=-1).mean() < 0.05
-
-
-def test_next_to_nothing_is_less_than_a_third_of_what_was_seen() -> None:
-    """What is seen of a body that nothing explains does not count; at first there is a fixed number."""
-    seen = Watch().shown(10_000)
-    assert Watch().fewest(4_000) < 200.0
-    assert 3_000.0 < seen.fewest(4_000) < 4_000.0
-    assert seen.saw_nobody().shown(500) == seen.saw_nobody()
-    assert seen.followed(Verdict(2.0), anew=False).shown(500).seen == 10_000

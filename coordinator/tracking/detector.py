@@ -1,0 +1,366 @@
+"""Detects a body in a frame, in any pose and turned in any way.
+
+Poses of a library that look like what is observed are refined in stages: all of them a little on few points,
+the best that differ on all points, and the best of these on bodies of other sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, BodyModel
+from common.camera import back_project
+from common.compiling import numba
+from common.frame import SubjectFrame
+from common.kinematics import joint_positions, natural_angles
+from common.settings import RefineSettings, Settings, preset
+from coordinator.bodies.human.measures import REFERENCE_STATURE
+from coordinator.bodies.tracked import Bodies, pose_by_name
+from coordinator.scene.room.planes import Planes
+from coordinator.tracking.gating import (
+    MISPLACED_FACTOR,
+    NO_PERSON_FACTOR,
+    Gate,
+    gate_pose,
+    is_misplaced,
+    is_no_person,
+)
+from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
+from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.start import Start, detected_start, way_up
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+STATURES_M = (1.5, 1.62, 1.74, 1.86, 1.98)
+STATURE_STEPS = (0.94, 0.97, 1.0, 1.03, 1.06)  # about the best of these
+GIRTHS = (0.9, 1.05, 1.2)
+USUAL_GIRTH = GIRTHS[1]
+FIRST_ITERATIONS, FIRST_POINTS = 3, 1_000  # of the first stage
+MATCHED_POINTS = 4_000  # at most, which are compared with the library
+DISTINCT_M = 0.05  # in the mean joint: what is nearer is the same candidate
+ELSEWHERE_M = 0.2  # of a joint, between poses that are told apart
+EQUAL_LOG_LIKELIHOOD = 1.0  # difference up to which candidates explain a frame as well as each other
+FACING_LOG_LIKELIHOOD = 2.0  # by which a person facing one way explains it better than facing the other
+LEAST_LEVEL = 0.3  # cosine of the camera's pitch below which an image has no upright
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How many candidates each stage keeps, and the ICP iterations after the first."""
+
+    candidates: int
+    turned: int  # of every way up but the first
+    survivors: int
+    iterations: int
+    finalists: int
+
+
+FULL = Effort(200, 40, 24, 12, 4)  # for a body of which nothing is known
+KNOWN_SIZE = Effort(50, 5, 8, 6, 3)  # for a body that was tracked before
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Refined candidates (N), the likeliest first, on bodies of several sizes."""
+
+    poses: Array  # (N, D)
+    sizes: Indices  # (N,) places in a list of sizes
+    log_likelihood: Array  # (N,)
+    residual: Array  # (N,) metres
+    joints: Array  # (N, J, 3) camera frame, metres
+
+    def take(self, some: Indices) -> Candidates:
+        """Only these, in this order."""
+        return Candidates(
+            self.poses[some],
+            self.sizes[some],
+            self.log_likelihood[some],
+            self.residual[some],
+            self.joints[some],
+        )
+
+    def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
+        """The likeliest that differ, and the likeliest that faces the other way, if none of them does."""
+        kept = keep_distinct(self.joints, count)
+        turned = faces_away(names, self.joints, self.joints[0])
+        if not turned[kept].any():
+            kept = np.sort(np.append(kept, np.flatnonzero(turned)[:1]))
+        return self.take(kept)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detection:
+    """Where a body was detected: refined candidates of the tracked body, and whether to believe them."""
+
+    start: Start
+    candidates: Candidates
+    gate: Gate
+
+    def is_elsewhere(self, joints: Array) -> bool:
+        """Whether it is another posture or place than that of joints (J, 3), and not the same one refined."""
+        return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > ELSEWHERE_M)
+
+    def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
+        """Whether a candidate that faces away from joints (J, 3) explains the frame about as well."""
+        turned = faces_away(names, self.candidates.joints, joints)
+        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - FACING_LOG_LIKELIHOOD))
+
+
+class Detector:
+    """Detects the tracked body: of any size at first, of its own where it may be elsewhere.
+
+    Args:
+        bodies: The bodies that may be there.
+        refiner: Refines candidates.
+        settings: The tracker's: what it assumes of the camera's noise, and which way up the camera is.
+    """
+
+    def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:
+        self._bodies = bodies
+        self._refiner = refiner
+        self._refine = msgspec.structs.replace(
+            preset("default").refine,
+            noise_depth=settings.refine.noise_depth,
+            noise_lateral=settings.refine.noise_lateral,
+        )
+        degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
+        self._ways_up = tuple(float(np.radians(each)) for each in degrees)
+        self._usual = bodies.measures or (REFERENCE_STATURE, USUAL_GIRTH)
+
+    @cached_property
+    def _library(self) -> PoseLibrary:
+        return library_of(self._bodies.for_start(*self._usual), person=self._bodies.people)
+
+    def prepare(self) -> None:
+        """Make the library and the bodies that candidates are tried on."""
+        _ = self._library
+        for girth in GIRTHS if self._bodies.measures is None else ():
+            self._bodies.full(REFERENCE_STATURE, girth)
+            self._bodies.for_start(REFERENCE_STATURE, girth)
+
+    def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Detection:
+        """A body of which nothing is known, in a frame of this noise and room."""
+        settings = assume_noise(self._refine, noise)
+        size, found = self._search(
+            subject, settings, FULL, self._bodies.measures, upright_ways(planes, self._ways_up)
+        )
+        model = self._bodies.for_start(*size)
+        start = detected_start(model, found.poses[0], size, self._bodies, noise)
+        candidates = self._refine_tracked(start, found.poses, settings)
+        gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
+        if self._bodies.people:
+            gate = gate.against(is_no_person(observed_points(subject), size[0]), NO_PERSON_FACTOR)
+            if planes.has_floor:
+                joints, names = candidates.joints[0], start.model.joint_names
+                trunk = joints[names.index("head")] - joints[names.index("pelvis")]
+                misplaced = is_misplaced(float(trunk @ planes.up), float(planes.above(joints).min()))
+                gate = gate.against(misplaced, MISPLACED_FACTOR)
+        return Detection(start, candidates, gate.against(describe_rivals(candidates), 1.0))
+
+    def redetect(
+        self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
+    ) -> Detection:
+        """The body that is known and was seen in pose `last` (D,), wherever it is now.
+
+        A person who is not lost and still the same way up as at the start is looked for that way up alone.
+        """
+        ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
+        if not lost and self._bodies.people and way_up(start.model, last) == start.way_up:
+            ways = ways[:1]
+        settings = msgspec.structs.replace(
+            self._refine, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
+        )
+        size = (start.stature, start.girth)
+        values = {**start.values, **pose_by_name(start.model, last)}
+        model = self._bodies.for_start(*size)
+        known = np.array([values.get(name, 0.0) for name in model.dof_names])
+        _, found = self._search(subject, settings, KNOWN_SIZE, size, ways, known)
+        candidates = self._refine_tracked(start, found.poses, rules)
+        gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
+        return Detection(start, candidates, gate)
+
+    def can_redetect(self, start: Start) -> bool:
+        """Whether the body may be elsewhere: its base is not held still."""
+        return set(ROOT_DOFS) <= set(start.model.dof_names)
+
+    def _search(
+        self,
+        subject: SubjectFrame,
+        settings: RefineSettings,
+        effort: Effort,
+        size: tuple[float, float] | None,
+        ways_up: Sequence[float],
+        last: Array | None = None,
+    ) -> tuple[tuple[float, float], Candidates]:
+        """The poses that explain a frame best, and the size of their body; of any size for None.
+
+        Most candidates are for the first of the ways up. Others are in the pose in which the body was seen
+        `last` (D,), moved and turned.
+        """
+        sizes = [size] if size else [(stature, USUAL_GIRTH) for stature in STATURES_M]
+        names = self._bodies.for_start(*sizes[0]).joint_names
+        poses, of = self._match(subject, sizes, effort, ways_up, last)
+        self._refiner.publish(thin(subject, FIRST_POINTS))
+        found = self._refine_candidates(sizes, poses, of, iterations(settings, FIRST_ITERATIONS))
+        found = found.distinct(names, effort.survivors)
+        self._refiner.publish(subject)
+        then = iterations(settings, effort.iterations)
+        found = self._refine_candidates(sizes, found.poses, found.sizes, then)
+        found = found.distinct(names, effort.finalists)
+        for vary in (vary_stature, vary_girth) if size is None else ():
+            tried = [vary(*sizes[place]) for place in found.sizes]
+            candidate = np.repeat(np.arange(len(tried)), [len(each) for each in tried])
+            sizes = list(dict.fromkeys(each for several in tried for each in several))
+            of = np.array([sizes.index(each) for several in tried for each in several])
+            found = self._refine_candidates(sizes, found.poses[candidate], of, then)
+            found = found.distinct(names, effort.finalists)
+        return sizes[found.sizes[0]], found
+
+    def _match(
+        self,
+        subject: SubjectFrame,
+        sizes: Sequence[tuple[float, float]],
+        effort: Effort,
+        ways_up: Sequence[float],
+        last: Array | None,
+    ) -> tuple[Array, Indices]:
+        """Candidates (N, D) from the library in all ways up and from the last pose, and their sizes (N,)."""
+        points = observed_points(subject)
+        few = points[:: -(-len(points) // MATCHED_POINTS)]
+        scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
+        counts = [effort.candidates, *(effort.turned for _ in ways_up[1:])]
+        matched = [
+            self._library.match(few, scales, way, count) for way, count in zip(ways_up, counts, strict=True)
+        ]
+        if last is not None:
+            poses = displaced(self._bodies.for_start(*sizes[0]), last, points)
+            matched.append((poses, np.zeros(len(poses), dtype=np.int64)))
+        return np.concatenate([poses for poses, _ in matched]), np.concatenate([of for _, of in matched])
+
+    def _refine_candidates(
+        self, sizes: Sequence[tuple[float, float]], poses: Array, of: Indices, settings: RefineSettings
+    ) -> Candidates:
+        """Poses (N, D) of bodies of sizes (N,) refined on the frame that was published last."""
+        models = [self._bodies.for_start(*size) for size in sizes]
+        parts = [
+            refine(self._refiner, models[size], poses[of == size], settings, size) for size in np.unique(of)
+        ]
+        return ordered(parts)
+
+    def _refine_tracked(self, start: Start, poses: Array, settings: RefineSettings) -> Candidates:
+        """Poses (N, D) of a detected body as the tracked body takes them; what does not move stays."""
+        searched, model = self._bodies.for_start(start.stature, start.girth), start.model
+        taken = np.tile(start.pose, (len(poses), 1))
+        for j, name in enumerate(model.dof_names):
+            if name in searched.dof_names:
+                taken[:, j] = poses[:, searched.dof(name)]
+        return ordered([refine(self._refiner, model, taken, settings, 0)])
+
+
+def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
+    """The turns of the image, radians, in which a body is looked for; upright by the room comes first."""
+    across, down, _ = planes.up
+    if len(ways_up) == 1 or np.hypot(across, down) < LEAST_LEVEL:
+        return ways_up
+    upright = float(np.arctan2(-across, -down))
+    return tuple(upright + way for way in ways_up)
+
+
+def refine(
+    refiner: Refiner, model: BodyModel, poses: Array, settings: RefineSettings, size: int
+) -> Candidates:
+    """Poses (N, D) of one body, refined, in the order given."""
+    refined = refiner.submit(model, poses, settings).result()
+    after = natural_angles(model, refined.poses)
+    sizes = np.full(len(poses), size, dtype=np.int64)
+    joints = joint_positions(model, after)
+    return Candidates(after, sizes, refined.log_likelihood, refined.residual, joints)
+
+
+def ordered(parts: Sequence[Candidates]) -> Candidates:
+    """All candidates that have a likelihood, the likeliest first."""
+    whole = Candidates(
+        np.concatenate([part.poses for part in parts]),
+        np.concatenate([part.sizes for part in parts]),
+        np.concatenate([part.log_likelihood for part in parts]),
+        np.concatenate([part.residual for part in parts]),
+        np.concatenate([part.joints for part in parts]),
+    )
+    order = np.argsort(-whole.log_likelihood, kind="stable")
+    return whole.take(order[np.isfinite(whole.log_likelihood[order])])
+
+
+def vary_stature(stature: float, girth: float) -> list[tuple[float, float]]:
+    """Sizes somewhat shorter and taller."""
+    return [(stature * step, girth) for step in STATURE_STEPS]
+
+
+def vary_girth(stature: float, girth: float) -> list[tuple[float, float]]:  # noqa: ARG001 as the other
+    """The same stature with every girth."""
+    return [(stature, each) for each in GIRTHS]
+
+
+def iterations(settings: RefineSettings, count: int) -> RefineSettings:
+    """Settings of so many iterations of ICP."""
+    return msgspec.structs.replace(settings, icp_iterations=count)
+
+
+def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
+    """The same frame with only so many of its points, evenly chosen."""
+    count = len(subject.picked)
+    chosen = np.arange(min(points, count)) * count // max(1, min(points, count))
+    return replace(subject, picked=subject.picked[chosen])
+
+
+def observed_points(subject: SubjectFrame) -> Array:
+    """The subject's points (P, 3) in the camera frame, metres."""
+    depth = subject.frame.metres()
+    points: Array = back_project(depth, subject.frame.intrinsics)[depth > 0]
+    return points
+
+
+def describe_rivals(candidates: Candidates) -> str:
+    """In words, whether other poses explain the frame as well as the first; empty where none does."""
+    close = candidates.log_likelihood > candidates.log_likelihood[0] - EQUAL_LOG_LIKELIHOOD
+    apart = np.linalg.norm(candidates.joints - candidates.joints[0], axis=-1).max(axis=-1)
+    count = int(np.sum(close & (apart > ELSEWHERE_M)))
+    return f"{count + 1} poses look alike; the likeliest was taken" if count else ""
+
+
+def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:
+    """Which of the bodies with joints (M, J, 3) face away from where a body (J, 3) faces."""
+    pairs = ("hip", "shoulder")
+    if not all(f"{side}_{pair}" in names for side in ("left", "right") for pair in pairs):
+        return np.zeros(len(joints), dtype=np.bool_)
+    left, right = ([names.index(f"{side}_{pair}") for pair in pairs] for side in ("left", "right"))
+    across = (joints[:, left] - joints[:, right]).sum(axis=1)  # (M, 3)
+    turned: NDArray[np.bool_] = across @ (body[left] - body[right]).sum(axis=0) < 0.0
+    return turned
+
+
+@numba.njit(cache=True, nogil=True)
+def keep_distinct(joints: Array, count: int) -> Indices:
+    """Which of (N, J, 3), so many at the most, differ from all before by DISTINCT_M in the mean joint."""
+    kept = np.empty(min(count, len(joints)), dtype=np.int64)
+    found = 0
+    for n in range(len(joints)):
+        differs = found < len(kept)
+        for k in range(found):
+            total = 0.0
+            for j in range(joints.shape[1]):
+                x, y = joints[kept[k], j, 0] - joints[n, j, 0], joints[kept[k], j, 1] - joints[n, j, 1]
+                z = joints[kept[k], j, 2] - joints[n, j, 2]
+                total += np.sqrt(x * x + y * y + z * z)
+            differs = differs and total > DISTINCT_M * joints.shape[1]
+        if differs:
+            kept[found] = n
+            found += 1
+    return kept[:found]

@@ -1,0 +1,97 @@
+"""Whether a pose explains a frame: the normalised residual, up to 1 where the pose is believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.settings import FAR_NOISIER, RefineSettings
+
+Array = NDArray[np.float64]
+
+RESIDUAL_M = 0.03  # mean distance of observed points that can be believed, beside the camera's noise
+MISFIT_M = 0.028  # root of the mean cost, which also counts model surface where nothing is measured
+LEAST_PIXELS = 150  # that can show a body
+SPAN_SHARES = (0.35, 1.6)  # of the stature, that a person spans in a frame: else the depth scale is wrong
+FLAT_SHARE = 0.85  # of the points in one plane: a board, a curtain
+PLANE_M = 0.03  # thickness of a plane
+HEAD_DOWN_M = -0.2  # height of the head above the pelvis
+FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
+NO_PERSON_FACTOR, MISPLACED_FACTOR = 2.0, 1.3  # of the residual, where something else speaks against a pose
+UNEXPLAINED = "the body does not explain what is seen"
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """The normalised residual of a pose: up to 1 it passes. `why` says what speaks most against it."""
+
+    residual: float
+    why: str = ""
+
+    @property
+    def passes(self) -> bool:
+        """Whether the pose can be believed."""
+        return self.residual <= 1.0
+
+    def against(self, why: str, factor: float) -> Self:
+        """The gate where something else speaks against the pose, in words (empty for nothing)."""
+        return type(self)(factor * self.residual, self.why or why) if why else self
+
+
+def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) -> Gate:
+    """The gate of a pose with this log likelihood and mean residual (metres), at the camera's noise."""
+    misfit = 0.0
+    if settings.noise_depth <= FAR_NOISIER * settings.noise_lateral:
+        cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
+        misfit = float(cost / np.hypot(MISFIT_M, settings.noise_lateral))
+    normalised = max(float(residual) / (RESIDUAL_M + settings.noise_depth), misfit)
+    if not normalised <= 1.0:
+        return Gate(normalised if normalised > 1.0 else np.inf, UNEXPLAINED)
+    return Gate(normalised)
+
+
+def is_no_person(points: Array, stature: float) -> str:
+    """Why observed points (P, 3) are no person of this stature, in words; empty where they may be one."""
+    low, high = np.percentile(points, [1.0, 99.0], axis=0)
+    span = float(np.max(high - low))
+    if not SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
+        size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
+        return f"what is seen is {size} from end to end, which is no person: is depth_scale right?"
+    flat = share_in_a_plane(points)
+    return (
+        f"{100 * flat:.0f} % of what is seen lies in one plane: a thing, no person"
+        if flat > FLAT_SHARE
+        else ""
+    )
+
+
+def share_in_a_plane(points: Array) -> float:
+    """The largest share of points (P, 3) that one plane holds, of planes through three points each."""
+    some = points[:: -(-len(points) // 1_000)]
+    best = 0.0
+    for corner in np.random.default_rng(0).integers(len(some), size=(40, 3)):
+        a, b, c = some[corner]
+        normal = np.cross(b - a, c - a)
+        length = np.linalg.norm(normal)
+        if length > 0.0:
+            best = max(best, float(np.mean(np.abs((some - a) @ normal) < PLANE_M * length)))
+    return best
+
+
+def is_misplaced(rises: float, lowest: float) -> str:
+    """Why a body cannot be where it is, in words; empty where it can.
+
+    Args:
+        rises: How far the head is above the pelvis, metres.
+        lowest: Height of the lowest joint above the floor, metres.
+    """
+    if rises < HEAD_DOWN_M:
+        return "the body is upside down: is the camera? say so with --rotate"
+    if lowest < FLOOR_M[0]:
+        return f"the body reaches {-100 * lowest:.0f} cm below the floor"
+    if lowest > FLOOR_M[1]:
+        return f"the body floats {100 * lowest:.0f} cm above the floor"
+    return ""

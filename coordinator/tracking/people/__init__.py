@@ -1,1 +1,0 @@
-"""Several people at once: one scene and one pool, a follower for each."""

@@ -1,0 +1,281 @@
+"""Poses in which a body may be detected, each with its descriptor.
+
+People's poses are drawn about modes: typical postures of arms, legs and trunk, in degrees, with the signs of
+`coordinator.bodies.human`, within the joints' limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROTATION, BodyModel
+from common.compiling import numba
+from common.kinematics import link_transforms, pose_vertices
+from common.kinematics.rotations import euler_angles, euler_matrix
+from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, PERSON_CELL_M, ROWS, compare, describe
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SEED = 20  # of the library, whatever the run's
+PERSON_POSES = 3_000
+OTHER_POSES = 6_000  # of any other body, which may be turned in any way
+DESCRIBED_VERTICES = 1_700  # of the surface, which are enough to fill the cells of a descriptor
+TUMBLED_SHARE = 0.1  # of people's poses are turned in any way
+ELEVATION_DEG = (-20.0, 50.0)  # from which a camera looks down
+LEAN_DEG = 8.0  # standard deviation of the trunk's roll
+SPREAD_DEG = 15.0  # standard deviation of every joint angle about its mode
+
+Angles = tuple[float, float, float, float]
+
+ARM = ("shoulder_flexion", "shoulder_abduct", "shoulder_twisting", "elbow_flexion")
+ARMS: tuple[Angles, ...] = (
+    (0, 8, 0, 10),  # hanging
+    (85, 5, 0, 10),  # points forward
+    (0, 85, 0, 10),  # stretched sideways
+    (165, 10, 0, 15),  # overhead
+    (-15, 45, 40, 80),  # hand on the hip
+    (10, 10, 0, 90),  # forearm forward
+    (40, 10, 60, 100),  # before the chest
+    (70, 30, 0, 130),  # hand at the face
+    (0, 90, -80, 85),  # hands up
+)
+
+LEG = ("hip_flexion", "hip_abduct", "hip_twisting", "knee_flexion")
+STRAIGHT: Angles = (0, 3, 0, 5)
+LEGS: tuple[tuple[Angles, Angles], ...] = (
+    (STRAIGHT, STRAIGHT),
+    ((0, 20, 0, 5), (0, 20, 0, 5)),  # wide
+    ((30, 3, 0, 15), (-15, 3, 0, 20)),  # a stride
+    ((80, 5, 0, 90), STRAIGHT),  # a knee lifted
+    ((70, 3, 0, 10), STRAIGHT),  # a kick
+    ((70, 5, 0, 75), (-15, 3, 0, 35)),  # a lunge
+    ((85, 10, 0, 90), (0, 5, 0, 95)),  # down on one knee
+    ((85, 8, 0, 85), (85, 8, 0, 85)),  # sits
+    ((110, 15, 0, 120), (110, 15, 0, 120)),  # squats
+    ((0, 5, 0, 100), (0, 5, 0, 100)),  # kneels
+    ((95, 8, 0, 140), (95, 8, 0, 140)),  # sits on the heels
+    ((90, 5, 0, 10), (90, 5, 0, 10)),  # sits with the legs stretched out
+)
+STANDING_LEGS = 5  # the first of these are for people who stand
+
+TILT = ("vl3_tilt",)
+TILTS = (0.0, 25.0, 55.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseLibrary:
+    """Poses (N, D) with the root at the origin, and their descriptors.
+
+    middles: Of each descriptor, relative to the root, metres. `cells` are laid out as `compare` wants them.
+    """
+
+    poses: Array  # (N, D)
+    middles: Array  # (N, 3)
+    cells: NDArray[np.float32]  # (ROWS * COLUMNS, N)
+    occupied: Array  # (N,)
+    cell_m: float
+
+    def match(
+        self, points: Array, scales: Sequence[float], roll: float, count: int
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """The poses that look most like observed points, put where these are.
+
+        Args:
+            points: Observed (P, 3), camera frame, metres.
+            scales: How many times as large as the library's the body may be.
+            roll: By how much the image is turned before it is compared, radians.
+            count: How many poses to give, each at its best scale.
+
+        Returns:
+            Poses (count, D) in the camera frame, the most alike first, and the place of each one's scale.
+        """
+        turn = look_straight(points.mean(axis=0), roll)
+        seen = np.ascontiguousarray(points @ turn.T)
+        difference, middles = np.empty((len(scales), len(self.poses))), np.empty((len(scales), 3))
+        image = np.empty((ROWS, COLUMNS), dtype=np.float32)
+        for k, scale in enumerate(scales):
+            cells = describe(seen / scale, self.cell_m, image, middles[k])
+            compare(self.cells, self.occupied, image, BOUND_CELLS * self.cell_m, difference[k])
+            difference[k] /= cells + self.occupied
+        scale_of = np.argmin(difference, axis=0)
+        best = difference[scale_of, np.arange(len(scale_of))]
+        chosen = np.argsort(best, kind="stable")[:count]
+        scale_of = scale_of[chosen]
+        places = (middles[scale_of] - self.middles[chosen]) * np.take(scales, scale_of)[:, None]
+        return turned_to(self.poses[chosen], places @ turn, turn.T), scale_of
+
+
+@lru_cache(maxsize=4)
+def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
+    """The poses in which a body is looked for; made once for all trackers of a process.
+
+    A person's degrees of freedom have their MPEG-4 names. Any other body may be turned in any way, its joints
+    anywhere in their ranges.
+    """
+    rng = np.random.default_rng(SEED)
+    if person:
+        return describe_poses(model, draw_people(model, PERSON_POSES, rng), PERSON_CELL_M)
+    poses = draw_any(model, OTHER_POSES, rng)
+    some = poses[:: len(poses) // 200]
+    extent = float(np.max(np.ptp(lay_vertices(model, link_transforms(model, some)), axis=1)))
+    return describe_poses(model, poses, 1.1 * extent / COLUMNS)
+
+
+def look_straight(at: Array, roll: float) -> Array:
+    """Rotation (3, 3) of the camera frame after which a point (3,) lies straight ahead, then by `roll`."""
+    ahead = at / np.linalg.norm(at)
+    across = np.cross([0.0, 1.0, 0.0], ahead)
+    across /= np.linalg.norm(across)
+    straight = np.stack([across, np.cross(ahead, across), ahead])
+    c, s = np.cos(roll), np.sin(roll)
+    turned: Array = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ straight
+    return turned
+
+
+def turned_to(poses: Array, places: Array, turn: Array) -> Array:
+    """Poses (N, D), turned by a rotation (3, 3) and with the root at places (N, 3)."""
+    moved = poses.copy()
+    moved[:, :3] = places
+    for pose in moved:
+        pose[3:6] = euler_angles(turn @ euler_matrix(pose[3:6]), pose[3:6])
+    return moved
+
+
+def displaced(model: BodyModel, pose: Array, points: Array) -> Array:
+    """A pose (D,) moved to where points (P, 3) are observed, in four turns (4, D) about the upright axis."""
+    turn = look_straight(points.mean(axis=0), 0.0)
+    poses = np.tile(pose, (4, 1))
+    for n, each in enumerate(poses):
+        quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
+        each[3:6] = euler_angles(euler_matrix(pose[3:6]) @ quarter, pose[3:6])
+    observed = middle_of(points @ turn.T)
+    for each, surface in zip(poses, pose_vertices(model, poses)[:, :: stride(model)], strict=True):
+        each[:3] += (observed - middle_of(surface @ turn.T)) @ turn
+    return poses
+
+
+def middle_of(points: Array) -> Array:
+    """The middle (3,) of what is seen of points (P, 3) along the third axis, as people's library has it."""
+    middle = np.empty(3)
+    image = np.empty((ROWS, COLUMNS), dtype=np.float32)
+    describe(np.ascontiguousarray(points), PERSON_CELL_M, image, middle)
+    return middle
+
+
+def draw_people(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
+    """Poses (N, D) about the modes, seen from all sides and from somewhat above or below.
+
+    Each arm is in a mode of its own, legs are in pairs, either way round; half of all people stand.
+    """
+    poses = np.zeros((count, len(model.dof_names)))
+    for side in "lr":
+        arm = np.array(ARMS)[rng.integers(len(ARMS), size=count)]
+        put(model, poses, f"{side}_", ARM, arm + SPREAD_DEG * rng.standard_normal(arm.shape))
+    chosen = rng.integers(len(LEGS), size=count)
+    stands = rng.random(count) < 0.5
+    chosen[stands] = rng.integers(STANDING_LEGS, size=int(stands.sum()))
+    pairs = np.array(LEGS, dtype=np.float64)[chosen]  # (N, 2, 4)
+    swapped = rng.random(count) < 0.5
+    pairs[swapped] = pairs[swapped, ::-1]
+    pairs += SPREAD_DEG * rng.standard_normal(pairs.shape)
+    for leg, side in enumerate("lr"):
+        put(model, poses, f"{side}_", LEG, pairs[:, leg])
+    tilt = np.array(TILTS)[rng.integers(len(TILTS), size=(count, 1))]
+    put(model, poses, "", TILT, tilt + SPREAD_DEG * rng.standard_normal(tilt.shape))
+    np.clip(poses, model.limits[:, 0], model.limits[:, 1], out=poses)
+    poses[:, 3:6] = turns(count, rng)
+    return poses
+
+
+def put(model: BodyModel, poses: Array, side: str, names: tuple[str, ...], degrees: Array) -> None:
+    """Write degrees (N, K) to the degrees of freedom of these names, where the model has them."""
+    for k, name in enumerate(names):
+        if side + name in model.dof_names:
+            poses[:, model.dof(side + name)] = np.radians(degrees[:, k])
+
+
+def turns(count: int, rng: np.random.Generator) -> Array:
+    """Angles (N, 3) of the root: yaw all round, seen from above or below; some turned in any way."""
+    down = np.radians(rng.uniform(*ELEVATION_DEG, size=count))
+    yaw = rng.uniform(-np.pi, np.pi, size=count)
+    lean = np.radians(LEAN_DEG) * rng.standard_normal(count)
+    angles = np.stack([down, yaw, lean], axis=-1)
+    tumbled = rng.random(count) < TUMBLED_SHARE
+    angles[tumbled] = any_turns(int(tumbled.sum()), rng)
+    return angles
+
+
+def any_turns(count: int, rng: np.random.Generator) -> Array:
+    """Angles (N, 3) of rotations that are evenly spread over all there are."""
+    axis, other = rng.standard_normal((2, count, 3))
+    axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
+    other -= np.sum(other * axis, axis=-1, keepdims=True) * axis
+    other /= np.linalg.norm(other, axis=-1, keepdims=True)
+    rotations = np.stack([axis, other, np.cross(axis, other)], axis=-1)
+    return np.array([euler_angles(rotation, np.zeros(3)) for rotation in rotations]).reshape(count, 3)
+
+
+def draw_any(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
+    """Poses (N, D): joints evenly spread over their ranges, full turns where there is no limit."""
+    low, high = model.limits.T
+    whole = np.where(model.kinds == ROTATION, np.pi, 0.5)
+    low, high = np.where(np.isfinite(low), low, -whole), np.where(np.isfinite(high), high, whole)
+    poses = rng.uniform(low, high, size=(count, len(low)))
+    poses[:, :3] = 0.0
+    poses[:, 3:6] = any_turns(count, rng)
+    return poses
+
+
+def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary:
+    """The library of poses (N, D)."""
+    count, every = len(poses), stride(model)
+    images, middles = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
+    occupied = np.empty(count)
+    links, vertices = model.skin_links[::every, 0].copy(), model.vertices[::every].copy()
+    describe_each(vertices, links, link_transforms(model, poses), cell_m, images, middles, occupied)
+    cells = np.ascontiguousarray(images.reshape(count, ROWS * COLUMNS).T)
+    return PoseLibrary(poses, middles, cells, occupied, cell_m)
+
+
+def stride(model: BodyModel) -> int:
+    """From one to the next of the vertices that are enough to fill the cells."""
+    return max(1, len(model.vertices) // DESCRIBED_VERTICES)
+
+
+def lay_vertices(model: BodyModel, transforms: Array) -> Array:
+    """Some vertices (N, V, 3) of the surface, each moved by its main link's transform (N, L, 3, 4)."""
+    every = stride(model)
+    t = transforms[:, model.skin_links[::every, 0]]
+    moved: Array = np.einsum("nvij,vj->nvi", t[..., :3], model.vertices[::every]) + t[..., 3]
+    return moved
+
+
+@numba.njit(cache=True, nogil=True)
+def describe_each(
+    vertices: Array,
+    links: Indices,
+    transforms: Array,
+    cell_m: float,
+    images: NDArray[np.float32],
+    middles: Array,
+    occupied: Array,
+) -> None:
+    """Fill images (N, ROWS, COLUMNS), middles (N, 3) and occupied (N,) of a body in each pose.
+
+    Each of its vertices (V, 3) moves with one link of (V,), whose transforms are (N, L, 3, 4).
+    """
+    points = np.empty((len(vertices), 3))
+    for n in range(len(images)):
+        for v in range(len(vertices)):
+            t = transforms[n, links[v]]
+            for a in range(3):
+                points[v, a] = (
+                    t[a, 0] * vertices[v, 0] + t[a, 1] * vertices[v, 1] + t[a, 2] * vertices[v, 2] + t[a, 3]
+                )
+        occupied[n] = describe(points, cell_m, images[n], middles[n])

@@ -1,0 +1,362 @@
+"""Tracks one body through frames that are segmented already.
+
+A frame's way: `submit` detects the body where that is in doubt, predicts particles and sends them to the
+workers; `update` waits for them and updates the belief; `report` assesses it and gives the estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, BodyModel
+from common.bounds import most_iterations
+from common.frame import DepthFrame, SubjectFrame
+from common.kinematics import joint_positions, natural_angles
+from common.settings import RefineSettings, Settings
+from coordinator.bodies.tracked import Bodies, scaled
+from coordinator.filters.belief import Belief, Proposal
+from coordinator.filters.gradient_enhanced import Hypotheses
+from coordinator.filters.methods import METHODS, apply_method
+from coordinator.scene.room.planes import Planes
+from coordinator.scene.scene import SceneChange
+from coordinator.tracking.certainty.evidence import Sighted
+from coordinator.tracking.detector import Candidates, Detection, Detector
+from coordinator.tracking.estimate import RECORDED, Status
+from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
+from coordinator.tracking.observing.known_motion import KnownMotion
+from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
+from coordinator.tracking.observing.sighting import distance_of, see
+from coordinator.tracking.pace import pace_iterations
+from coordinator.tracking.refiner import Pending, Refiner
+from coordinator.tracking.reporting import Reported, report
+from coordinator.tracking.segmenter import PosedBody
+from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
+from coordinator.tracking.start import USUAL_MEASURES, Start, given_start, no_start
+from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
+from coordinator.tracking.status import is_settled
+from coordinator.tracking.step import Updated
+from coordinator.tracking.stopwatch import Stopwatch
+from coordinator.tracking.track_management import GIVEN, TrackManagement
+
+Array = NDArray[np.float64]
+
+SURER_LOG_LIKELIHOOD = 1.0  # by which a detection elsewhere must explain a frame better than the track
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Request:
+    """Particles that are with the workers."""
+
+    model: BodyModel
+    settings: RefineSettings
+    proposal: Proposal[Any]
+    observed: Sighted
+    pending: Pending
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Submitted:
+    """A frame whose particles are with the workers."""
+
+    frame: DepthFrame
+    request: Request | None  # None where there is no body yet, or nothing that it could be refined on
+    shows: bool  # something, be it the body or not
+    detection: Detection | None  # of the body elsewhere, if it was looked for
+    clock: Stopwatch
+
+
+class TargetTracker:
+    """Tracks one body from frame to frame.
+
+    Args:
+        refiner: Refines particles, in this process or on workers.
+        settings: What to compute. What makes their method holds whatever else they say.
+        bodies: The bodies that may be tracked.
+        start: Values of degrees of freedom in the first frame; None to detect the body.
+        motion: Joint motion as encoders report it.
+        state: Resume from here.
+    """
+
+    def __init__(
+        self,
+        refiner: Refiner,
+        settings: Settings,
+        bodies: Bodies,
+        *,
+        start: Mapping[str, float] | None = None,
+        motion: KnownMotion | None = None,
+        state: TrackerState | None = None,
+    ) -> None:
+        self._refiner = refiner
+        self._settings = settings = apply_method(settings)
+        self._method = METHODS[settings.method]
+        self._bodies = bodies
+        self._motion = motion
+        self._given = start is not None
+        self._detector = Detector(bodies, refiner, settings)
+        self.start: Start = no_start(bodies) if start is None else given_start(start, bodies)
+        self.management = TrackManagement() if start is None else GIVEN
+        self._rng = np.random.default_rng(settings.seed)
+        self._belief: Belief | None = None
+        self._expected = self.start.pose if self._given else None  # (D,) near which the next frame shows it
+        self._time_s: float | None = None  # of the last frame that showed something
+        self._distance = 0.0  # metres, of what the present frame shows
+        self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
+        self._size: SizeEstimate | None = None  # None where the size is not sought
+        self.scene = SceneChange()  # what the frame that was submitted last changed in it
+        if state is not None:
+            self._resume(state)
+
+    def _resume(self, state: TrackerState) -> None:
+        past = state.checkpoint
+        self.start, self.scene, self.management = state.start, past.scene, past.management
+        self._expected, self._time_s, self._size = past.expected, past.time_s, past.size
+        self._verdict, self._rng = past.verdict, load_generator(past.generator)
+        if past.belief:
+            begun = self._method.begin(self.model, self.start.pose, self._settings.filter)
+            self._belief = replace(begun, **past.belief)
+
+    @property
+    def model(self) -> BodyModel:
+        """The body that is tracked. Until it is detected, all but names may change."""
+        return self.start.model
+
+    @property
+    def state(self) -> TrackerState:
+        """All that the next frame goes on from."""
+        known = (self._belief, self._expected, self._time_s, self._rng, self.scene, self.management)
+        return TrackerState(self.start, take_checkpoint(*known, self._verdict, self._size))
+
+    @property
+    def expected(self) -> PosedBody | None:
+        """The body near which the next frame is segmented; None where it may be anywhere.
+
+        A frame is segmented while the one before is refined, so this is what was known before that one.
+        """
+        return None if self._expected is None else PosedBody(self.model, self._expected)
+
+    @property
+    def last_seen(self) -> Array:
+        """Where the body's middle (3,) was last, camera frame, metres."""
+        pose = self.start.pose if self._belief is None else self._belief.reported
+        middle: Array = joint_positions(self.model, pose[None])[0].mean(axis=0)
+        return middle
+
+    @property
+    def least_pixels(self) -> int:
+        """Pixels that can show a body."""
+        return min(LEAST_PIXELS, self._settings.points)
+
+    def misses(self, pixels: int) -> bool:
+        """Whether so many pixels are next to nothing of the body, and it is looked for elsewhere."""
+        enough = pixels >= self.management.least_pixels(self._settings.points)
+        return self._belief is not None and not enough and self._redetects
+
+    def nothing_seen(self) -> None:
+        """Know that the present frame does not show the body where it was."""
+        self.management = self.management.nothing_seen()
+
+    def prepare(self) -> None:
+        """Make what a first detection needs, where there is one."""
+        if not self._given:
+            self._detector.prepare()
+
+    def submit(
+        self, frame: DepthFrame, subject: SubjectFrame | None, planes: Planes, clock: Stopwatch
+    ) -> Submitted:
+        """Predict particles for the next frame and let the workers refine them; `update` has to follow."""
+        first = self._belief is None
+        shows = subject is not None or (self._expected is not None and bool(frame.depth.any()))
+        self._resize()
+        detection = None if subject is None else self._detect(subject, planes, clock)
+        self._expected = self._whereabouts()
+        if self._belief is None or subject is None:
+            return Submitted(frame, None, shows, None, clock)
+        with clock.stage("draw"):
+            proposal = self._predict(self._belief, subject)
+        with clock.stage("refine"):
+            settings = self._refine_settings
+            stretch, lone = settings.noise_lateral / settings.noise_depth, len(proposal.poses) == 1
+            past = self._belief.reported
+            observed = Sighted(subject, past, proposal.interval, stretch, lone, first)
+            pending = self._send(proposal, settings)
+        return Submitted(
+            frame, Request(self.model, settings, proposal, observed, pending), shows, detection, clock
+        )
+
+    def send_ahead(self, subject: SubjectFrame | None, clock: Stopwatch) -> None:
+        """Let the workers have the subject that will be submitted next, before its turn."""
+        if subject is not None:
+            with clock.stage("publish"):
+                self._refiner.send_ahead(subject)
+
+    def update(self, submitted: Submitted) -> Updated:
+        """Wait for the refined particles of the frame that was submitted last, and update the belief."""
+        frame, request, clock = submitted.frame, submitted.request, submitted.clock
+        if request is None:
+            status = self._lose(submitted)
+            return Updated(frame, self.state, self._belief, status, 0, None, clock)
+        belief, answered = self._refined(request, clock)
+        self._time_s = frame.time_s
+        with clock.stage("measure"):
+            self._accept(belief, request, submitted.detection)
+        return Updated(frame, self.state, self._belief, None, answered, request.observed, clock)
+
+    def report(self, updated: Updated) -> Reported:
+        """Assess and report a frame that was updated; before the next one is."""
+        reported = report(updated)
+        self._verdict = reported.state.checkpoint.verdict
+        return reported
+
+    @property
+    def _redetects(self) -> bool:
+        """Whether a body that was lost is looked for again."""
+        return self._settings.recover and self._detector.can_redetect(self.start)
+
+    @property
+    def _refine_settings(self) -> RefineSettings:
+        """The settings for the noise at the distance of the present frame."""
+        return assume_noise(self._settings.refine, self.start.noise.at(self._distance))
+
+    def _detect(self, subject: SubjectFrame, planes: Planes, clock: Stopwatch) -> Detection | None:
+        """Detect the body, if there is none yet; or where else it may be, if that is in doubt."""
+        with clock.stage("publish"):
+            self._refiner.publish(subject)
+            self._distance = distance_of(subject)
+        with clock.stage("search"):
+            if self._belief is None:
+                self._begin(subject, planes)
+                return None
+            if not (self.management.checks and self._redetects):
+                return None
+            lost, last = self.management.seeks, self._belief.reported
+            return self._detector.redetect(subject, self.start, self._refine_settings, last, lost=lost)
+
+    def _begin(self, subject: SubjectFrame, planes: Planes) -> None:
+        """Begin where the body is given or detected, if the detection can be believed."""
+        noise = measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
+        if self._given:
+            self.start = replace(self.start, noise=noise)
+            self._belief = self._method.begin(self.model, self.start.pose, self._settings.filter)
+        elif len(subject.picked) < self.least_pixels:
+            self.nothing_seen()
+        elif self.management.pause > 0:
+            self.management = replace(self.management, pause=self.management.pause - 1)
+        else:
+            detection = self._detector.detect(subject, noise, planes)
+            if not detection.gate.passes:
+                self.management = self.management.search_failed(detection.gate.why)
+                return
+            self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
+            self._belief = self._believe(detection.candidates)
+            free = set(ROOT_DOFS) <= set(self.model.dof_names)
+            if self._settings.measure_person and self._bodies.people and not self._bodies.measures and free:
+                self._size = SizeEstimate()
+
+    def _believe(self, candidates: Candidates) -> Belief:
+        """The belief in candidates: in all of them, if the method can have several hypotheses."""
+        begun = self._method.begin(self.model, candidates.poses[0], self._settings.filter)
+        if not isinstance(begun, Hypotheses) or self._settings.filter.particles == 1:
+            return replace(begun, log_weights=candidates.log_likelihood[:1], residual=candidates.residual[:1])
+        return replace(
+            begun,
+            poses=candidates.poses,
+            log_weights=candidates.log_likelihood,
+            residual=candidates.residual,
+            velocities=np.zeros_like(candidates.poses),
+            covariances=np.repeat(begun.covariances, len(candidates.poses), axis=0),
+        )
+
+    def _predict(self, belief: Belief, subject: SubjectFrame) -> Proposal[Any]:
+        """Particles for the next frame."""
+        step = None
+        if self._motion is not None:
+            step = self._motion.step(self.model, belief.reported, self._time_s, subject.frame.time_s)
+        observation = see(subject, self._time_s, step)
+        return self._method.propose(self.model, belief, observation, self._settings.filter, self._rng)
+
+    def _send(self, proposal: Proposal[Any], settings: RefineSettings) -> Pending:
+        most = most_iterations(proposal.poses.shape, self._settings.points, len(self.model.vertices))
+        paced = pace_iterations(settings, proposal.interval, self._settings.pace_iterations, most)
+        covariance = proposal.asks_covariance(paced)
+        return self._refiner.submit(self.model, proposal.poses, paced, covariance=covariance)
+
+    def _refined(self, request: Request, clock: Stopwatch) -> tuple[Belief, int]:
+        """The belief after refinement, and how many particles it is from; layers ask more than once."""
+        model, proposal, pending = request.model, request.proposal, request.pending
+        answered = len(proposal.poses)
+        while True:
+            with clock.stage("refine"):
+                refined = pending.result()
+            with clock.stage("merge"):
+                answered = min(answered, len(refined.answered))
+                refined = replace(refined, poses=natural_angles(model, refined.poses))
+                found = self._method.update(model, proposal, refined, self._settings.filter, self._rng)
+            if not isinstance(found, Proposal):
+                from_guess = request.observed.first  # the way from there is no motion
+                return found.at_rest() if from_guess else found, answered
+            with clock.stage("refine"):
+                proposal, pending = found, self._send(found, request.settings)
+
+    def _accept(self, belief: Belief, request: Request, detection: Detection | None) -> None:
+        """Go on with the tracked hypotheses, or with those of a detection that explains the frame better."""
+        subject, redetected = request.observed.subject, False
+        gate = gate_pose(belief.log_weights[0], belief.residual[0], request.settings)
+        self._belief = belief
+        if detection is not None:
+            if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:
+                joints = joint_positions(self.model, belief.poses[:1])[0]
+                redetected = self.management.seeks or detection.is_elsewhere(joints)
+                self._belief, gate = self._believe(detection.candidates), detection.gate
+            joints = joint_positions(self.model, self._belief.poses[:1])[0]
+            facing = detection.looks_alike(self.model.joint_names, joints, self._belief.log_weights[0])
+            self.management = replace(self.management, ambiguous_facing=facing)
+        self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
+        if self._belief is belief:
+            self._measure_size(belief, subject)
+
+    def _measure_size(self, belief: Belief, subject: SubjectFrame) -> None:
+        """Measure the person's stature in a frame in which the pose is settled."""
+        size, time_s = self._size, subject.frame.time_s
+        if size is None or not size.is_due(time_s):
+            return
+        joints = joint_positions(self.model, belief.poses[:RECORDED])
+        if is_settled(self.management, belief.weights[:RECORDED], joints):
+            straight = self._straight_share * self.start.stature
+            stature = measure_stature(self.model, belief.poses[0], straight, subject)
+            if stature is not None:
+                self._size = size.add(stature, time_s)
+
+    @cached_property
+    def _straight_share(self) -> float:
+        """Distance from head to ankle of a person who stands straight, as a share of stature."""
+        return head_to_ankle(self._bodies.full(*USUAL_MEASURES)) / USUAL_MEASURES[0]
+
+    def _resize(self) -> None:
+        """Go on with a body of the stature that is known by now."""
+        start = self.start
+        if self._size is None or (stature := self._size.revise(start.stature)) == start.stature:
+            return
+        model = scaled(start.model, stature / start.stature)
+        self.start = replace(start, model=model, stature=stature)
+
+    def _lose(self, submitted: Submitted) -> Status:
+        """Nothing of the body was seen: hypotheses stay where they are."""
+        if self._belief is None:
+            return "searching" if submitted.shows and self.management.failures else "absent"
+        unseen = np.full(len(self._belief.residual), np.nan)
+        self._belief = replace(self._belief.at_rest(), residual=unseen)
+        self.nothing_seen()
+        return "lost" if submitted.shows else "absent"
+
+    def _whereabouts(self) -> Array | None:
+        """The pose (D,) near which the next frame but one shows the body; None where it may be anywhere."""
+        if self._belief is None or (self.management.seeks and self._redetects):
+            return None
+        return self._belief.reported

@@ -1,0 +1,186 @@
+"""The detector: what it finds in a single rendered frame, and how it tells front from back."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.kinematics import joint_positions, pose_vertices
+from common.settings import preset
+from coordinator.bodies.human.shape_space import person_of_size
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.tracked import Bodies, OneBody, name_pose
+from coordinator.bodies.urdf import read_urdf
+from coordinator.scene.room.planes import NONE
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.detector import Candidates, Detection, Detector, thin
+from coordinator.tracking.gating import Gate
+from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.pose_library import draw_any
+from coordinator.tracking.start import given_start
+from gepf.direct import DirectRefiner
+from tests.support.one_person import OnePerson
+from tests.support.people import CAMERA, SETTINGS, STANDING, empty, frame_of, known, shown
+from tests.support.stand_ins import Listening
+
+Array = NDArray[np.float64]
+
+BRACKET = Path(__file__).parents[2] / "examples" / "bracket.urdf"
+KNEELING = {
+    "root_tz": 2.6, "root_ty": 0.2, "root_ry": 2.6, "r_shoulder_flexion": 2.7, "l_shoulder_abduct": 1.3,
+    "l_knee_flexion": 1.6, "r_knee_flexion": 1.6,
+}  # fmt: skip
+MODEL = human(1.82)
+NAMES = MODEL.joint_names
+FRONT, BACK = 0.0, np.pi  # of the root's turn
+
+
+@cache
+def people() -> Bodies:
+    """People of any size."""
+    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+
+
+def depth_of(model: BodyModel, pose: Array) -> Array:
+    """Depth (H, W) of a body in a pose, metres."""
+    with DepthRenderer(CAMERA) as renderer:
+        depth = renderer.depth(pose_vertices(model, pose[None])[0], model.triangles)
+    return np.asarray(depth, dtype=np.float64)
+
+
+def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, BodyModel]:
+    """What is detected in a frame that shows a pose. Candidates are never asked for their covariance."""
+    subject = isolate(frame_of(0, depth_of(model, pose)), None, 2_000)
+    assert subject is not None
+    refiner = Listening()
+    found = Detector(bodies, refiner, preset("default")).detect(subject, SensorNoise(), NONE)
+    assert refiner.asked == {False}
+    return found, found.start.model
+
+
+@pytest.mark.parametrize(
+    "values",
+    [KNEELING, {"root_tz": 2.6, "root_rz": np.pi, "r_shoulder_abduct": 1.0}],
+    ids=["kneels", "head down"],
+)
+def test_a_person_is_detected_in_an_unusual_pose(values: dict[str, float]) -> None:
+    """Kneeling with the back to the camera and an arm overhead; upside down, as the camera may be."""
+    model = people().for_start(1.75, 1.05)
+    pose = name_pose(model, values)
+    found, tracked = detect(people(), model, pose)
+    off = found.candidates.joints[0] - joint_positions(model, pose[None])[0]
+    assert np.median(np.linalg.norm(off, axis=-1)) < 0.05
+    assert found.start.stature == pytest.approx(1.75, rel=0.1)
+    assert np.all(np.diff(found.candidates.log_likelihood) <= 0.0)
+    assert tracked.joint_names == model.joint_names
+
+
+def test_any_other_body_is_detected_however_it_is_turned() -> None:
+    """A bracket of a URDF file: its whole surface lies where it is shown."""
+    model = read_urdf(BRACKET)
+    body = OneBody(model, model.dof_names, model.dof_names)
+    poses = draw_any(model, 3, np.random.default_rng(4))
+    poses[:, 2] = 0.8
+    for pose in poses:
+        found, tracked = detect(body, model, pose)
+        off = pose_vertices(tracked, found.candidates.poses[:1])[0] - pose_vertices(model, pose[None])[0]
+        assert np.linalg.norm(off, axis=-1).max() < 0.01
+
+
+def test_a_known_person_is_detected_elsewhere() -> None:
+    """A metre to the side, in another posture, with the stature that is known."""
+    bodies = known()
+    start = given_start(STANDING, bodies)
+    moved = name_pose(start.model, {**STANDING, "root_tx": 0.9, "l_elbow_flexion": 1.2})
+    subject = isolate(frame_of(0, depth_of(start.model, moved)), None, 2_000)
+    assert subject is not None
+    refiner = DirectRefiner()
+    found = Detector(bodies, refiner, SETTINGS).redetect(
+        subject, start, SETTINGS.refine, start.pose, lost=True
+    )
+    truth = joint_positions(start.model, moved[None])[0]
+    assert found.gate.passes
+    assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.1
+    assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0])
+
+
+def candidates(log_likelihood: list[float], *turns: float) -> Candidates:
+    """Candidates whose root is turned so, with these log likelihoods."""
+    poses = np.array([name_pose(MODEL, {**STANDING, "root_ry": turn}) for turn in turns])
+    sizes, residual = np.zeros(len(turns), dtype=np.int64), np.zeros(len(turns))
+    return Candidates(poses, sizes, np.array(log_likelihood), residual, joint_positions(MODEL, poses))
+
+
+def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() -> None:
+    """The likeliest first; one that faces away is kept to the end, however unlikely."""
+    alike = candidates([-1.0, -2.0, -3.0, -30.0, -40.0], FRONT, FRONT + 0.01, 1.0, BACK, BACK + 0.6)
+    kept = alike.distinct(NAMES, 2)
+    assert kept.log_likelihood.tolist() == [-1.0, -3.0, -30.0]
+    assert alike.distinct(NAMES, 9).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
+
+
+@pytest.mark.parametrize(("behind", "ambiguous"), [(0.5, True), (20.0, False)])
+def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
+    behind: float, ambiguous: bool
+) -> None:
+    """A candidate that faces away counts only if it explains the frame about as well."""
+    found = candidates([-5.0, -5.0 - behind], FRONT, BACK)
+    detection = Detection(given_start(STANDING, known()), found, Gate(0.5))
+    assert detection.looks_alike(NAMES, found.joints[0], -5.0) is ambiguous
+
+
+@pytest.mark.parametrize("turn", [FRONT, BACK])
+def test_a_person_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None:
+    """After frames that show nothing, as before or turned round, with arms hanging alike."""
+    rng = np.random.default_rng(0)
+    poses = np.array([name_pose(MODEL, {**STANDING, "root_ry": each}) for each in (FRONT, turn)])
+    truth = joint_positions(MODEL, poses)
+    first, then = (depth_of(MODEL, pose) for pose in poses)
+    shown_frames = [(first, truth[0])] * 2 + [None] * 3 + [(then, truth[1])] * 3
+    tracker = OnePerson(DirectRefiner(), SETTINGS, known(), STANDING)
+    sides = [NAMES.index(f"{side}_shoulder") for side in ("left", "right")]
+    for number, each in enumerate(shown_frames):
+        if each is None:
+            assert tracker.track(empty(number)).status == "absent"
+            continue
+        depth, joints = each
+        noisy = np.where(depth > 0.0, depth + 0.03 * rng.standard_normal(depth.shape), 0.0)
+        estimate = tracker.track(frame_of(number, noisy))
+        assert estimate.status in ("tracked", "ambiguous")
+        found = estimate.joint_positions
+        assert (found[sides[0]] - found[sides[1]]) @ (joints[sides[0]] - joints[sides[1]]) > 0.0
+        assert np.linalg.norm(found - joints, axis=-1).mean() < 0.05
+
+
+def test_points_are_thinned_evenly() -> None:
+    """As many as asked for, of all parts of the image; never more than there are."""
+    subject = isolate(shown("standing").frames[0], None, 2_000)
+    assert subject is not None
+    few = thin(subject, 300)
+    assert len(few.picked) == 300
+    assert np.isin(few.picked, subject.picked).all()
+    assert len(thin(subject, 10**6).picked) == len(subject.picked)
+
+
+def test_what_a_detection_needs_is_made_before_the_first_frame() -> None:
+    """No body is built while a frame waits for it: that takes longer than the detection."""
+    made = list[float]()
+
+    def build(stature: float, girth: float) -> BodyModel:
+        made.append(girth)
+        return person_of_size(stature, girth)
+
+    settings = msgspec.structs.replace(SETTINGS, measure_person=False)
+    tracker = OnePerson(DirectRefiner(), settings, Bodies(build, DEFAULT_ACTIVE, DEFAULT_ACTIVE))
+    tracker.prepare()
+    before = len(made)
+    assert before > 1
+    assert tracker.track(shown("standing").frames[0]).status in ("tracked", "ambiguous")
+    assert len(made) == before

@@ -1,0 +1,103 @@
+"""When a tracked body is looked for elsewhere, and when a detection takes the track's place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.settings import RefineSettings
+from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
+from coordinator.tracking.track_management import TrackManagement
+
+
+def searched(management: TrackManagement, residual: float, frames: int) -> list[int]:
+    """The numbers of the frames in which the body is searched, of so many with this residual."""
+    numbers = []
+    for number in range(frames):
+        if management.checks:
+            numbers.append(number)
+        management = management.updated(Gate(residual), 1000, redetected=False)
+    return numbers
+
+
+def test_a_new_track_is_compared_with_a_search_and_later_only_while_in_doubt() -> None:
+    """A few times soon after the detection, then at intervals if it is explained badly."""
+    sure = searched(TrackManagement(), 0.5, 60)
+    assert 1 < len(sure) < 5
+    assert max(sure) < 15
+    assert sure[0] > 0
+    doubtful = searched(TrackManagement(), 0.95, 60)
+    assert len(doubtful) > len(sure)
+    assert max(doubtful) >= 50
+    assert np.diff(doubtful).min() > 1
+    both_ways = searched(TrackManagement(ambiguous_facing=True), 0.5, 60)
+    assert max(both_ways) >= 50
+
+
+def test_a_body_that_is_not_explained_is_looked_for_after_some_frames() -> None:
+    """One bad frame changes nothing; several in a row do, and a good one ends the search."""
+    management = TrackManagement().updated(Gate(2.0), 1000, redetected=False)
+    assert not management.seeks
+    for _ in range(5):
+        management = management.updated(Gate(2.0, "why"), 1000, redetected=False)
+    assert management.seeks
+    assert management.reason == "why"
+    assert not management.updated(Gate(0.5), 1000, redetected=True).seeks
+
+
+def test_next_to_nothing_is_less_than_a_third_of_what_was_seen() -> None:
+    """Frames that the body does not explain do not count; at first there is a fixed number of pixels."""
+    seen = TrackManagement().updated(Gate(0.5), 10_000, redetected=False)
+    assert TrackManagement().least_pixels(4_000) < 200.0
+    assert 3_000.0 < seen.least_pixels(4_000) < 4_000.0
+    assert seen.updated(Gate(2.0), 500, redetected=False).pixels == 10_000
+
+
+def test_searches_that_fail_become_rarer() -> None:
+    """Up to a longest pause."""
+    management, pauses = TrackManagement(), []
+    for _ in range(12):
+        management = management.search_failed("nothing")
+        pauses.append(management.pause)
+    assert pauses == sorted(pauses)
+    assert pauses[0] == 0
+    assert pauses[-1] == pauses[-2] < 12
+
+
+def test_the_noise_of_the_depth_is_no_loss() -> None:
+    """A residual that the assumed noise explains can be believed; without that noise it cannot."""
+    noisy = RefineSettings(noise_depth=0.15, noise_lateral=0.15)
+    assert gate_pose(-1.0, 0.12, noisy).passes
+    assert not gate_pose(-1.0, 0.12, RefineSettings()).passes
+    assert not gate_pose(float("nan"), float("nan"), noisy).passes
+
+
+def test_what_is_no_person_is_said() -> None:
+    """A board, and a wrong scale of the depth; a person's points are neither."""
+    rng = np.random.default_rng(0)
+    body = rng.uniform([-0.25, -0.85, 2.4], [0.25, 0.85, 2.7], (2_000, 3))
+    assert is_no_person(body, 1.75) == ""
+    assert "one plane" in is_no_person(body * [1.0, 1.0, 0.01], 1.75)
+    assert "depth_scale" in is_no_person(10.0 * body, 1.75)
+
+
+@pytest.mark.parametrize(
+    ("rises", "lowest", "word"),
+    [(0.6, 0.05, ""), (-0.6, 0.05, "upside down"), (0.6, -0.4, "below the floor"), (0.6, 0.9, "floats")],
+)
+def test_a_body_that_cannot_be_there_is_said(rises: float, lowest: float, word: str) -> None:
+    """Upside down, below the floor, above it."""
+    said = is_misplaced(rises, lowest)
+    assert word in said
+    assert bool(said) == bool(word)
+
+
+def test_what_speaks_against_a_pose_counts_as_a_larger_residual() -> None:
+    """With the first reason kept; nothing said changes nothing."""
+    gate = Gate(0.8)
+    assert gate.against("", 2.0) == gate
+    assert not gate.against("a board", 2.0).passes
+    assert gate.against("a board", 2.0).against("floats", 1.3).why == "a board"
+    assert replace(gate, why="bad").against("a board", 2.0).why == "bad"
