@@ -46,7 +46,7 @@ class Difference(msgspec.Struct, frozen=True):
 
 
 class Effect(msgspec.Struct, frozen=True):
-    """What came of one row: means over recordings of their means over seeds, of joints within 10 cm."""
+    """What came of one row: means over recordings of their means over seeds, of all joints within 10 cm."""
 
     row: str
     percent: float  # constant offsets removed
@@ -115,7 +115,7 @@ def effects_of(outcomes: Mapping[Trial, Outcome]) -> list[Effect]:
     """An effect for each row; the first one is the unchanged preset."""
     shares: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for trial, one in outcomes.items():
-        removed, raw = (near_percent(one.distances(raw=raw)[one.holds]) for raw in (False, True))
+        removed, raw = (near_percent(one.distances(raw=raw)) for raw in (False, True))
         shares.setdefault(trial.row.name, {}).setdefault(trial.recording.name, []).append((removed, raw))
     means = {row: {name: np.mean(v, axis=0) for name, v in by.items()} for row, by in shares.items()}
     unchanged = means[UNCHANGED.name]

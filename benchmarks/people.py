@@ -128,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--every", nargs="+", type=int, default=[1], metavar="N", help="every n-th of 30 frames a second")
     add("--rows", nargs="+", default=[DEFAULT.name], metavar="ROW", help=", ".join(r.name for r in ROWS))
     add("--seeds", type=int, default=1, metavar="N")
-    add("--by", choices=GROUPS, default="data", help="lines of the table; default: %(default)s")
+    add("--by", nargs="+", choices=GROUPS, default=["data"], help="lines of the tables; default: data")
     add("--picture", type=Path, metavar="FILE", help="draw accuracy over the number of particles here")
     add_changes(parser)
     add_processes(parser)
@@ -148,8 +148,11 @@ def measure(chosen: argparse.Namespace) -> int:
         for recording in recordings
     ]
     outcomes = run_trials(trials, chosen.processes, chosen.changes)
-    scores = list(score_all(outcomes, GROUPS[chosen.by]))
-    screen().print(table(scores))
+    scores: list[Score] = []
+    for by in chosen.by:
+        found = list(score_all(outcomes, GROUPS[by]))
+        screen().print(table(found))
+        scores += found
     keep({"options": {k: str(v) for k, v in vars(chosen).items()}, "scores": scores}, chosen.out)
     if chosen.picture is not None:
         draw(scores, chosen.picture)

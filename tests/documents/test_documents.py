@@ -1,7 +1,9 @@
-"""What README and docs print can be typed: every command is known, and those of the README run as printed."""
+"""Documents are true: what they link to and name exists, and what they print can be typed."""
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 import itertools
 import os
 import re
@@ -26,7 +28,9 @@ from worker.cli import work
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
-DOCUMENTS = [README, *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+USED = [document for document in DOCUMENTS if document.name != "CHANGELOG.md"]  # which is of the past, too
+ARCHITECTURE = ROOT / "docs" / "architecture.md"
 worker = typer.Typer()
 worker.command()(work)
 PROGRAMS = {"gepf": get_command(app), "gepf-worker": get_command(worker)}
@@ -51,7 +55,7 @@ def inline(document: Path) -> list[str]:
 
 def printed(program: str) -> list[str]:
     """Every command line of a program in all documents."""
-    shown = [text for document in DOCUMENTS for text in (*fenced(document), *inline(document))]
+    shown = [text for document in USED for text in (*fenced(document), *inline(document))]
     return sorted({text for text in shown if text.split()[0] == program and "COMMAND" not in text})
 
 
@@ -81,44 +85,79 @@ def test_every_printed_command_is_understood(line: str) -> None:
 
 @pytest.mark.parametrize("option", sorted({text for text in inline(README) if text.startswith("--")}))
 def test_every_printed_option_is_one(option: str) -> None:
-    """Options that the README names by themselves are of the commands that it names them for."""
+    """Options that the README names by themselves are of `gepf track` or of a worker."""
     words = [PLACEHOLDERS.get(word, word) for word in shlex.split(option)]
-    for program, start in (("gepf", "track SEQ --out DIR"), ("gepf-worker", "--connect tcp/a:1")):
-        whole = f"{program} {start} {shlex.join(words)}"
-        try:
-            understand(whole if len(words) > 1 else f"{whole} 1" if needs_value(words[0]) else whole)
-        except Exception:  # noqa: BLE001 a worker's own option is one, too
-            continue
-        return
-    pytest.fail(f"{option} is no option of gepf track")
+    for start in (
+        "gepf track SEQ --out DIR",
+        "gepf-worker --connect tcp/a:1",
+        "gepf export DIR --to csv --out f",
+    ):
+        for value in ("", "1"):
+            try:
+                understand(f"{start} {shlex.join(words)} {value}")
+            except Exception:  # noqa: BLE001 another program's option, or one that has a value
+                continue
+            return
+    pytest.fail(f"{option} is no option")
 
 
-def needs_value(option: str) -> bool:
-    """Whether an option of gepf track is followed by a value."""
-    parameters = PROGRAMS["gepf"].commands["track"].params  # type: ignore[attr-defined]
-    (found,) = [p for p in parameters if option in (*p.opts, *p.secondary_opts)]
-    return not getattr(found, "is_flag", False)
-
-
-def test_every_printed_make_target_is_there() -> None:
-    """`make demo` and all others, without doing them."""
-    shown = [text for document in DOCUMENTS for text in (*fenced(document), *inline(document))]
-    targets = {text.split()[-1] for text in shown if re.match(r"(\w+=\S+ )*make ", text)}
+def test_every_printed_make_target_and_benchmark_is_there() -> None:
+    """`make demo`, `python -m benchmarks.people` and all others, without doing them."""
+    shown = " ".join(text for document in USED for text in (*fenced(document), *inline(document)))
+    targets = set(re.findall(r"\bmake ([a-z][a-z-]*)", shown))
     assert {"demo", "test"} <= targets
-    for target in sorted(targets):
-        done = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+    done = subprocess.run(["make", "-n", *targets], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    modules = set(re.findall(r"python -m (benchmarks[\w.]+)", " ".join(d.read_text() for d in USED)))
+    assert "benchmarks.people" in modules
+    assert not [name for name in modules if importlib.util.find_spec(name) is None]
 
 
-def test_every_link_leads_somewhere() -> None:
-    """Files and pictures that documents link to are there."""
-    links = [
-        (document, target)
-        for document in DOCUMENTS
-        for target in re.findall(r"\]\((?!http)([^)#]+)", document.read_text())
-    ]
-    assert len(links) > 10
-    assert [f"{document.name}: {to}" for document, to in links if not (document.parent / to).exists()] == []
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.name)
+def test_every_link_leads_somewhere(document: Path) -> None:
+    """Files and pictures are there, and headings in them."""
+    for target, anchor in re.findall(r"\]\((?!http)([^)#]*)#?([^)]*)\)", document.read_text()):
+        file = (document.parent / target) if target else document
+        assert file.exists(), target
+        if anchor:
+            titles = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
+            anchors = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
+            assert anchor in anchors, f"{target}#{anchor}"
+
+
+def named() -> list[tuple[str, str]]:
+    """Files of the code that documents name, each with the functions that stand after it, or with none."""
+    names = r"(?:,? ?(?:and )?\s?`[A-Za-z_]\w*(?:\.\w+)?`)*"
+    found = set()
+    for document in USED:
+        for path, after in re.findall(rf"`(\w[\w/]*/\w+\.py)`({names})", document.read_text()):
+            found |= {(path, name) for name in ("", *re.findall(r"`([\w.]+)`", after))}
+    return sorted(found)
+
+
+@pytest.mark.parametrize(("path", "name"), named())
+def test_every_named_file_and_function_is_there(path: str, name: str) -> None:
+    """Functions, classes and methods (with their class) are defined in the file that they stand after."""
+    nodes = ast.parse((ROOT / path).read_text()).body
+    for part in name.split(".") if name else ():
+        found = [n for n in nodes if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == part]
+        assert found, f"{path} has no {name}"
+        nodes = found[0].body
+
+
+def test_the_tree_has_every_package_and_no_other() -> None:
+    """A package that is new, or gone, is so in docs/architecture.md, too."""
+    (tree,) = re.findall(r"```text\n(.*?)```", ARCHITECTURE.read_text(), re.DOTALL)
+    listed, parent = set(), ""
+    for line in tree.splitlines():
+        name = line.split()[0].rstrip("/")
+        parent = parent if line.startswith(" ") else name
+        listed.add(f"{parent}/{name}" if line.startswith(" ") else name)
+    packages = ("common", "coordinator", "gepf", "worker")
+    inner = [init.parent for name in packages for init in (ROOT / name).glob("*/__init__.py")]
+    actual = {*packages, *(str(folder.relative_to(ROOT)) for folder in inner)}
+    assert {name for name in listed if name.partition("/")[0] in packages} == actual
+    assert all((ROOT / name).is_dir() for name in listed)
 
 
 def test_every_dependency_is_explained() -> None:
@@ -132,12 +171,10 @@ def test_every_dependency_is_explained() -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where a user types: a recording of three frames, its truth, and a robot."""
+    """Where a user types: a recording of three frames with its truth."""
     folder = tmp_path_factory.mktemp("user")
     type_in(folder, "gepf synth arm --frames 3 --out recording")
     shutil.copy(folder / "recording" / "truth.npz", folder / "truth.npz")
-    shutil.copy(ROOT / "examples" / "arm7.urdf", folder / "robot.urdf")
-    shutil.copytree(ROOT / "examples", folder / "examples")
     return folder
 
 
@@ -165,35 +202,33 @@ def type_in(folder: Path, line: str) -> None:
 @pytest.mark.slow
 def test_the_readme_runs_as_printed(folder: Path) -> None:
     """One command after the other in one folder; only names of hosts and ports are filled in."""
-    left = [line for line in fenced(README) if not line.startswith("make ")]
     port = str(free_port())
+    left = [line for line in fenced(README) if not line.startswith("make ")]
     left = [line.replace("COORDINATOR", "127.0.0.1").replace("7447", port) for line in left]
-    assert len(left) > 10
-    for line in sorted(left, key=lambda line: line.startswith("gepf view")):
-        if line.startswith("gepf-worker "):
-            continue  # runs beside the coordinator that is printed with it
-        if "--listen" in line:
-            (beside,) = [other for other in left if other.startswith("gepf-worker ")]
-            with running(folder, beside):
+    assert len(left) > 8
+    while left:
+        line = left.pop(0)
+        if "--listen" in line:  # the next line is printed to run beside it
+            with running(folder, left.pop(0), ends="zenoh:" in line):
                 type_in(folder, line)
         elif line.startswith("gepf view"):
             with running(folder, line):
                 wait_for(9090)
         else:
             type_in(folder, line)
-    made = {path.name for path in folder.iterdir()}
-    assert {"run", "shared", "walk.bvh", "person.json", "robot.png", "sequence", "roaming"} <= made
+    assert {"run", "shared", "live", "walk.bvh"} <= {path.name for path in folder.iterdir()}
 
 
 @contextmanager
-def running(folder: Path, line: str) -> Iterator[None]:
-    """A command that ends by Ctrl-C."""
+def running(folder: Path, line: str, *, ends: bool = False) -> Iterator[None]:
+    """A command that ends by Ctrl-C, or by itself."""
     with subprocess.Popen(
         shlex.split(line), cwd=folder, env=environment(), stderr=subprocess.DEVNULL
     ) as process:
         yield
-        assert process.poll() is None, f"{line} ended by itself"
-        process.send_signal(signal.SIGINT)
+        if not ends:
+            assert process.poll() is None, f"{line} ended by itself"
+            process.send_signal(signal.SIGINT)
 
 
 def wait_for(port: int) -> None:
