@@ -30,7 +30,12 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.skeleton import ARM_TILT, Dof, Skeleton, build_skeleton
 from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
 
+Array = NDArray[np.float64]
+
 SIDES = {"r": "right", "l": "left"}
+NECK_FLEXION = "neck_flexion"
+MIRROR = np.array([1.0, -1.0, -1.0])
+"""Rotation vectors of a right limb, as those of the left limb that mirrors it."""
 
 SHOWN_FROM_BEND = np.radians(20.0)
 """From this bend on of its elbow, an upper arm's rotation is seen."""
@@ -52,8 +57,12 @@ _OWN_NAMES = {
 class SphericalJoint:
     """A joint with swing and twist.
 
-    names: of the forward, the sideways and the twisting angle. dofs: what moves it, from the carrier outward.
-    sideways: sign of the sideways angle about the axis to the front. tilt: of the bone at rest, radians.
+    Args:
+        names: Of the forward, the sideways and the twisting angle.
+        dofs: What moves it, from the carrier outward.
+        mirrored: Whether it belongs to a right limb.
+        upward: Whether the moving segment stands upright at rest, as the trunk does; limbs hang.
+        tilt: Of the bone at rest, radians.
     """
 
     names: tuple[str, str, str]
@@ -64,7 +73,7 @@ class SphericalJoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Hinge:
+class RevoluteJoint:
     """A joint that one degree of freedom describes."""
 
     name: str
@@ -82,24 +91,24 @@ def plain_name(dof: str) -> str:
 
 @cache
 def _skeleton() -> Skeleton:
-    """Any person's: axes and order are everybody's."""
+    """Of any person: axes and order are the same for all."""
     return build_skeleton(Measures.of(1.75))
 
 
 @cache
-def anatomical_joints() -> tuple[tuple[SphericalJoint, ...], tuple[Hinge, ...]]:
+def anatomical_joints() -> tuple[tuple[SphericalJoint, ...], tuple[RevoluteJoint, ...]]:
     """All joints of the template; each degree of freedom but the root's translations belongs to one."""
-    balls = tuple(_balls())
-    within = {dof.name for ball in balls for dof in ball.dofs}
-    hinges = [
-        Hinge(plain_name(dof.name), dof.name)
+    spherical = tuple(_spherical_joints())
+    within = {dof.name for joint in spherical for dof in joint.dofs}
+    revolute = [
+        RevoluteJoint(plain_name(dof.name), dof.name)
         for dof in _skeleton().dofs
         if dof.kind == ROTATION and dof.name not in within
     ]
-    return balls, tuple(hinges)
+    return spherical, tuple(revolute)
 
 
-def _balls() -> Iterator[SphericalJoint]:
+def _spherical_joints() -> Iterator[SphericalJoint]:
     yield whole_body("pelvis")
     for name, carrier, segment in (("trunk", "pelvis", "vt1"), ("neck", "vt1", "skull")):
         names = (f"{name}_flexion", f"{name}_side_bending", f"{name}_rotation")
@@ -134,44 +143,37 @@ def hanging(joint: SphericalJoint) -> NDArray[np.float64]:
     return np.array([0.0, 0.0, -joint.tilt])
 
 
-Array = NDArray[np.float64]
-
-NECK_FLEXION = "neck_flexion"
-MIRROR = np.array([1.0, -1.0, -1.0])
-"""Rotation vectors of a right limb, as those of the left limb that mirrors it."""
-
-
 @dataclass(frozen=True, slots=True)
 class Angles:
     """Which angles a body has, and how they follow from its pose.
 
     Args:
         dof_names: Degrees of freedom (D,) of the poses.
-        balls: Joints with swing and twist; the whole body's turn is the first, if it moves.
-        hinges: Joints of one degree of freedom.
+        spherical: Joints with swing and twist; the whole body's turn is the first, if it moves.
+        revolute: Joints of one degree of freedom.
         held: Values of degrees of freedom that do not move, radians; what is not named is zero.
         level: Rotation vector from the camera's axes to those in which the whole body's turn is given.
     """
 
     dof_names: tuple[str, ...]
-    balls: tuple[SphericalJoint, ...]
-    hinges: tuple[Hinge, ...]
+    spherical: tuple[SphericalJoint, ...]
+    revolute: tuple[RevoluteJoint, ...]
     held: Mapping[str, float]
     level: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the angles (A,) are called; three of each ball first, then the hinges."""
+        """What the angles (A,) are called; three of each spherical joint first, then the others."""
         return (
-            *(name for ball in self.balls for name in ball.names),
-            *(hinge.name for hinge in self.hinges),
+            *(name for joint in self.spherical for name in joint.names),
+            *(joint.name for joint in self.revolute),
         )
 
     def measure(self, poses: Array) -> Array:
         """Angles (N, A) of poses (N, D), radians; of each the value nearest to zero."""
-        parts = [self._ball(ball, poses) for ball in self.balls]
-        hinges = [self._value(hinge.dof, poses)[:, None] for hinge in self.hinges]
-        return np.concatenate([np.empty((len(poses), 0)), *parts, *hinges], axis=1)
+        parts = [self._spherical(joint, poses) for joint in self.spherical]
+        revolute = [self._value(joint.dof, poses)[:, None] for joint in self.revolute]
+        return np.concatenate([np.empty((len(poses), 0)), *parts, *revolute], axis=1)
 
     def near(self, angles: Array, reference: Array) -> Array:
         """The same angles (N, A), each on the turn nearest to `reference` (A,) or (N, A).
@@ -179,12 +181,12 @@ class Angles:
         A swing of s is also one of 360 degrees less s the other way about, and a turn is also one more.
         """
         near, reference = angles.copy(), np.broadcast_to(reference, angles.shape)
-        for b, ball in enumerate(self.balls):
+        for b, joint in enumerate(self.spherical):
             swing, twist = slice(3 * b, 3 * b + 2), 3 * b + 2
-            near[:, swing] = nearest_swing(angles[:, swing], reference[:, swing], limb=not ball.upward)
-            free = ball.dofs[0].name in ROOT_DOFS
+            near[:, swing] = nearest_swing(angles[:, swing], reference[:, swing], limb=not joint.upward)
+            free = joint.dofs[0].name in ROOT_DOFS
             near[:, twist] = nearest_turn(angles[:, twist], reference[:, twist], np.inf if free else FARTHEST)
-        first = 3 * len(self.balls)
+        first = 3 * len(self.spherical)
         near[:, first:] = nearest_turn(angles[:, first:], reference[:, first:])
         return near
 
@@ -215,21 +217,21 @@ class Angles:
             last[seen] = frame[seen]
         return angles
 
-    def _ball(self, ball: SphericalJoint, poses: Array) -> Array:
+    def _spherical(self, joint: SphericalJoint, poses: Array) -> Array:
         """Forward, sideways and twisting angle (N, 3) of one joint."""
-        turned = self.rotation(ball, poses) * Rotation.from_rotvec(hanging(ball))
+        turned = self.rotation(joint, poses) * Rotation.from_rotvec(hanging(joint))
         swing, twist = swing_twist(turned)
-        if ball.upward:
-            return in_heading(swing, twist) if ball.dofs[0].name in ROOT_DOFS else upward(swing, twist)
+        if joint.upward:
+            return in_heading(swing, twist) if joint.dofs[0].name in ROOT_DOFS else upward(swing, twist)
         return np.stack([-swing[:, 0], -swing[:, 1], twist], axis=1)
 
-    def rotation(self, ball: SphericalJoint, poses: Array) -> Rotation:
+    def rotation(self, joint: SphericalJoint, poses: Array) -> Rotation:
         """Of the moving segment in its carrier (N,); a right limb's as that of its mirror image."""
-        of_body = ball.dofs[0].name in ROOT_DOFS
+        of_body = joint.dofs[0].name in ROOT_DOFS
         total = Rotation.from_rotvec(np.tile(self.level if of_body else np.zeros(3), (len(poses), 1)))
-        for dof in ball.dofs:
+        for dof in joint.dofs:
             if dof.name in self.dof_names or self.held.get(dof.name):
-                axis = np.asarray(dof.axis) * (MIRROR if ball.mirrored else 1.0)
+                axis = np.asarray(dof.axis) * (MIRROR if joint.mirrored else 1.0)
                 total *= Rotation.from_rotvec(self._value(dof.name, poses)[:, None] * axis)
         return total
 
@@ -264,8 +266,8 @@ def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Arr
         if kind == ROTATION and name not in ROOT_DOFS
     ]
     base = (whole_body("base"),) if set(ROOT_DOFS[3:]) & set(model.dof_names) else ()
-    hinges = tuple(Hinge(name, name) for name in turning)
-    return Angles(model.dof_names, base, hinges, held or {}, level_turn(up))
+    revolute = tuple(RevoluteJoint(name, name) for name in turning)
+    return Angles(model.dof_names, base, revolute, held or {}, level_turn(up))
 
 
 def level_turn(up: Array | None) -> tuple[float, float, float]:
@@ -285,18 +287,18 @@ def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float], up: Arr
 
     Of a neck that moves by one tilt alone that is the flexion, and there are no others.
     """
-    balls, hinges = anatomical_joints()
+    spherical, revolute = anatomical_joints()
     moving = set(dof_names)
     turned = moving | {name for name, value in held.items() if value}
-    neck = next(ball for ball in balls if NECK_FLEXION in ball.names)
+    neck = next(joint for joint in spherical if NECK_FLEXION in joint.names)
     bent = [dof.name for dof in neck.dofs if dof.name in turned]
     if len(bent) == 1 and bent[0].endswith("_tilt"):
-        balls = tuple(ball for ball in balls if ball is not neck)
-        hinges = (Hinge(NECK_FLEXION, bent[0]), *hinges)
+        spherical = tuple(joint for joint in spherical if joint is not neck)
+        revolute = (RevoluteJoint(NECK_FLEXION, bent[0]), *revolute)
     return Angles(
         dof_names,
-        tuple(ball for ball in balls if moving & {dof.name for dof in ball.dofs}),
-        tuple(hinge for hinge in hinges if hinge.dof in moving),
+        tuple(joint for joint in spherical if moving & {dof.name for dof in joint.dofs}),
+        tuple(joint for joint in revolute if joint.dof in moving),
         held,
         level_turn(up),
     )

@@ -76,8 +76,8 @@ def angle_points(run: RecordedRun) -> tuple[list[str], Array]:
     body = run.body()
     angles = angles_of(body.model, body.held, run.track.up)
     values = np.degrees(replace(run, track=ensure_angles(run.track, angles)).angle)
-    first = 3 * len(angles.balls)
+    first = 3 * len(angles.spherical)
     balls = values[:, :first].reshape(len(values), -1, 3)
     hinges = np.stack([values[:, first:], *[np.zeros_like(values[:, first:])] * 2], axis=-1)
-    names = [f"{ball.names[-1].rpartition('_')[0]}_angles" for ball in angles.balls]
-    return names + [hinge.name for hinge in angles.hinges], np.concatenate([balls, hinges], axis=1)
+    names = [f"{ball.names[-1].rpartition('_')[0]}_angles" for ball in angles.spherical]
+    return names + [hinge.name for hinge in angles.revolute], np.concatenate([balls, hinges], axis=1)

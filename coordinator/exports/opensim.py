@@ -68,7 +68,7 @@ def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
     track = run.track
     angles = person_angles(track.dof_names, run.body().held, track.up)
     columns: dict[str, Array] = {}
-    for ball in angles.balls:
+    for ball in angles.spherical:
         if ball.names[0] in BALLS:
             values = np.degrees(turned_zxy(angles, ball, track.pose))
             columns |= dict(zip(BALLS[ball.names[0]], values.T, strict=True))

@@ -71,7 +71,7 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
     if known.any():
         true[known] = angles.near(angles.measure(true_pose[known]), reported[known])
     others = hypotheses_near(track, angles, reported)
-    first = 3 if angles.balls and angles.balls[0].dofs[0].name in ROOT_DOFS else 0
+    first = 3 if angles.spherical and angles.spherical[0].dofs[0].name in ROOT_DOFS else 0
     curves = []
     for a in widest(reported[:, first:], MOST_ANGLES):
         values = (np.degrees(each[..., first + a]) for each in (reported, others, true))
