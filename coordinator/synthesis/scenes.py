@@ -27,6 +27,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.synthesis.rendering import fit_in_view
 
+Array = NDArray[np.float64]
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Size and middle, metres: to the right, up from the floor, away from the camera."""
 
@@ -89,11 +90,16 @@ def through_keys(keys: dict[float, float], frames: int) -> NDArray[np.float64]:
     return np.asarray(curve(np.clip(np.arange(frames), min(keys), max(keys))))
 
 
-def animate(model: BodyModel, keys: dict[str, dict[float, float]], frames: int) -> NDArray[np.float64]:
+def animate(
+    model: BodyModel, frames: int, angles_deg: dict[str, dict[float, float]], **metres: dict[float, float]
+) -> NDArray[np.float64]:
     """Poses (frames, D) of a body from key values of some degrees of freedom; the others stay at zero."""
     poses = np.zeros((frames, len(model.dof_names)))
-    for name, values in keys.items():
+    for name, values in metres.items():
         poses[:, model.dof(name)] = through_keys(values, frames)
+    for name, values in angles_deg.items():
+        keys = {at: float(np.radians(value)) for at, value in values.items()}
+        poses[:, model.dof(name)] = through_keys(keys, frames)
     return poses
 
 
@@ -118,11 +124,7 @@ ARM_KEYS_DEG: dict[str, dict[float, float]] = {
 def arm() -> Scene:
     """A standing person swings the right arm; tracking starts 50 degrees off in one shoulder angle."""
     model = human()
-    keys = {
-        name: {at: float(np.radians(value)) for at, value in curve.items()}
-        for name, curve in ARM_KEYS_DEG.items()
-    }
-    poses = animate(model, keys, ARM_FRAMES)
+    poses = animate(model, ARM_FRAMES, ARM_KEYS_DEG)
     for name, value in ARM_STANDS.items():
         poses[:, model.dof(name)] = value
     start = poses[0].copy()
@@ -167,14 +169,9 @@ TURN_KEYS_DEG: dict[str, dict[float, float]] = {
 def turn() -> Scene:
     """Arms and legs move, the body turns by 84 degrees and back; tracking starts from the truth."""
     model = human()
-    angles = {
-        dof: {at: float(np.radians(v)) for at, v in curve.items()} for dof, curve in TURN_KEYS_DEG.items()
-    }
-    poses = animate(model, {**TURN_PLACE_M, **angles}, TURN_FRAMES)
+    poses = animate(model, TURN_FRAMES, TURN_KEYS_DEG, **TURN_PLACE_M)
     return Scene(model, Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0, poses, poses[0])
 
-
-Array = NDArray[np.float64]
 
 ROAM_FRAMES, ROAM_FPS = 150, 30.0
 ROAM_CAMERA = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
@@ -197,7 +194,12 @@ def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
     poses = np.asarray(PchipInterpolator(KEY_EVERY * np.arange(len(keys)), keys)(np.arange(frames)))
     for name, value in ROAM_STANDS.items():
         poses[:, model.dof(name)] += value
-    poses[:, :3] += place_in_view(model, poses)
+    seen = pose_vertices(model, poses[:: max(1, len(poses) // 20)]).reshape(-1, 3)
+    shift = fit_in_view(seen, ROAM_CAMERA)
+    if seen[:, 2].max() + shift[2] > FARTHEST_M:
+        size = np.ptp(seen, axis=0).max()
+        raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
+    poses[:, :3] += shift
     return Scene(model, ROAM_CAMERA, ROAM_FPS, poses, poses[0].copy())
 
 
@@ -212,16 +214,6 @@ def swing(model: BodyModel) -> tuple[Array, Array]:
     reach = np.where(rotates, WIDEST, SLIDE_M)
     reach = np.where(bounded[:, 0], np.minimum(reach, WITHIN * (high - low)), reach)
     return 0.5 * (low + high), np.where(root, 0.0, reach)
-
-
-def place_in_view(model: BodyModel, poses: Array) -> Array:
-    """Shift (3,) that brings all poses into the middle of the image."""
-    seen = pose_vertices(model, poses[:: max(1, len(poses) // 20)]).reshape(-1, 3)
-    shift = fit_in_view(seen, ROAM_CAMERA)
-    if seen[:, 2].max() + shift[2] > FARTHEST_M:
-        size = np.ptp(seen, axis=0).max()
-        raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
-    return shift
 
 
 SCENES = {"arm": arm, "turn": turn}

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import TRANSLATION, BodyModel
-from common.camera import Intrinsics
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.choice import load_body
@@ -52,7 +51,8 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     scene, a number out of range, or a folder that is in use; GepfError where OpenGL does not start.
     """
     noise = checked_noise(noise_depth, noise_lateral)
-    seed = checked_seed(seed)
+    if seed < 0:
+        raise InputError(f"seed {seed} is negative; choose 0 or more")
     shown = find_scene(scene, model, seed, frames)
     if room:
         shown = furnished(shown, scene)
@@ -82,11 +82,14 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
         return roam(load_body(model), seed, frames or ROAM_FRAMES)
     if name not in (*SCENES, PERSON):
         raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, PERSON, ROAM))}")
-    if name == PERSON and model is None:
-        return first_frames(person(seed), frames)
     if model is not None:
         raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
-    return first_frames(SCENES[name](), frames)
+    scene = person(seed) if name == PERSON else SCENES[name]()
+    if frames is None:
+        return scene
+    if not 1 <= frames <= len(scene.poses):
+        raise InputError(f"cannot make {frames} frames; choose from 1 to {len(scene.poses)}")
+    return replace(scene, poses=scene.poses[:frames])
 
 
 def furnished(scene: Scene, name: str) -> Scene:
@@ -96,28 +99,12 @@ def furnished(scene: Scene, name: str) -> Scene:
     return replace(scene, room=furnish(CAMERA_HEIGHT_M))
 
 
-def first_frames(scene: Scene, frames: int | None) -> Scene:
-    """The scene, no longer than asked for."""
-    if frames is None:
-        return scene
-    if not 1 <= frames <= len(scene.poses):
-        raise InputError(f"cannot make {frames} frames; choose from 1 to {len(scene.poses)}")
-    return replace(scene, poses=scene.poses[:frames])
-
-
 def checked_noise(depth: float, lateral: float) -> SensorNoise:
     """Noise, if both standard deviations make sense."""
     for name, value in (("depth", depth), ("lateral", lateral)):
         if not (math.isfinite(value) and 0.0 <= value <= 1.0):
             raise InputError(f"{name} noise of {value} m makes no sense; choose from 0 to 1 metre")
     return SensorNoise(depth, lateral)
-
-
-def checked_seed(seed: int) -> int:
-    """The seed, if numpy can use it."""
-    if seed < 0:
-        raise InputError(f"seed {seed} is negative; choose 0 or more")
-    return seed
 
 
 def with_parent(out: Path) -> None:
@@ -169,19 +156,15 @@ def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
 
 def write_camera(scene: Scene, file: Path) -> None:
     """Write the camera as Open3D's recorders do, the matrix column by column."""
+    own = scene.camera
     camera = {
-        "width": scene.camera.width,
-        "height": scene.camera.height,
-        "intrinsic_matrix": columns(scene.camera),
+        "width": own.width,
+        "height": own.height,
+        "intrinsic_matrix": [own.fx, 0.0, 0.0, 0.0, own.fy, 0.0, own.cx, own.cy, 1.0],
         "depth_scale": DEPTH_SCALE,
         "fps": scene.fps,
     }
     file.write_bytes(msgspec.json.format(msgspec.json.encode(camera)) + b"\n")
-
-
-def columns(camera: Intrinsics) -> list[float]:
-    """The 3x3 camera matrix as 9 numbers, column by column."""
-    return [camera.fx, 0.0, 0.0, 0.0, camera.fy, 0.0, camera.cx, camera.cy, 1.0]
 
 
 def write_truth(scene: Scene, file: Path) -> None:

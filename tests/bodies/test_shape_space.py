@@ -21,18 +21,12 @@ PEOPLE = (
 
 @pytest.mark.parametrize("measures", PEOPLE, ids=str)
 def test_the_moved_surface_is_the_meshed_one(measures: Measures) -> None:
-    """Its vertices lie 1.5 mm at most from the mesh in the mean, 99 of 100 within 8 mm."""
+    """Its vertices lie 1.5 mm from the mesh in the mean, 99 of 100 within 8 mm; joints and axes are exact."""
     moved, meshed = shape_space().person(measures), human_of(measures)
     surface = trimesh.Trimesh(meshed.vertices, meshed.triangles, process=False)
     apart = trimesh.proximity.closest_point(surface, moved.vertices)[1]  # type: ignore[no-untyped-call]
     assert apart.mean() < 0.0015
     assert np.percentile(apart, 99) < 0.008
-
-
-@pytest.mark.parametrize("measures", PEOPLE, ids=str)
-def test_joints_and_axes_are_exact(measures: Measures) -> None:
-    """Those of the skeleton that is built for the measures."""
-    moved, meshed = shape_space().person(measures), human_of(measures)
     np.testing.assert_allclose(moved.joint_points, meshed.joint_points, atol=1e-12)
     np.testing.assert_allclose(moved.points, meshed.points, atol=1e-12)
     np.testing.assert_array_equal(moved.limits, meshed.limits)
@@ -44,10 +38,3 @@ def test_the_average_person_is_the_mesh() -> None:
     moved, meshed = shape_space().person(Measures.of()), human_of(Measures.of())
     np.testing.assert_allclose(moved.vertices, meshed.vertices, atol=1e-12)
     np.testing.assert_array_equal(moved.triangles, meshed.triangles)
-
-
-def test_left_and_right_stay_mirror_images() -> None:
-    """A stout person with long arms is symmetric."""
-    vertices = shape_space().person(Measures.of(1.8, 1.3, upper_arm=0.33)).vertices
-    place = {tuple(v) for v in np.round(vertices, 6) + 0.0}
-    assert place == {tuple(v) for v in np.round(vertices * (-1.0, 1.0, 1.0), 6) + 0.0}

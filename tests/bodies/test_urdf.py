@@ -11,9 +11,7 @@ import yourdfpy
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from common.activation import activate
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
-from common.errors import InputError
 from common.kinematics import joint_positions, link_transforms, pose_vertices, retract, step_axes
 from coordinator.bodies.human.template import human
 from coordinator.bodies.urdf import REST_FROM_URDF, read_urdf
@@ -173,14 +171,6 @@ def test_a_body_survives_the_way_through_a_file(name: str, crane: Path, tmp_path
         assert cKDTree(other).query(mine)[0].max() < 1e-6
 
 
-def test_a_part_of_a_robots_joints_can_be_tracked() -> None:
-    """A known base: the root held, the joints active."""
-    model = read_urdf(ARM)
-    joints = activate(model, model.dof_names[6:], np.zeros(len(model.dof_names)))
-    assert joints.dof_names == model.dof_names[6:]
-    assert not len(joints.balls)
-
-
 def robot(joint: str = "", link: str = "", extra: str = "") -> str:
     """A box with another one on a joint."""
     box = "<visual><geometry><box size='0.1 0.1 0.1'/></geometry></visual>"
@@ -239,5 +229,5 @@ def test_collision_shapes_stand_in_where_nothing_is_seen(tmp_path: Path) -> None
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     """As any other input."""
-    with pytest.raises(InputError, match="no such file"):
+    with refused("no such file"):
         read_urdf(tmp_path / "none.urdf")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +14,12 @@ from pypcd4.pypcd4 import Encoding
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from common.frame import DepthFrame
 from coordinator.cli import main
-from coordinator.sources import ArraySource, find_format, open_source
+from coordinator.sources import find_format, open_source
 from coordinator.sources.camera import NOMINAL
 from coordinator.sources.picture_folders import TUM_CAMERAS
 from coordinator.sources.utd_mhad import KINECT
-from tests.support.recorded import FRAMES, START, poses_of, recorded
+from tests.support.recorded import FRAMES, START, recorded
 from tests.support.recordings import (
     FPS,
     WRITERS,
@@ -38,16 +36,24 @@ from tests.support.refusals import refused
 Array = NDArray[np.float64]
 
 
-@cache
-def expected() -> Array:
-    """Poses from the frames themselves, without any file."""
-    return poses_of(DepthFrame(n, n / FPS, depth, 1000.0, KINECT) for n, depth in enumerate(recorded()))
+FORMATS = {
+    "open3d": "Open3D folder (depth/000000.png)",
+    "tum": "TUM RGB-D folder (depth.txt)",
+    "ply": "point clouds (.ply or .pcd)",
+    "pcd": "point clouds (.ply or .pcd)",
+    "walk.bag": "ROS bag, RealSense .bag",
+    "walk.npz": "numpy .npz (depth, intrinsics)",
+    "metres.npz": "numpy .npz (depth, intrinsics)",
+    "walk.mat": "UTD-MHAD .mat",
+}
 
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_format_gives_the_same_frames(tmp_path: Path, name: str) -> None:
-    """Depth to the unit, the camera, numbers, times and rate."""
-    source = open_source(WRITERS[name](tmp_path / name, recorded()))
+    """It is known by what is there; depth to the unit, the camera, numbers, times and rate."""
+    path = WRITERS[name](tmp_path / name, recorded())
+    assert find_format(path).name == FORMATS[name]
+    source = open_source(path)
     assert source.numbers == range(FRAMES)
     assert source.fps == pytest.approx(FPS, rel=1e-4)
     camera = source.intrinsics
@@ -57,39 +63,6 @@ def test_every_format_gives_the_same_frames(tmp_path: Path, name: str) -> None:
         assert (frame.number, frame.intrinsics) == (n, camera)
         assert frame.time_s == pytest.approx(n / FPS, abs=1e-5)
         np.testing.assert_array_equal(frame.metres(), recorded()[n] / np.float32(1000.0))
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_every_format_gives_the_same_poses(tmp_path: Path, name: str) -> None:
-    """Tracked through the file as from memory, within what a fitted camera's last digits change."""
-    source = open_source(WRITERS[name](tmp_path / name, recorded()))
-    poses = poses_of(source)
-    assert np.ptp(expected(), axis=0).max() > 0.1  # something moves
-    np.testing.assert_allclose(poses, expected(), rtol=0.0, atol=1e-4)
-
-
-def test_arrays_need_no_file() -> None:
-    """The same frames from numpy arrays in memory give the same poses."""
-    source = ArraySource(recorded(), matrix_of(KINECT), depth_scale=1000.0)
-    assert (len(source), source.name, source.truth) == (FRAMES, "arrays", None)
-    np.testing.assert_array_equal(poses_of(source), expected())
-
-
-def test_the_format_is_found_by_what_is_there(tmp_path: Path) -> None:
-    """Each recording is known by its own format's name."""
-    found = {
-        name: find_format(write(tmp_path / name, recorded()[:1])).name for name, write in WRITERS.items()
-    }
-    assert found == {
-        "open3d": "Open3D folder (depth/000000.png)",
-        "tum": "TUM RGB-D folder (depth.txt)",
-        "ply": "point clouds (.ply or .pcd)",
-        "pcd": "point clouds (.ply or .pcd)",
-        "walk.bag": "ROS bag, RealSense .bag",
-        "walk.npz": "numpy .npz (depth, intrinsics)",
-        "metres.npz": "numpy .npz (depth, intrinsics)",
-        "walk.mat": "UTD-MHAD .mat",
-    }
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
