@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 
 INTERVAL_S = 0.095  # between measured frames, at least: frames beside each other share their errors
 WINDOW_FRAMES = 15  # the median over as many is within 1 cm of the next window's (subjects 1 and 2)
-FIRST_FRAMES = 3  # after which the detected stature is replaced for the first time
+REVISED_FRAMES = 3  # of the first window, after which the stature is revised
+MEAN_STATURE_M = 1.69  # of men and women (ANSUR II)
+LEAST_CHANGE_SHARE = 0.005  # of stature: for less, a new body is not worth its making
 CONTRADICTION_SHARE = 0.03  # of stature, by which a later window must differ: three times a window's error
 UPRIGHT_SHARE = 0.97  # of the length at rest, below which a bent body does not show its stature
 OUTLINE_SHARE = 0.992  # of the stature shows: an outline's last pixels are cut off (subjects 1 and 2)
@@ -51,11 +53,12 @@ class SizeEstimate:
 
     def revise(self, stature: float) -> float:
         """The stature (m) of the body from now on, in place of this one."""
-        count, measured = len(self.statures), float(np.median(self.statures or stature))
-        if not self.settled:
-            return measured if count in (FIRST_FRAMES, WINDOW_FRAMES) else stature
-        contradicts = abs(measured / stature - 1.0) > CONTRADICTION_SHARE
-        return measured if count == WINDOW_FRAMES and contradicts else stature
+        if not self.statures:
+            return stature
+        count, measured = len(self.statures), float(np.median(self.statures))
+        due = count == WINDOW_FRAMES or (not self.settled and count % REVISED_FRAMES == 0)
+        least = CONTRADICTION_SHARE if self.settled else LEAST_CHANGE_SHARE
+        return measured if due and abs(measured / stature - 1.0) > least else stature
 
 
 def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: SubjectFrame) -> float | None:

@@ -36,7 +36,7 @@ from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Reported, report
 from coordinator.tracking.segmenter import PosedBody
-from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
+from coordinator.tracking.size import MEAN_STATURE_M, SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.start import USUAL_MEASURES, Start, given_start, no_start
 from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
 from coordinator.tracking.status import is_settled
@@ -258,6 +258,17 @@ class TargetTracker:
             free = set(ROOT_DOFS) <= set(self.model.dof_names)
             if self._settings.measure_person and self._bodies.people and not self._bodies.measures and free:
                 self._size = SizeEstimate()
+                self._guess_stature(subject)
+
+    def _guess_stature(self, subject: SubjectFrame) -> None:
+        """Begin with the stature that the first frame shows.
+
+        Of a person who does not stand upright the detection knows it no better than how much people differ.
+        """
+        start = self.start
+        straight = self._straight_share * start.stature
+        measured = measure_stature(self.model, start.pose, straight, subject)
+        self._scale_to(measured or 0.5 * (start.stature + MEAN_STATURE_M))
 
     def _believe(self, candidates: Candidates) -> Belief:
         """The belief in candidates: in all of them, if the method can have several hypotheses."""
@@ -340,11 +351,15 @@ class TargetTracker:
 
     def _resize(self) -> None:
         """Go on with a body of the stature that is known by now."""
+        if self._size is not None:
+            self._scale_to(self._size.revise(self.start.stature))
+
+    def _scale_to(self, stature: float) -> None:
+        """Go on with a body of this stature in metres."""
         start = self.start
-        if self._size is None or (stature := self._size.revise(start.stature)) == start.stature:
-            return
-        model = scaled(start.model, stature / start.stature)
-        self.start = replace(start, model=model, stature=stature)
+        if stature != start.stature:
+            model = scaled(start.model, stature / start.stature)
+            self.start = replace(start, model=model, stature=stature)
 
     def _lose(self, submitted: Submitted) -> Status:
         """Nothing of the body was seen: hypotheses stay where they are."""

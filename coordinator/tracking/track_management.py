@@ -41,11 +41,9 @@ class TrackManagement:
     def checks(self) -> bool:
         """Whether to look elsewhere, though the body seems to be where it is."""
         in_doubt = self.residual > DOUBTFUL_RESIDUAL or self.ambiguous_facing
-        return (
-            self.seeks
-            or self.tracked in CHECKED_FRAMES
-            or (in_doubt and self.tracked > 0 and self.tracked % CHECK_INTERVAL_FRAMES == 0)
-        )
+        later = self.tracked - CHECKED_FRAMES[-1]
+        due = later > 0 and later % CHECK_INTERVAL_FRAMES == 0
+        return self.seeks or self.tracked in CHECKED_FRAMES or (in_doubt and due)
 
     @property
     def reason(self) -> str:

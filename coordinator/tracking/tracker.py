@@ -109,14 +109,15 @@ class Tracker:
         try:
             for frame in upcoming:
                 segmented, clocks = self._segment(frame)
-                subjects, updated = self._assign(segmented), list[Updated]()
+                free, updated = list(segmented.candidates), list[Updated]()
                 for n, target in enumerate(self._targets):
-                    submitted = target.submit(frame, subjects[n], segmented.view.planes, clocks[n])
+                    subject = self._assign(n, segmented, free)
+                    submitted = target.submit(frame, subject, segmented.view.planes, clocks[n])
                     if pending:
                         tracked, pending = self._report(pending), []
                         yield tracked
                     if n + 1 < self.people:
-                        self._targets[n + 1].send_ahead(subjects[n + 1], clocks[n + 1])
+                        self._targets[n + 1].send_ahead(segmented.subjects[n + 1], clocks[n + 1])
                     elif look_ahead:
                         self._segment_ahead(upcoming.peek())
                     updated.append(target.update(submitted))
@@ -155,20 +156,22 @@ class Tracker:
             _, segmented, clocks = self._ahead
             self._targets[0].send_ahead(segmented.subjects[0], clocks[0])
 
-    def _assign(self, segmented: Segmented) -> list[SubjectFrame | None]:
-        """What each person is tracked on: a candidate, where the person is not detected yet or lost."""
-        subjects, free = list(segmented.subjects), list(segmented.candidates)
-        for n, target in enumerate(self._targets):
-            if not target.start.found:
-                if free:
-                    subjects[n] = free[target.management.failures % len(free)]
-                break  # those after it wait until it is detected
-            if target.expected is None:
-                subjects[n] = min(free, key=lambda each: distance(each, target.last_seen), default=None)
-                free = [each for each in free if each is not subjects[n]]
-            elif target.misses(segmented.pixels(n)):
-                subjects[n] = self._find_elsewhere(n, segmented)
-        return subjects
+    def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
+        """What a person is tracked on: a free candidate, where the person is not detected yet or lost.
+
+        People are detected in their order. An assigned candidate is not free any more.
+        """
+        target, chosen = self._targets[place], segmented.subjects[place]
+        if not target.start.found:
+            if not all(each.start.found for each in self._targets[:place]) or not free:
+                return None
+            chosen = free[target.management.failures % len(free)]
+        elif target.expected is None:
+            chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)
+        elif target.misses(segmented.pixels(place)):
+            chosen = self._find_elsewhere(place, segmented)
+        free[:] = [each for each in free if each is not chosen]
+        return chosen
 
     def _find_elsewhere(self, place: int, segmented: Segmented) -> SubjectFrame | None:
         """The subject of a body that may have left, or the person who shows more and may be it."""

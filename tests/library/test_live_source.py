@@ -73,7 +73,7 @@ def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) 
 
 def test_the_newest_frame_is_always_the_next(endpoint: str) -> None:
     """What comes while a frame is tracked is superseded, and counted."""
-    frames = [replace(shown("standing").frames[0], number=number) for number in range(20)]
+    frames = [replace(shown("standing").frames[0], number=n, time_s=n / 30) for n in range(20)]
     messages = [*map(encode_live, frames), END]
     with camera(endpoint, messages), gepf.live(KEY, listen=endpoint, idle_timeout=60.0) as live:
         seen = []
