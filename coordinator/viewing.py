@@ -18,6 +18,7 @@ from common.body import ROTATION, BodyModel
 from common.camera import back_project, level_from_camera
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
+from coordinator.exports.gltf import normals
 from coordinator.pictures.overlay import bones
 from coordinator.pictures.plots import STATUS
 from coordinator.results.track import Track
@@ -151,7 +152,7 @@ def log_pose(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) -> 
     mesh = rr.Mesh3D(
         vertex_positions=surface.astype(np.float32),
         triangle_indices=model.triangles.astype(np.uint32),
-        vertex_normals=normals(surface, model.triangles).astype(np.float32),
+        vertex_normals=normals(surface, model.triangles),
         albedo_factor=SURFACE,
     )
     to.log("/model/surface", mesh)
@@ -211,14 +212,3 @@ def log_correspondences(to: rr.RecordingStream, found: Correspondences) -> None:
         "/observed/correspondences",
         rr.LineStrips3D([*strips.astype(np.float32)], colors=colours[some], radii=0.001),
     )
-
-
-def normals(surface: Array, triangles: NDArray[np.int64]) -> Array:
-    """Unit normals (V, 3) of a surface's vertices, outward."""
-    corners = surface[triangles]
-    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.zeros_like(surface)
-    for corner in range(3):
-        np.add.at(total, triangles[:, corner], outward)
-    unit: Array = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
-    return unit

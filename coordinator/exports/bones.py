@@ -164,6 +164,11 @@ def in_parents(bones: tuple[Bone, ...], rotations: Array, places: Array) -> tupl
     return local_turns, local_places
 
 
+def children(bones: tuple[Bone, ...], b: int) -> list[int]:
+    """The bones that hang from one."""
+    return [c for c, bone in enumerate(bones) if bone.parent == b]
+
+
 def offset(bones: tuple[Bone, ...], bone: Bone) -> Array:
     """From the parent's origin to the bone's (3,), in the rest pose."""
     return bone.origin - bones[bone.parent].origin if bone.parent >= 0 else bone.origin

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from coordinator.exports.bones import Bone, bones_of, motion_of, offset
+from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset
 from coordinator.exports.recorded import RecordedRun
 
 Array = NDArray[np.float64]
 
 CENTIMETRES = 100.0
 ORDER = "ZXY"
-TIP = 0.05  # metres that the last bones of a limb are drawn long
+TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone
 
 
 def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
@@ -48,25 +48,20 @@ def walk(bones: tuple[Bone, ...], b: int) -> Iterator[int]:
         yield from walk(bones, child)
 
 
-def children(bones: tuple[Bone, ...], b: int) -> list[int]:
-    """The bones that hang from one."""
-    return [c for c, bone in enumerate(bones) if bone.parent == b]
-
-
 def hierarchy(bones: tuple[Bone, ...], b: int, depth: int) -> Iterator[str]:
     """Lines of a bone and all that hangs from it."""
     bone, indent = bones[b], "\t" * depth
     moves = positioned(bone)
+    place = np.zeros(3) if moves else offset(bones, bone)
     yield f"{indent}{'JOINT' if depth else 'ROOT'} {bone.name}\n{indent}{{\n"
-    yield f"{indent}\tOFFSET {vector(np.zeros(3) if moves else offset(bones, bone))}\n"
+    yield f"{indent}\tOFFSET {' '.join(f'{CENTIMETRES * value:.6f}' for value in place)}\n"
     names = [f"{axis}position" for axis in "XYZ" if moves] + [f"{axis}rotation" for axis in ORDER]
     yield f"{indent}\tCHANNELS {len(names)} {' '.join(names)}\n"
     below = children(bones, b)
     for child in below:
         yield from hierarchy(bones, child, depth + 1)
     if not below:
-        tip = np.array([0.0, TIP, 0.0])
-        yield f"{indent}\tEnd Site\n{indent}\t{{\n{indent}\t\tOFFSET {vector(tip)}\n{indent}\t}}\n"
+        yield f"{indent}\tEnd Site\n{indent}\t{{\n{indent}\t\tOFFSET {TIP}\n{indent}\t}}\n"
     yield f"{indent}}}\n"
 
 
@@ -82,8 +77,3 @@ def channels(bone: Bone, turns: Array, places: Array) -> Array:
         angles = Rotation.from_matrix(turns).as_euler(ORDER, degrees=True)
     angles = np.unwrap(angles, period=360.0, axis=0)
     return np.concatenate([places * CENTIMETRES, angles], axis=1) if positioned(bone) else angles
-
-
-def vector(metres: Array) -> str:
-    """Three numbers in centimetres."""
-    return " ".join(f"{CENTIMETRES * value:.6f}" for value in metres)

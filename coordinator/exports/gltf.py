@@ -8,25 +8,42 @@ number and status stand in the animation's `extras`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from pygltflib import (
+    GLTF2,
+    Accessor,
+    Animation,
+    AnimationChannel,
+    AnimationChannelTarget,
+    AnimationSampler,
+    Asset,
+    Attributes,
+    Buffer,
+    BufferFormat,
+    BufferView,
+    Material,
+    Mesh,
+    Node,
+    PbrMetallicRoughness,
+    Primitive,
+    Scene,
+    Skin,
+)
 from scipy.spatial.transform import Rotation
 
 from common.activation import merge_weights
 from common.body import BodyModel
-from coordinator.exports.bones import Bone, bones_of, motion_of, offset
+from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset
 from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
-
-if TYPE_CHECKING:
-    from pygltflib import GLTF2, Animation
 
 Array = NDArray[np.float64]
 
 WEIGHTS = 4  # links a vertex, at most
-BYTE, SHORT, UNSIGNED, FLOAT = 5121, 5123, 5125, 5126
-VERTICES, INDICES = 34962, 34963
+COMPONENT_TYPES = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
+VERTICES, INDICES = 34962, 34963  # what a buffer holds
 COLOUR = [0.8, 0.45, 0.2, 1.0]
 
 
@@ -37,8 +54,6 @@ def write_glb(run: RecordedRun, file: BinaryIO) -> None:
 
 def write_gltf(run: RecordedRun, file: BinaryIO) -> None:
     """One JSON file, with the arrays inside as text."""
-    from pygltflib import BufferFormat
-
     scene = scene_of(run)
     scene.convert_buffers(BufferFormat.DATAURI)
     file.write(scene.to_json().encode())
@@ -46,8 +61,6 @@ def write_gltf(run: RecordedRun, file: BinaryIO) -> None:
 
 def scene_of(run: RecordedRun) -> GLTF2:
     """The whole scene."""
-    from pygltflib import GLTF2, Asset, Buffer, Material, Node, PbrMetallicRoughness, Scene
-
     model = run.body().model
     bones = bones_of(model)
     gltf = GLTF2(asset=Asset(generator="gepf", version="2.0"), scene=0, scenes=[Scene(nodes=[0])])
@@ -59,13 +72,8 @@ def scene_of(run: RecordedRun) -> GLTF2:
     if bones[0].dof < 0:  # what stands still is turned once, here
         gltf.nodes[0].rotation = quaternions((run.to_y_up @ CAMERA_TO_Y_UP)[None])[0].tolist()
     if len(model.triangles):
-        gltf.materials = [
-            Material(
-                pbrMetallicRoughness=PbrMetallicRoughness(
-                    baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8
-                )
-            )
-        ]
+        looks = PbrMetallicRoughness(baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8)
+        gltf.materials = [Material(pbrMetallicRoughness=looks)]
         add_surface(gltf, arrays, model, bones)
         gltf.nodes.append(Node(name=model.name, mesh=0, skin=0))
         gltf.scenes[0].nodes.append(len(bones))
@@ -73,11 +81,6 @@ def scene_of(run: RecordedRun) -> GLTF2:
     gltf.buffers = [Buffer(byteLength=len(arrays.blob))]
     gltf.set_binary_blob(bytes(arrays.blob))
     return gltf
-
-
-def children(bones: tuple[Bone, ...], b: int) -> list[int]:
-    """The bones that hang from one."""
-    return [c for c, bone in enumerate(bones) if bone.parent == b]
 
 
 class Arrays:
@@ -91,9 +94,7 @@ class Arrays:
         self, array: NDArray[np.generic], form: str, target: int | None = None, limits: bool = False
     ) -> int:
         """The number of the accessor to an array whose rows are of a form such as VEC3."""
-        from pygltflib import Accessor, BufferView
-
-        kind = {"u1": BYTE, "u2": SHORT, "u4": UNSIGNED, "f4": FLOAT}[array.dtype.str[1:]]
+        kind = COMPONENT_TYPES[array.dtype.str[1:]]
         data = np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes()
         self._gltf.bufferViews.append(
             BufferView(buffer=0, byteOffset=len(self.blob), byteLength=len(data), target=target)
@@ -111,8 +112,6 @@ class Arrays:
 
 def add_surface(gltf: GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone, ...]) -> None:
     """The mesh in the rest pose, and its skin."""
-    from pygltflib import Attributes, Mesh, Primitive, Skin
-
     moving = skinned_bones(model, bones)
     joints, weights = skin_of(model, bones, moving)
     vertices = model.vertices @ CAMERA_TO_Y_UP
@@ -167,8 +166,6 @@ def normals(vertices: Array, triangles: NDArray[np.int64]) -> NDArray[np.float32
 
 def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> Animation:
     """Turns of every bone that turns, places of every bone that slides, at the frames' times."""
-    from pygltflib import Animation, AnimationChannel, AnimationChannelTarget, AnimationSampler
-
     track = run.track
     turns, places = motion_of(model, bones, track.pose, run.to_y_up)
     seconds = (track.time_s - track.time_s[:1]).astype(np.float32)

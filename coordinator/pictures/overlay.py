@@ -15,6 +15,7 @@ from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
+from coordinator.pictures.plots import STATUS
 from coordinator.pictures.shading import contours, lambert, shade_depth
 from coordinator.results.track import Track
 from coordinator.synthesis.rendering import DepthRenderer
@@ -73,18 +74,13 @@ def around(track: Track, camera: Intrinsics, width: int, height: int) -> View:
     kept = ~track.unknown
     points = track.joint_positions[kept if kept.any() else ...].reshape(-1, 3)
     points = points[np.all(np.isfinite(points), axis=1) & (points[:, 2] > MARGIN_M)]
-    if not len(points):
-        return fit(camera, 0, 0, camera.width, camera.height, width, height)
-    pixels, reach = project(points, camera), camera.fx * MARGIN_M / points[:, 2:]
-    last = np.array([camera.width, camera.height])
-    low = np.clip(np.floor((pixels - reach).min(axis=0)), 0, last - SMALLEST).astype(int)
-    high = np.clip(np.ceil((pixels + reach).max(axis=0)), low + SMALLEST, last).astype(int)
-    columns, rows = high - low
-    return fit(camera, int(low[0]), int(low[1]), int(columns), int(rows), width, height)
-
-
-def fit(camera: Intrinsics, left: int, top: int, columns: int, rows: int, width: int, height: int) -> View:
-    """A window at the largest size within width x height."""
+    size = np.array([camera.width, camera.height])
+    low, high = np.zeros(2, dtype=int), size
+    if len(points):
+        pixels, reach = project(points, camera), camera.fx * MARGIN_M / points[:, 2:]
+        low = np.clip(np.floor((pixels - reach).min(axis=0)), 0, size - SMALLEST).astype(int)
+        high = np.clip(np.ceil((pixels + reach).max(axis=0)), low + SMALLEST, size).astype(int)
+    (left, top), (columns, rows) = low.tolist(), (high - low).tolist()
     return View(camera, left, top, columns, rows, min(width / columns, height / rows))
 
 
@@ -119,13 +115,6 @@ TITLE_COLOUR, EDGE = (235, 238, 243), (19, 23, 31)
 WHOLE = ((0.0, 1.0),)  # parts of a line
 DASHES = tuple((k / 5.0 + 0.05, k / 5.0 + 0.15) for k in range(5))
 FAINTEST = 0.15  # opacity of a hypothesis without weight; the likeliest is opaque
-STATUS_COLOURS = {
-    "tracked": (92, 200, 120),
-    "ambiguous": (245, 190, 70),
-    "lost": (240, 90, 90),
-    "searching": (200, 110, 220),
-    "absent": (150, 150, 150),
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -252,7 +241,7 @@ def write_caption(picture: Image.Image, title: str, status: str) -> None:
     left, right = (size // 2, size // 3), (picture.width - size // 2, size // 3)
     for text, place, colour, anchor in (
         (title, left, TITLE_COLOUR, "la"),
-        (status, right, STATUS_COLOURS[status], "ra"),
+        (status, right, STATUS[status], "ra"),
     ):
         draw.text(place, text, colour, font(size), anchor, stroke_width=max(1, size // 10), stroke_fill=EDGE)
 

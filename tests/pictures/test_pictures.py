@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageColor
 
 from common.activation import activate
 from common.body import BodyModel
@@ -21,8 +21,8 @@ from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import encode_gif, spread, tile
 from coordinator.pictures.hypotheses import curves_of
-from coordinator.pictures.overlay import MODEL_COLOUR, STATUS_COLOURS, Painter, View, around
-from coordinator.pictures.plots import draw_status, new_figure, styled
+from coordinator.pictures.overlay import MODEL_COLOUR, Painter, View, around
+from coordinator.pictures.plots import STATUS, draw_status, new_figure, styled
 from coordinator.pictures.run import draw_run, shown_at
 from coordinator.pictures.shading import contours, lambert, shade_depth
 from coordinator.results.evaluation import Truth, read_truth
@@ -181,7 +181,7 @@ def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
     column, row = np.rint(knee).astype(int)
     assert picture[row, column].min() > 230.0
     corner = picture[:30, view.width // 2 :]
-    assert np.sum(np.abs(corner - STATUS_COLOURS["lost"]).sum(axis=-1) < 40.0) > 10
+    assert np.sum(np.abs(corner - ImageColor.getrgb(STATUS["lost"])).sum(axis=-1) < 40.0) > 10
 
 
 def test_a_flagged_joint_is_hollow_and_its_lines_are_dashed(
