@@ -69,8 +69,6 @@ class Proposal(Generic[B]):
     ancestors: Indices  # (N,) the pose of `past` that each particle was drawn from
     poses: Array  # (N, D)
     interval: float  # seconds since the frame that `past` is about
-    origins: Array | None = field(default=None, kw_only=True)
-    """The poses (N, D) that they move on from, where these are not those of their ancestors."""
     expected: Array | None = field(default=None, kw_only=True)
     """Where the motion model alone leads them (N, D), if the update needs to know how sure each pose is."""
 

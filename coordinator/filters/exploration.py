@@ -1,66 +1,120 @@
 """Proposals that explore a body limb by limb (preset `default`).
 
-Twenty particles cannot fill 24 dimensions. But limbs move, and are lost, one by one. So fixed shares of the
-particles, whatever the number of hypotheses, are of five kinds: some follow the motion model exactly, some
-stay where their hypothesis was, some move one limb far (or hold a hidden one in another way that hides it),
-some hold a limb so that it reaches for what nothing explains, and the others are spread by the covariance
-of their hypothesis.
+Twenty particles cannot fill 24 dimensions. But limbs move, and are lost, one by one. So fixed shares of
+the particles follow the motion model exactly, or are data-driven: one limb of theirs is held so that it comes
+near observed points that nothing explains. The others are spread by the covariance of their hypothesis.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.compiling import numba
+from common.kinematics import link_transforms
+from common.kinematics.chain import blend_each
 
 Array = NDArray[np.float64]
-Kinds = NDArray[np.int64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
-PREDICTED, RESTING, ONE_LIMB, REACHING, SPREAD, HIDING = range(6)  # kinds of proposals
-SHARES = np.array([0.15, 0.1, 0.1, 0.25, 0.4])  # of the particles; one limb hides in place of being thrown
-SUMS = np.cumsum(SHARES)
-GOLDEN = 0.6180339887498949  # any run of its multiples is spread evenly over the unit interval
-
-LIMB_DEVIATION = np.radians(30.0)  # by which a limb is thrown, in each of its joints, one standard deviation
-SLIDE_DEVIATION = 0.02  # metres by which a joint that slides is perturbed, one standard deviation
-
-
-def choose_kinds(count: int, rng: np.random.Generator) -> Kinds:
-    """The kind (N,) of each particle; the first, drawn from the reported hypothesis, is predicted."""
-    places = (rng.random() + GOLDEN * np.arange(count)) % 1.0
-    kinds = np.minimum(np.searchsorted(SUMS, places, side="right"), SPREAD)
-    kinds[0] = PREDICTED
-    return kinds
+PREDICTED_SHARE, DATA_DRIVEN_SHARE = 0.15, 0.35  # of the particles
+VERTICES = 400  # of the body, that are compared with the observed points
+NEAR_M = 0.08  # from a vertex, within which a point is explained
+LEAST_UNEXPLAINED = 0.01  # share of the points
+DRAWS = 160  # ways to hold a limb
 
 
-def perturb(model: BodyModel, kinds: Kinds, noise: Array, rng: np.random.Generator) -> Array:
-    """Noise (N, D) of particles by their kind (N,), from that of their covariances (N, D)."""
-    limbs = limbs_of(model)
-    standard = rng.standard_normal(noise.shape)
-    limb = rng.integers(len(limbs), size=len(noise))
-    thrown = limbs[limb] & (kinds == ONE_LIMB)[:, None]
-    perturbed: Array = np.where(
-        (kinds == SPREAD)[:, None], noise, np.where(thrown, limb_deviation(model) * standard, 0.0)
-    )
-    return perturbed
+class Limb(NamedTuple):
+    """A branch of the tree that ends in tips."""
+
+    group: int  # among all groups of degrees of freedom that move on their own
+    dofs: Indices  # (d,)
+    low: Array  # (d,) of the values that are drawn
+    high: Array
 
 
-@lru_cache(maxsize=16)
-def limb_deviation(model: BodyModel) -> Array:
-    """Standard deviation (D,) of what a limb is perturbed by, radians and metres."""
-    return np.where(model.kinds == ROTATION, LIMB_DEVIATION, SLIDE_DEVIATION)
+class Layout(NamedTuple):
+    """Some vertices (V, 3) of a body at rest with their skin, the group that moves each, and the limbs."""
+
+    vertices: Array
+    links: Indices
+    weights: Array
+    group_of: Indices  # (V,)
+    groups: int
+    limbs: tuple[Limb, ...]
+
+    def pose(self, model: BodyModel, poses: Array, group: int) -> Array:
+        """The vertices (N, K, 3) of a group in poses (N, D)."""
+        mine = self.group_of == group
+        posed = np.empty((len(poses), np.count_nonzero(mine), 3))
+        blend_each(
+            self.vertices[mine], self.links[mine], self.weights[mine], link_transforms(model, poses), posed
+        )
+        return posed
 
 
-@lru_cache(maxsize=16)
-def limbs_of(model: BodyModel) -> NDArray[np.bool_]:
-    """Which degrees of freedom belong to each limb, (K, D)."""
-    return np.array([np.isin(np.arange(len(model.kinds)), limb) for limb in find_limbs(model)])
+def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
+    """Which of the particles (N,) are spread, and which data-driven; the first is neither."""
+    places = rng.permutation(count) / count
+    places[0] = 0.0
+    data_driven = (places >= PREDICTED_SHARE) & (places < PREDICTED_SHARE + DATA_DRIVEN_SHARE)
+    return places >= PREDICTED_SHARE + DATA_DRIVEN_SHARE, data_driven
 
 
-def find_limbs(model: BodyModel) -> list[NDArray[np.int64]]:
+def propose_limbs(
+    model: BodyModel, pose: Array, points: Array, count: int, rng: np.random.Generator
+) -> list[tuple[Indices, Array]]:
+    """So many times degrees of freedom (d,) of a limb, and values (d,) with which it explains more points.
+
+    For each limb of pose (D,) many ways to hold it are drawn from all that it can do, and chosen by the
+    square of how many of the points (P, 3) it gains that no other part of the body explains; those that it
+    leaves behind are no gain. Empty where hardly a point is unexplained, or no limb would gain any.
+    """
+    layout = layout_of(model)
+    near = np.array([mark_near(points, layout.pose(model, pose[None], g))[0] for g in range(layout.groups)])
+    explained = near.sum(axis=0)
+    if np.count_nonzero(explained == 0) < max(3.0, LEAST_UNEXPLAINED * len(points)):
+        return []
+    ways, gains = [], []
+    for limb in layout.limbs:
+        mine = near[limb.group]
+        held = np.repeat(pose[None], DRAWS, axis=0)
+        held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
+        reached = mark_near(points[explained == mine], layout.pose(model, held, limb.group)).sum(axis=1)
+        ways.append(held[:, limb.dofs])
+        gains.append(np.maximum(0, reached - np.count_nonzero(mine & (explained == 1))))
+    weights = np.concatenate(gains) ** 2 if gains else np.zeros(0)
+    if not weights.any():
+        return []
+    drawn = rng.choice(len(weights), size=count, p=weights / weights.sum())
+    return [(layout.limbs[k // DRAWS].dofs, ways[k // DRAWS][k % DRAWS]) for k in drawn]
+
+
+def mark_near(points: Array, vertices: Array) -> Flags:
+    """Which points (P, 3) are near each of several surfaces (K, V, 3), (K, P)."""
+    near = np.empty((len(vertices), len(points)), dtype=np.bool_)
+    fill_near(np.ascontiguousarray(points.T), vertices, near)
+    return near
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_near(points: Array, vertices: Array, near: Flags) -> None:
+    """`mark_near` of points (3, P), which come last so that compiled code takes several at once."""
+    near[:] = False
+    for k in range(len(vertices)):
+        for v in range(vertices.shape[1]):
+            x, y, z = vertices[k, v]
+            for p in range(points.shape[1]):
+                dx, dy, dz = points[0, p] - x, points[1, p] - y, points[2, p] - z
+                near[k, p] |= dx * dx + dy * dy + dz * dz <= NEAR_M * NEAR_M
+
+
+def find_limbs(model: BodyModel) -> list[Indices]:
     """Degrees of freedom in groups that move on their own: each branch of the tree, and the trunk."""
     children = np.bincount(model.parents[model.parents >= 0], minlength=len(model.parents))
     limb_of = np.empty(len(model.parents), dtype=np.int64)
@@ -68,3 +122,22 @@ def find_limbs(model: BodyModel) -> list[NDArray[np.int64]]:
         branches = parent < 0 or children[parent] > 1
         limb_of[j] = j if branches else limb_of[parent]
     return [np.flatnonzero(limb_of == start) for start in np.unique(limb_of)]
+
+
+@lru_cache(maxsize=16)
+def layout_of(model: BodyModel) -> Layout:
+    """What of a body is compared: vertices all over it, and limbs: groups that hang on others and turn."""
+    groups = find_limbs(model)
+    group_of_dof = np.zeros(len(model.kinds) + 1, dtype=np.int64)  # the last for what nothing moves
+    for number, dofs in enumerate(groups):
+        group_of_dof[dofs] = number
+    some = np.arange(0, len(model.vertices), max(1, len(model.vertices) // VERTICES))
+    group_of = group_of_dof[model.link_dofs[model.skin_links[some, 0]]]
+    limbs = []
+    for number, dofs in enumerate(groups):
+        carries = np.any(np.isin(model.parents, dofs) & (group_of_dof[:-1] != number))
+        turns = np.all(model.kinds[dofs] == ROTATION)
+        if model.parents[dofs[0]] >= 0 and turns and not carries and np.any(group_of == number):
+            limbs.append(Limb(number, dofs, *np.clip(model.limits[dofs], -np.pi, np.pi).T))
+    skin = model.vertices[some], model.skin_links[some], model.skin_weights[some]
+    return Layout(*skin, group_of, len(groups), tuple(limbs))

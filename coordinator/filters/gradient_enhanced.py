@@ -19,23 +19,11 @@ from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
-from coordinator.filters.exploration import (
-    HIDING,
-    ONE_LIMB,
-    REACHING,
-    RESTING,
-    SPREAD,
-    choose_kinds,
-    perturb,
-)
-from coordinator.filters.limbs.hiding import find_hidden
-from coordinator.filters.limbs.layout import view_limbs
-from coordinator.filters.limbs.reaching import find_reaches
+from coordinator.filters.exploration import choose_kinds, propose_limbs
 from coordinator.filters.merging import (
     estimate_covariances,
     merge_by_angle,
     merge_by_covariance,
-    shrink,
 )
 from coordinator.filters.motion import draw_noise, hold
 
@@ -109,17 +97,14 @@ def update(
     covariances = estimate_covariances(  # 7
         model, before, poses, group, past.covariances[parents], REDUCTION
     )
-    origins = past.poses[parents] if proposal.origins is None else proposal.origins[answered[chosen]]
-    if roots is not None:
+    if roots is not None and proposal.expected is not None:
         found = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
-        covariances = shrink(covariances, found, group)
-        if proposal.expected is not None:
-            poses = hold(model, poses, found, proposal.expected[answered[chosen]], proposal.interval)
+        poses = hold(model, poses, found, proposal.expected[answered[chosen]], proposal.interval)
     return Hypotheses(
         poses=poses,
         log_weights=log_likelihood,
         residual=after.residual[chosen],
-        velocities=difference(model, origins, poses) / proposal.interval,
+        velocities=difference(model, past.poses[parents], poses) / proposal.interval,
         reported=choose_reported(model, past.reported, poses, log_likelihood, proposal.interval),
         covariances=covariances,
     )
@@ -134,32 +119,15 @@ def explore(
     rng: np.random.Generator,
 ) -> Proposal[Hypotheses]:
     """Step 3 of preset `default`: particles of several kinds, see `exploration`."""
-    kinds = choose_kinds(len(ancestors), rng)
+    spread, data_driven = choose_kinds(len(ancestors), rng)
     motion = observation.expect(past.velocities, settings.velocity_time_s)
-    at_rest = observation.expect(np.zeros_like(past.velocities), settings.velocity_time_s)
-    likeliest = retract(model, past.poses[:1], motion[:1])[0]
-    reaching, thrown = (np.flatnonzero(kinds == kind) for kind in (REACHING, ONE_LIMB))
-    view = view_limbs(model, likeliest, observation.points)
-    known = np.zeros(0, dtype=np.bool_) if observation.step is None else np.isfinite(observation.step)
-    reaches = find_reaches(view, likeliest, len(reaching), rng)
-    hidden = find_hidden(model, likeliest, view, known, len(thrown), rng)
-    kinds[reaching] = SPREAD if reaches is None else REACHING
-    kinds[thrown] = ONE_LIMB if hidden is None else HIDING
-    noise = draw_noise(past.covariances, ancestors, rng)
-    noise = perturb(model, kinds, noise, rng)
-    moving = np.where((kinds == RESTING)[:, None], at_rest[ancestors], motion[ancestors])
-    origins = past.poses[ancestors]
-    if hidden is not None:
-        set_limbs(origins, thrown, hidden.dofs, hidden.angles)
-        set_limbs(moving, thrown, hidden.dofs, [np.zeros(len(dofs)) for dofs in hidden.dofs])
-    expected = retract(model, origins, moving)
+    expected = retract(model, past.poses[ancestors], motion[ancestors])
+    limbs = propose_limbs(model, expected[0], observation.points, int(data_driven.sum()), rng)
+    if not limbs:
+        spread |= data_driven
+    noise = np.where(spread[:, None], draw_noise(past.covariances, ancestors, rng), 0.0)
     particles = retract(model, expected, noise)
-    if reaches is not None:
-        set_limbs(particles, reaching, reaches.dofs, reaches.angles)
-    return Proposal(past, ancestors, particles, observation.interval, origins=origins, expected=expected)
-
-
-def set_limbs(poses: Array, which: Indices, dofs: list[Indices], values: list[Array]) -> None:
-    """Set limbs of poses (N, D) in place: of some of them, one limb each."""
-    for n, limb, value in zip(which, dofs, values, strict=True):
-        poses[n, limb] = value
+    if limbs:
+        for n, (dofs, values) in zip(np.flatnonzero(data_driven), limbs, strict=True):
+            particles[n, dofs] = values
+    return Proposal(past, ancestors, particles, observation.interval, expected=expected)

@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 MERGE_VARIANCES = 2.0 / 3.0  # mean squared distance in each degree of freedom, over its variance
-DESCENT_WORTH_PARTICLES = 20.0  # what a covariance that the descent found counts beside those of Eq. 7
 
 
 def merge_by_angle(
@@ -102,13 +101,3 @@ def estimate_covariances(
         if len(spread) > 1:
             covariances[m] = spread.T @ spread / len(spread)
     return (1.0 - reduction) * covariances
-
-
-def shrink(covariances: Array, found: Array, group: Indices) -> Array:
-    """Covariances (M, D, D) by Eq. 7, drawn to those (M, D, D) that the descent found at the hypotheses.
-
-    A group (of particles (N,)) shows no more directions than it has particles; a lone one has what was found.
-    """
-    members = np.bincount(group, minlength=len(found))
-    share = np.where(members > 1, members / (members + DESCENT_WORTH_PARTICLES), 0.0)[:, None, None]
-    return share * covariances + (1.0 - share) * found

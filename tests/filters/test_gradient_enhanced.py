@@ -23,15 +23,7 @@ from coordinator.filters.belief import (
     effective_sample_size,
     normalise,
 )
-from coordinator.filters.exploration import (
-    ONE_LIMB,
-    PREDICTED,
-    SHARES,
-    SPREAD,
-    choose_kinds,
-    find_limbs,
-    perturb,
-)
+from coordinator.filters.exploration import choose_kinds, find_limbs
 from coordinator.filters.gradient_enhanced import Hypotheses, begin, propose
 from coordinator.filters.merging import estimate_covariances, merge_by_angle
 from coordinator.filters.motion import draw_noise
@@ -188,39 +180,24 @@ def moving_at(speed: float) -> Hypotheses:
     return replace(first, velocities=np.array([[speed, 0.0]]))
 
 
-@given(seeds, st.integers(1, 120))
+@given(seeds, st.integers(20, 120))
 def test_each_kind_of_proposal_has_its_share(seed: int, count: int) -> None:
-    """Whatever the number of hypotheses; the first particle is always predicted, a lone one, too."""
-    kinds = choose_kinds(count, np.random.default_rng(seed))
-    assert kinds[0] == PREDICTED
-    counted = np.bincount(kinds, minlength=len(SHARES))
-    assert np.all(np.abs(counted - count * SHARES) <= 3.0)
+    """Whatever the number of hypotheses; the first particle is neither spread nor data-driven."""
+    spread, data_driven = choose_kinds(count, np.random.default_rng(seed))
+    assert not spread[0]
+    assert not data_driven[0]
+    assert not np.any(spread & data_driven)
+    for kind in (spread, data_driven, ~spread & ~data_driven):
+        assert 0.1 * count <= np.count_nonzero(kind) <= 0.6 * count
 
 
-def test_noise_is_as_the_kind_of_the_particle_says() -> None:
-    """Spread particles go where their covariances say, one limb moves alone, the others have no noise."""
-    model, rng = puppet(), np.random.default_rng(0)
-    kinds = np.repeat(np.arange(len(SHARES)), 6)
-    drawn = rng.normal(size=(len(kinds), 19))
-    noise = perturb(model, kinds, drawn, rng)
-    limbs = [limb.tolist() for limb in find_limbs(model)]
-    for kind, moved, of_covariance in zip(kinds, noise, drawn, strict=True):
-        directions = np.flatnonzero(moved).tolist()
-        if kind == SPREAD:
-            np.testing.assert_array_equal(moved, of_covariance)
-        elif kind == ONE_LIMB:
-            assert directions in limbs
-        else:
-            assert not directions
-
-
-def test_resting_particles_stay_and_predicted_ones_move_on() -> None:
-    """A hypothesis that moves at 1 rad/s is drawn where it was, and where it will be after the interval."""
+def test_predicted_particles_move_on_and_others_are_spread() -> None:
+    """A hypothesis at 1 rad/s is drawn where it will be as its velocity fades, without noise and with it."""
     past = moving_at(1.0)
     proposal = propose(hinges(), past, NOTHING_SEEN, EXPLORING, np.random.default_rng(0))
-    turned = proposal.poses[:, 0]
-    assert np.any(turned == 0.0)
-    assert np.any(np.isclose(turned, np.exp(-1.0) * INTERVAL))
+    ahead = np.isclose(proposal.poses[:, 0], np.exp(-1.0) * INTERVAL)
+    assert ahead[0]
+    assert 0.1 <= ahead.mean() <= 0.5
 
 
 def test_the_motion_is_that_of_real_time() -> None:

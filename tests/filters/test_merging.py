@@ -1,4 +1,4 @@
-"""Merging and spreading by how sure the descent is of each pose."""
+"""Merging by how sure the descent is of each pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular, triangle_size
 from common.settings import preset
 from coordinator.filters.gradient_enhanced import begin, propose, update
-from coordinator.filters.merging import estimate_covariances, merge_by_covariance, shrink
+from coordinator.filters.merging import estimate_covariances, merge_by_covariance
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import NOTHING_SEEN
 
@@ -86,34 +86,6 @@ def test_groups_are_those_of_the_mahalanobis_distance(seed: int, count: int) -> 
     assert chosen.tolist() == expected
 
 
-def test_a_lone_particle_has_what_the_descent_found() -> None:
-    """And of a group of five that counts four times as much as Eq. 7."""
-    model, rng = hinges(), np.random.default_rng(0)
-    before, merged = 0.1 * rng.normal(size=(6, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])
-    group = np.array([0, 0, 0, 0, 0, 1])
-    roots = random_roots(rng, 2, 2)
-    targets = [root @ root.T for root in lower_triangular(roots, 2)]
-    by_particles = estimate_covariances(model, before, merged, group, np.tile(np.eye(2), (2, 1, 1)), 0.1)
-    found = shrink(by_particles, np.array(targets), group)
-    np.testing.assert_allclose(found[1], targets[1])
-    np.testing.assert_allclose(found[0], (5 * by_particles[0] + 20 * targets[0]) / 25)
-
-
-@given(seeds, st.integers(1, 400))
-def test_many_particles_outweigh_the_descent(seed: int, members: int) -> None:
-    """Never flat, always symmetric, and the nearer to Eq. 7 the more particles there are."""
-    rng = np.random.default_rng(seed)
-    before, group = rng.normal(size=(members, 2)), np.zeros(members, dtype=np.int64)
-    roots = random_roots(rng, 1, 2)
-    target = lower_triangular(roots, 2)[0] @ lower_triangular(roots, 2)[0].T
-    by_particles = estimate_covariances(hinges(), before, np.zeros((1, 2)), group, np.eye(2)[None], 0.1)
-    found = shrink(by_particles, target[None], group)[0]
-    np.testing.assert_array_equal(found, found.T)
-    assert np.linalg.eigvalsh(found).min() > 0.0
-    left = 20.0 / (20.0 + members) if members > 1 else 1.0
-    np.testing.assert_allclose(found - by_particles[0], left * (target - by_particles[0]), atol=1e-9)
-
-
 def refined(poses: Array, roots: Triangles | None) -> Refined:
     """Particles that stay where they are, the first the likeliest."""
     count = len(poses)
@@ -139,8 +111,8 @@ def test_who_does_not_descend_does_not_ask_for_it() -> None:
 
 
 @pytest.mark.parametrize("answered", [20, 7])
-def test_an_update_merges_and_spreads_by_it(answered: int) -> None:
-    """Of those particles that were answered, in one valley: what the descent found, and Eq. 7 with it."""
+def test_an_update_merges_by_it(answered: int) -> None:
+    """Of those particles that were answered, in one mode, whose covariance is that of Eq. 7."""
     model, rng = puppet(), np.random.default_rng(0)
     past = begin(model, np.zeros(19), DEFAULT)
     past = replace(past, covariances=1e-4 * np.eye(19)[None])
@@ -159,5 +131,4 @@ def test_an_update_merges_and_spreads_by_it(answered: int) -> None:
         past.covariances,
         0.1,
     )
-    expected = (answered * by_particles + 20.0 * np.diag(wide.astype(float) ** 2)) / (answered + 20.0)
-    np.testing.assert_allclose(found.covariances, expected, atol=1e-9)
+    np.testing.assert_allclose(found.covariances, by_particles, atol=1e-9)

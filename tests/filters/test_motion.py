@@ -136,11 +136,11 @@ def test_nothing_is_held_beyond_its_limits() -> None:
 
 
 def test_each_particle_that_was_answered_is_held_about_its_own_way_on() -> None:
-    """Whatever was not answered before it: where it was expected, and the velocity from where it set out."""
+    """Whatever was not answered before it: where it was expected."""
     rng, settings = np.random.default_rng(0), preset("default").filter
     drawn = propose(MODEL, begin(MODEL, np.zeros(DOFS), settings), NOTHING_SEEN, settings, rng)
-    origins, expected, poses = 0.1 * rng.standard_normal((3, *drawn.poses.shape))
-    proposal = replace(drawn, origins=origins, expected=expected)
+    expected, poses = 0.1 * rng.standard_normal((2, *drawn.poses.shape))
+    proposal = replace(drawn, expected=expected)
     likelihood = np.arange(len(poses), dtype=np.float64)
     likelihood[::3] = np.nan
     roots = np.tile(packed(np.diag(deviations(MODEL, 0.01, 0.001) ** 2)), (len(poses), 1))
@@ -149,4 +149,4 @@ def test_each_particle_that_was_answered_is_held_about_its_own_way_on() -> None:
     order = after.answered[::-1]
     held = hold(MODEL, poses[order], covariances_of(roots[order]), expected[order], INTERVAL)
     np.testing.assert_allclose(found.poses, held, atol=1e-12)
-    np.testing.assert_allclose(found.velocities, difference(MODEL, origins[order], held) / INTERVAL)
+    np.testing.assert_allclose(found.velocities, difference(MODEL, np.zeros_like(held), held) / INTERVAL)

@@ -1,1 +1,0 @@
-"""Proposals of single limbs: where they are laid out, reaching for what is seen, and hidden."""

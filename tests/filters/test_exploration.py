@@ -1,0 +1,68 @@
+"""Data-driven proposals: limbs held so that they explain what is seen, on a puppet with a raised arm."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.kinematics import pose_vertices
+from coordinator.filters.exploration import layout_of, propose_limbs
+from tests.support.bodies import hinges, puppet
+
+Array = NDArray[np.float64]
+
+MODEL = puppet()
+DOWN = np.zeros(len(MODEL.dof_names))
+RAISED = DOWN.copy()
+RAISED[MODEL.dof("l_arm_1")] = 1.2
+
+
+def seen(pose: Array) -> Array:
+    """Points all over the puppet."""
+    vertices: Array = pose_vertices(MODEL, pose[None])[0]
+    return vertices
+
+
+def explained(pose: Array, points: Array) -> float:
+    """Share of points that are within 8 cm of the model."""
+    apart = np.linalg.norm(points[:, None] - seen(pose)[None], axis=-1).min(axis=1)
+    return float(np.mean(apart <= 0.08))
+
+
+def test_an_arm_that_is_elsewhere_is_held_so_that_it_explains_what_is_seen() -> None:
+    """Believed to be down: most proposals explain more than it does, within the limits of the joints."""
+    points = seen(RAISED)
+    proposed = propose_limbs(MODEL, DOWN, points, 8, np.random.default_rng(0))
+    assert len(proposed) == 8
+    after = []
+    for dofs, angles in proposed:
+        held = DOWN.copy()
+        held[dofs] = angles
+        assert np.all((angles >= MODEL.limits[dofs, 0]) & (angles <= MODEL.limits[dofs, 1]))
+        after.append(explained(held, points))
+    assert np.mean(np.array(after) > explained(DOWN, points)) > 0.5
+
+
+def test_where_all_is_explained_or_nothing_is_seen_nothing_is_proposed() -> None:
+    """The true pose leaves no point over; without points, or without limbs, there is nothing to gain."""
+    rng = np.random.default_rng(0)
+    assert propose_limbs(MODEL, RAISED, seen(RAISED), 8, rng) == []
+    assert propose_limbs(MODEL, RAISED, np.empty((0, 3)), 8, rng) == []
+    assert propose_limbs(hinges(), np.zeros(2), np.full((50, 3), 9.0), 8, rng) == []
+
+
+def test_the_same_seed_proposes_the_same() -> None:
+    """All chance is the generator's."""
+    one, other = (propose_limbs(MODEL, DOWN, seen(RAISED), 5, np.random.default_rng(3)) for _ in range(2))
+    assert len(one) == 5
+    for (dofs, angles), (others, same) in zip(one, other, strict=True):
+        np.testing.assert_array_equal(dofs, others)
+        np.testing.assert_array_equal(angles, same)
+
+
+def test_only_tips_are_limbs() -> None:
+    """Nothing hangs on a limb's degrees of freedom but its own; the trunk is none."""
+    for limb in layout_of(MODEL).limbs:
+        carried = [j for j, parent in enumerate(MODEL.parents) if parent in limb.dofs]
+        assert set(carried) <= set(limb.dofs.tolist())
+        assert MODEL.parents[limb.dofs[0]] >= 0
