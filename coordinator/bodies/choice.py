@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
-
-import msgspec
 
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
@@ -14,32 +11,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
 from coordinator.bodies.human.shape_space import person_of_size, shape_space
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody
-from coordinator.files import read_numbers, write_atomically
-
-
-def read_person(path: Path) -> Measures:
-    """Measures in metres from a JSON file; what is missing follows from stature.
-
-    InputError for what is no person's, and for entries that are no measures.
-    """
-    values = read_numbers(path, "give --model a file of a person's measures", "measure: metres")
-    stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
-    try:
-        return Measures.of(stature, girth, **values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-
-
-def write_person(measures: Measures, path: Path) -> None:
-    """Write all measures, to a tenth of a millimetre."""
-    rounded = {name: round(value, 4) for name, value in asdict(measures).items()}
-    text = msgspec.json.format(msgspec.json.encode(rounded)) + b"\n"
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, lambda file: file.write(text))
-    except OSError as error:
-        raise InputError(f"cannot write {path} ({error.strerror}); choose another place") from error
-
+from coordinator.files import read_numbers
 
 PERSON_SUFFIX = ".json"
 JOINTS = "joints"
@@ -97,6 +69,19 @@ def load_body(model: str) -> BodyModel:
     from coordinator.bodies.urdf import read_urdf
 
     return read_urdf(path)
+
+
+def read_person(path: Path) -> Measures:
+    """Measures in metres from a JSON file; what is missing follows from stature.
+
+    InputError for what is no person's, and for entries that are no measures.
+    """
+    values = read_numbers(path, "give --model a file of a person's measures", "measure: metres")
+    stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
+    try:
+        return Measures.of(stature, girth, **values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def choose_active(

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 
+from coordinator.bodies.choice import choose_bodies, load_body
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.shape_space import ratios, shape_space
 from coordinator.bodies.human.template import human_of
+from tests.support.refusals import refused
 
 PEOPLE = (
     Measures.of(),
@@ -38,3 +44,33 @@ def test_the_average_person_is_the_mesh() -> None:
     moved, meshed = shape_space().person(Measures.of()), human_of(Measures.of())
     np.testing.assert_allclose(moved.vertices, meshed.vertices, atol=1e-12)
     np.testing.assert_array_equal(moved.triangles, meshed.triangles)
+
+
+def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
+    """Whoever was measured before is still that person; what the file leaves out follows from stature."""
+    path = tmp_path / "person.json"
+    path.write_text(json.dumps(asdict(PEOPLE[-1])))
+    assert load_body(str(path)).hash == shape_space().person(PEOPLE[-1]).hash
+    bodies = choose_bodies(None, "default", str(path))
+    assert bodies.measures == (1.75, 1.0)
+    path.write_text(json.dumps({"stature": 1.9, "girth": 0.85}))
+    assert load_body(str(path)).hash == shape_space().person(PEOPLE[2]).hash
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ({"stature": 1.8, "shoulder_below": 0.02}, "unknown measure 'shoulder_below'; leave it out"),
+        ({"stature": 180.0}, "no person's; give metres"),
+        ({"thigh": "long"}, 'thigh is "long"; give a finite number'),
+        ([1.8], "holds no names with numbers; write {measure: metres}"),
+    ],
+)
+def test_a_file_that_is_no_persons_is_refused_in_one_line(tmp_path: Path, content: object, says: str) -> None:
+    """An entry that is no measure (any more), or one that makes no sense; the line names the file."""
+    path = tmp_path / "person.json"
+    path.write_text(json.dumps(content))
+    with refused() as raised:
+        choose_bodies(None, "default", str(path))
+    assert says in str(raised.value)
+    assert str(path) in str(raised.value)

@@ -59,7 +59,7 @@ class Measures:
         known = {name: fraction * stature_m for name, fraction in FRACTIONS_OF_STATURE.items()}
         for name in lengths:
             if name not in known:
-                raise InputError(f"unknown measure '{name}'; choose from {', '.join(known)}")
+                raise InputError(f"unknown measure '{name}'; leave it out, or choose from {', '.join(known)}")
         measures = cls(stature=stature_m, girth=girth, **{**known, **lengths})
         measures._check(known)
         return measures
