@@ -12,45 +12,66 @@ What is not named here is internal. Faults of the input raise InputError, all ot
 
 from __future__ import annotations
 
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.errors import GepfError, InputError
-from common.frame import DepthFrame
-from common.settings import Settings, preset
-from coordinator.bodies.human.measures import Measures
-from coordinator.filters.methods import settings_for
-from coordinator.pool.options import Pool
-from coordinator.security.access import TlsFiles
-from coordinator.sources import ArraySource, Source, open_source
-from gepf.live_source import LiveSource, live
-from gepf.named import Estimate
-from gepf.people import PeopleTracker
-from gepf.run import Run, load
-from gepf.tracker import Tracker
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "ArraySource",
-    "BodyModel",
-    "DepthFrame",
-    "Estimate",
-    "GepfError",
-    "InputError",
-    "Intrinsics",
-    "LiveSource",
-    "Measures",
-    "PeopleTracker",
-    "Pool",
-    "Run",
-    "Settings",
-    "Source",
-    "TlsFiles",
-    "Tracker",
-    "live",
-    "load",
-    "open_source",
-    "preset",
-    "settings_for",
-]
+if TYPE_CHECKING:
+    from common.body import BodyModel as BodyModel
+    from common.camera import Intrinsics as Intrinsics
+    from common.errors import GepfError as GepfError
+    from common.errors import InputError as InputError
+    from common.frame import DepthFrame as DepthFrame
+    from common.settings import Settings as Settings
+    from common.settings import preset as preset
+    from coordinator.bodies.human.measures import Measures as Measures
+    from coordinator.filters.methods import settings_for as settings_for
+    from coordinator.pool.options import Pool as Pool
+    from coordinator.security.access import TlsFiles as TlsFiles
+    from coordinator.sources import ArraySource as ArraySource
+    from coordinator.sources import Source as Source
+    from coordinator.sources import open_source as open_source
+    from gepf.live_source import LiveSource as LiveSource
+    from gepf.live_source import live as live
+    from gepf.named import Estimate as Estimate
+    from gepf.run import Run as Run
+    from gepf.run import load as load
+    from gepf.tracker import PeopleTracker as PeopleTracker
+    from gepf.tracker import Tracker as Tracker
+
+_HOMES = {
+    "ArraySource": "coordinator.sources",
+    "BodyModel": "common.body",
+    "DepthFrame": "common.frame",
+    "Estimate": "gepf.named",
+    "GepfError": "common.errors",
+    "InputError": "common.errors",
+    "Intrinsics": "common.camera",
+    "LiveSource": "gepf.live_source",
+    "Measures": "coordinator.bodies.human.measures",
+    "PeopleTracker": "gepf.tracker",
+    "Pool": "coordinator.pool.options",
+    "Run": "gepf.run",
+    "Settings": "common.settings",
+    "Source": "coordinator.sources",
+    "TlsFiles": "coordinator.security.access",
+    "Tracker": "gepf.tracker",
+    "live": "gepf.live_source",
+    "load": "gepf.run",
+    "open_source": "coordinator.sources",
+    "preset": "common.settings",
+    "settings_for": "coordinator.filters.methods",
+}
+"""Public name -> the module that it is in, which is loaded when the name is first used."""
+
+__all__ = list(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is public when it is used: numpy, compiler and figures take seconds."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gepf' has no attribute '{name}'")
+    found = globals()[name] = getattr(import_module(_HOMES[name]), name)
+    return found
 
 
 def __dir__() -> list[str]:

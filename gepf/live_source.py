@@ -14,7 +14,7 @@ from common.transport.opening import open_coordinator
 from coordinator.pool.options import Pool
 from coordinator.security.access import TlsFiles
 from coordinator.sources.live import LiveFrames, from_first_seen
-from gepf.security import said_in_python, secure
+from gepf.refiners import said_in_python, secure
 
 log = logging.getLogger("gepf")
 

@@ -1,22 +1,34 @@
-"""Who refines for a tracker of the library: this process, a local worker, or workers elsewhere."""
+"""Who refines for a tracker of the library: this process, a local worker, or workers elsewhere.
+
+Faults of endpoints and certificates are named by the library's arguments, not by the command line's options.
+"""
 
 from __future__ import annotations
 
 import logging
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 from common.errors import InputError
+from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.security.access import TlsFiles
+from coordinator.security.access import TlsFiles, choose_security
 from coordinator.tracking.refiner import Refiner
 from gepf.direct import DirectRefiner
-from gepf.security import said_in_python, secure
 
 log = logging.getLogger("gepf")
 
 Workers = int | str | Pool
+
+IN_PYTHON = {
+    "--tls-ca, --tls-cert and --tls-key": "tls=TlsFiles(ca, cert, key)",
+    "--tls-": "tls.",
+    "--listen ": "listen=",
+    "--connect ": "connect=",
+    "--insecure": "insecure=True",
+}
 
 
 def open_refiner(workers: Workers | None, tls: TlsFiles | None, stack: ExitStack) -> Refiner:
@@ -41,3 +53,23 @@ def choose_workers(workers: Workers, tls: TlsFiles | None = None) -> Pool:
             raise InputError(f"workers={workers} would refine nothing; give None, 1 or more, or a Pool")
         case _:
             return Pool(workers)
+
+
+def secure(
+    listen: str | None, connect: str | None, tls: TlsFiles | None = None, *, insecure: bool = False
+) -> Security | None:
+    """Certificate and access rules for these endpoints; InputError where they do not fit together."""
+    with said_in_python():
+        return choose_security(listen, connect, tls or TlsFiles(), insecure=insecure)
+
+
+@contextmanager
+def said_in_python(names: Mapping[str, str] = IN_PYTHON) -> Iterator[None]:
+    """Have faults of the input name the library's arguments, where they name the command line's options."""
+    try:
+        yield
+    except InputError as error:
+        line = str(error)
+        for option, name in names.items():
+            line = line.replace(option, name)
+        raise InputError(line) from error

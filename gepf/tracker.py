@@ -1,10 +1,11 @@
-"""The tracker that users of the library hold: it brings its own workers, or has none."""
+"""The trackers that users of the library hold: they bring their own workers, or have none."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -21,16 +22,17 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import apply_method
 from coordinator.results.log import assemble, certainty_of, floor_up
+from coordinator.results.people import person_folder
 from coordinator.results.recorder import save_run
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
-from coordinator.tracking.estimate import Estimate as PlainEstimate
+from coordinator.sources.arrays import whole_depth
+from coordinator.sources.camera import DEFAULT_FPS, pinhole
+from coordinator.tracking import tracker as tracking
 from coordinator.tracking.pace import keep_up
-from coordinator.tracking.start import Start as DetectedStart
 from coordinator.tracking.start import given_start
 from coordinator.tracking.start_file import read_start
-from coordinator.tracking.tracker import Tracker as FrameTracker
-from gepf.images import Images
+from coordinator.tracking.tracker import Tracked
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
 from gepf.refiners import Workers, open_refiner
@@ -39,11 +41,81 @@ Body = str | Path | Measures | BodyModel
 Start = Mapping[str, float] | str | Path
 
 
-class Tracker(Closing):
+class FrameLoop(Closing):
+    """What the trackers of one body and of several people have in common: frames in, estimates out."""
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        settings: Settings,
+        workers: Workers | None,
+        tls: TlsFiles | None,
+        camera: ArrayLike | None,
+        depth_scale: float | None,
+        people: int = 1,
+        start: Mapping[str, float] | None = None,
+    ) -> None:
+        self._settings, self._frames = settings, 0
+        self._camera, self._depth_scale = camera, depth_scale
+        self._stack = ExitStack()
+        refiner = open_refiner(workers, tls, self._stack)
+        self._make = partial(tracking.Tracker, refiner, bodies=bodies, people=people, start=start)
+        self._tracker = self._make(settings)
+
+    def close(self) -> None:
+        """End the workers that were started, and leave the pool."""
+        self._stack.close()
+
+    def _track(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> list[Estimate]:
+        frame = self._frame_of(depth, time_s)
+        self._frames += 1
+        return name_all(self._tracker.track(frame))
+
+    def _follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
+        if not isinstance(frames, LiveSource):
+            for tracked in self._tracker.follow(frames):
+                self._frames += 1
+                yield name_all(tracked)
+            return
+        if self._frames == 0:  # late frames get no more time, and no frame waits for what has to be loaded
+            self._settings = keep_up(self._settings)
+            self._tracker = self._make(self._settings)
+            self._tracker.prepare()
+        last = frames.stream
+        for stream, part in groupby(frames, lambda _: frames.stream):
+            if stream != last:
+                self._tracker, last = self._make(self._settings), stream
+            for frame in part:
+                yield self._track(frame, None)
+
+    def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
+        """A frame as it is, or an array (H, W) as the next frame."""
+        if isinstance(depth, DepthFrame):
+            return depth
+        image = np.asarray(depth)
+        if self._camera is None:
+            raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
+        if image.ndim != 2 or 0 in image.shape:
+            raise InputError(f"depth has shape {image.shape}; give rows of columns (H, W)")
+        units, scale = whole_depth(image, self._depth_scale, "depth")
+        camera = pinhole(self._camera, image.shape[1], image.shape[0], "camera")
+        when = self._frames / DEFAULT_FPS if time_s is None else time_s
+        return DepthFrame(self._frames, when, units, scale, camera)
+
+    def _save(self, estimates: Iterable[Estimate], place: int, folder: Path) -> Path:
+        """Write one person's estimates as the folder of a run."""
+        state = self._tracker.states[place]
+        start, up = state.start, floor_up(self._tracker.states[0].checkpoint.scene)
+        track = assemble(start.model, list(estimates), held=start.held, up=up)
+        save_run(folder, track, TrackedBody(start.model, start.held), self._settings)
+        return folder
+
+
+class Tracker(FrameLoop):
     """Follows one body through depth frames.
 
     Args:
-        model: "human" for a person of any stature, a URDF file, a file of `gepf fit`, a person's measures,
+        model: "human" for a person of any stature, a URDF file, a file of measures, a person's measures,
             or any body with all its degrees of freedom.
         settings: What to compute; None for `preset("default")`.
         workers: Who refines: None for this process, on one core; a number of lanes of a local worker; the
@@ -71,21 +143,12 @@ class Tracker(Closing):
         depth_scale: float | None = None,
         tls: TlsFiles | None = None,
     ) -> None:
-        settings = apply_method(settings or preset("default"))  # checked before any worker starts
+        settings = apply_method(settings or preset("default"))
         bodies = bodies_to_track(model, active, settings.preset)
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
-        self._images = Images(camera, depth_scale)
-        self._settings, self._frames = settings, 0
         if given is not None:
             given_start(given, bodies)  # checked before any worker starts
-        self._stack = ExitStack()
-        refiner = open_refiner(workers, tls, self._stack)
-        self._made = partial(FrameTracker, refiner, bodies=bodies, start=given)
-        self._tracker = self._made(settings)
-
-    def close(self) -> None:
-        """End the workers that were started, and leave the pool."""
-        self._stack.close()
+        super().__init__(bodies, settings, workers, tls, camera, depth_scale, start=given)
 
     @property
     def model(self) -> BodyModel:
@@ -93,12 +156,12 @@ class Tracker(Closing):
 
         A person's becomes another one, of the same names, a few times in the first seconds.
         """
-        return self._start.model
+        return self._tracker.states[0].start.model
 
     @property
     def size(self) -> tuple[float, float] | None:
         """The person's stature, metres, and girth as known by now; None before, and of other bodies."""
-        start = self._start
+        start = self._tracker.states[0].start
         return (start.stature, start.girth) if np.isfinite(start.stature) else None
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
@@ -111,23 +174,17 @@ class Tracker(Closing):
 
         Raises InputError if the first frame shows nothing, or an array is no depth image.
         """
-        frame = self._images.frame(depth, self._frames, time_s)
-        self._frames += 1
-        return self._named(self._tracker.track(frame)[0].estimate)
+        return self._track(depth, time_s)[0]
 
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, sooner where there are workers.
 
         Each estimate is given out while the workers are busy with the next frame; on live input before the
-        next frame is taken, which is the newest then. Raises as `track` does.
+        next frame is taken, which is the newest then, and tracking starts anew with each new stream. Raises
+        as `track` does.
         """
-        if isinstance(frames, LiveSource):
-            self._keep_up()
-            yield from map(self.track, frames)
-            return
-        for tracked in self._tracker.follow(frames):
-            self._frames += 1
-            yield self._named(tracked[0].estimate)
+        for (estimate,) in self._follow(frames):
+            yield estimate
 
     def save(self, estimates: Iterable[Estimate], folder: str | Path) -> Path:
         """Write estimates as the folder of a run, for `gepf.load`, `gepf report` and `gepf export`.
@@ -137,31 +194,79 @@ class Tracker(Closing):
         given = list(estimates)
         if not given:
             raise InputError("there is nothing to save; give the estimates that `track` returned")
-        start = self._start
-        track = assemble(
-            start.model, given, held=start.held, up=floor_up(self._tracker.states[0].checkpoint.scene)
-        )
-        save_run(Path(folder), track, TrackedBody(start.model, start.held), self._settings)
-        return Path(folder)
+        return self._save(given, 0, Path(folder))
 
     def joint_deviation(self, estimate: Estimate) -> NDArray[np.float64]:
         """Expected distance (J,) of an estimate's joints from the true ones, metres; NaN where it is lost."""
         return certainty_of(self.model, estimate).deviation
 
-    def _keep_up(self) -> None:
-        """Before the first frame, spend no more time on frames that come late, and load what it needs."""
-        if self._frames == 0:
-            self._settings = keep_up(self._settings)
-            self._tracker = self._made(self._settings)
-            self._tracker.prepare()
+
+class PeopleTracker(FrameLoop):
+    """Follows up to so many people through depth frames; all of them are found, with their measures.
+
+    Args:
+        people: How many at the most.
+        settings: What to compute, for each; None for `preset("default")`.
+        workers: Who refines, as for `Tracker`.
+        active: Degrees of freedom to track, None for the usual ones.
+        camera: Matrix (3, 3) in pixels; needed to track arrays only.
+        depth_scale: Units per metre of arrays of whole numbers.
+        tls: The authority's certificate, the coordinator's, and its key, for workers at tls/HOST:PORT.
+
+    A context manager: at its end, or with `close`, the workers that it started end. The first person is who
+    was found first. Raises InputError for what cannot be tracked.
+    """
+
+    def __init__(
+        self,
+        people: int = 2,
+        settings: Settings | None = None,
+        workers: Workers | None = None,
+        *,
+        active: tuple[str, ...] | None = None,
+        camera: ArrayLike | None = None,
+        depth_scale: float | None = None,
+        tls: TlsFiles | None = None,
+    ) -> None:
+        if people < 1:
+            raise InputError(f"people={people} would track nobody; give 1 or more")
+        settings = apply_method(settings or preset("default"))
+        bodies = choose_bodies(active, settings.preset, HUMAN)
+        super().__init__(bodies, settings, workers, tls, camera, depth_scale, people)
 
     @property
-    def _start(self) -> DetectedStart:
-        return self._tracker.states[0].start
+    def found(self) -> int:
+        """How many people have been found so far: the first so many of each list of estimates."""
+        return sum(each.start.found for each in self._tracker.states)
 
-    def _named(self, estimate: PlainEstimate) -> Estimate:
-        start = self._start
-        return named(estimate, start.model, start.held)
+    def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
+        """Follow all into the next frame, as `Tracker.track` does; an estimate a person, found or not."""
+        return self._track(depth, time_s)
+
+    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
+        """Track the frames of a source: the estimates of `track`, sooner where there are workers.
+
+        On live input each frame is the newest when the one before is done.
+        """
+        return self._follow(frames)
+
+    def save(self, estimates: Iterable[list[Estimate]], folder: str | Path) -> list[Path]:
+        """Write the run of each person who was found into `person1/`, ... in the folder; gives these.
+
+        Raises InputError where one holds something already, or no person was found.
+        """
+        given, folder = list(estimates), Path(folder)
+        if not given or not self.found:
+            raise InputError("there is nobody to save; give the estimates that `track` returned")
+        return [
+            self._save((frame[place] for frame in given), place, person_folder(folder, place + 1))
+            for place in range(self.found)
+        ]
+
+
+def name_all(tracked: Sequence[Tracked]) -> list[Estimate]:
+    """Estimates that know their bodies."""
+    return [named(each.estimate, each.state.start.model, each.state.start.held) for each in tracked]
 
 
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:

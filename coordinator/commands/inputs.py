@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -85,9 +86,10 @@ class RecordedInput(Input):
         frames = f"{counted(len(self.numbers), 'frame')} ({camera.width}x{camera.height})"
         return f"tracking {frames} of {job.sequence} into {job.out}: {how}"
 
-    def frames(self, done: int) -> Iterator[DepthFrame]:
-        """Each frame from the first that is not recorded."""
-        return map(self.source.frame, self.numbers[done:])
+    def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
+        """One stream: each frame from the first that is not recorded."""
+        del workers
+        yield map(self.source.frame, self.numbers[done:])
 
     def note(self) -> str:
         """Nothing to add to the progress after a frame."""
@@ -121,12 +123,22 @@ class LiveInput(Input):
         self.received = LiveFrames(self.key, show.say, idle=job.idle_timeout)
         self.configuration = live_run_configuration(str(job.sequence), self.asked())
 
-    def listen(self, workers: Workers) -> Iterator[DepthFrame]:
-        """Each newest frame from the first that shows depth, until the stream ends."""
+    def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
+        """The newest frames until the publisher ends, of each stream from the first that shows depth."""
+        del done
         workers.listen(self.key, self.received.receive)
         how = "the newest frame is tracked as soon as the workers are ready"
         self._show.say(f"listening on {self.key}; {how}")
-        return from_first_seen(iter(self.received), self._show.say)
+        for _, frames in groupby(self.received, lambda _: self.received.stream):
+            yield from_first_seen(map(self._fitting, frames), self._show.say)
+
+    def _fitting(self, frame: DepthFrame) -> DepthFrame:
+        """A frame; InputError where the room without people is of another size."""
+        room, camera = self.scope.background, frame.intrinsics
+        if room is not None and room.shape != frame.depth.shape:
+            sizes = f"{room.shape[1]}x{room.shape[0]}, the stream {camera.width}x{camera.height}"
+            raise InputError(f"--background {self.job.background} is {sizes}")
+        return frame
 
     def note(self) -> str:
         """How many frames a newer one superseded."""

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 from common.errors import InputError, SilentWorkers
 from coordinator.commands.console import DONE, INTERRUPTS, NOT_TRACKED, end_as_interrupted
@@ -127,10 +128,14 @@ def track_frames(
     *,
     again: bool,
 ) -> None:
-    """Track frame after frame; each is recorded while the workers are busy with the next."""
-    job = given.job
+    """Track frame after frame; each is recorded while the workers are busy with the next.
+
+    Tracking starts anew with each stream of live input, where no frame is read ahead.
+    """
+    job, look_ahead = given.job, isinstance(given, RecordedInput)
     with connect(job.pool, show) as workers, meter, open_results(job, workers, again=again) as outlets:
-        tracker = Tracker(
+        make = partial(
+            Tracker,
             workers,
             job.settings,
             given.bodies,
@@ -140,11 +145,10 @@ def track_frames(
             motion=given.motion,
             states=folders.states,
         )
-        if isinstance(given, RecordedInput):
-            run = tracker.follow(given.frames(folders.frames))
-        else:
-            tracker.prepare()  # so that no frame has to wait for it
-            run = tracker.follow(given.listen(workers), look_ahead=False)
+        if not look_ahead:
+            make().prepare()  # so that no frame has to wait for it
+        streams = given.streams(workers, folders.frames)
+        run = (each for frames in streams for each in make().follow(frames, look_ahead=look_ahead))
         for tracked in leave_loaded_alone(run):
             for each, outlet in zip(tracked, outlets, strict=False):
                 start = each.state.start

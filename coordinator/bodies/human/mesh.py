@@ -13,13 +13,16 @@ edges are kept first.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -136,6 +139,8 @@ def is_even(parts: list[trimesh.Trimesh], spacing: float) -> bool:
 
 def merged(vertices: Array, faces: Triangles) -> trimesh.Trimesh:
     """Equal vertices made one, without triangles that have no area and vertices that have no triangle."""
+    import trimesh  # takes half a second, and people need none of it
+
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces())
@@ -145,6 +150,8 @@ def merged(vertices: Array, faces: Triangles) -> trimesh.Trimesh:
 
 def resample(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
     """The mesh with neighbouring vertices about `spacing` metres apart."""
+    import trimesh
+
     vertices, faces = trimesh.remesh.subdivide_to_size(  # type: ignore[no-untyped-call]
         mesh.vertices, mesh.faces, max_edge=SPLIT * spacing, max_iter=20
     )
