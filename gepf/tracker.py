@@ -20,7 +20,7 @@ from coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, pe
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
-from coordinator.filters.methods import apply_method
+from coordinator.filters.methods import apply_method, keep_up
 from coordinator.results.log import assemble, certainty_of, floor_up
 from coordinator.results.people import person_folder
 from coordinator.results.recorder import save_run
@@ -29,9 +29,7 @@ from coordinator.security.access import TlsFiles
 from coordinator.sources.arrays import whole_depth
 from coordinator.sources.camera import DEFAULT_FPS, pinhole
 from coordinator.tracking import tracker as tracking
-from coordinator.tracking.pace import keep_up
-from coordinator.tracking.start import given_start
-from coordinator.tracking.start_file import read_start
+from coordinator.tracking.state import given_start, read_start
 from coordinator.tracking.tracker import Tracked
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named

@@ -16,8 +16,8 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import positions
 from coordinator.tracking.certainty.evidence import weigh_evidence
 from coordinator.tracking.estimate import UNKNOWN
+from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.segmenter import Segmenter
-from coordinator.tracking.stopwatch import Stopwatch
 from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
 

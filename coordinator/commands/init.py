@@ -35,8 +35,7 @@ from coordinator.tracking.observing.sensor_noise import assume_noise, measure_no
 from coordinator.tracking.placing import FACING_DEG, ROUNDS, YAWS_DEG, place
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.segmenter import PosedBody, Segmenter
-from coordinator.tracking.start import given_start
-from coordinator.tracking.start_file import read_start, require_known
+from coordinator.tracking.state import given_start, read_start, require_known
 
 Array = NDArray[np.float64]
 

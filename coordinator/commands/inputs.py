@@ -18,6 +18,7 @@ from coordinator.commands.job import Job
 from coordinator.commands.progress import Show, counted
 from coordinator.commands.scope import complete_scope
 from coordinator.commands.workers import Workers
+from coordinator.filters.methods import keep_up
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
 from coordinator.results.evaluation import read_truth
 from coordinator.scene.room.furniture import furniture
@@ -26,8 +27,7 @@ from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.source import select_frames
 from coordinator.tracking.observing.known_motion import KnownMotion
-from coordinator.tracking.pace import keep_up
-from coordinator.tracking.start_file import read_start
+from coordinator.tracking.state import read_start
 
 LOOKED_AT = 24  # frames before the first of several people is tracked, for furniture
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"

@@ -29,7 +29,7 @@ from coordinator.pool.local_workers import LocalWorkers, private_folder
 from coordinator.pool.options import NoWorkerTimeout, Pool, PoolStatistics
 from coordinator.pool.publication import Publication
 from coordinator.pool.rpc_client import Refinement, RpcClient
-from coordinator.tracking.stopwatch import Stopwatch
+from coordinator.tracking.loop import Stopwatch
 
 LINK_WAIT_S = 0.05  # for a link that is there already
 

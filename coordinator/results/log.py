@@ -30,8 +30,7 @@ from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.start import Start
-from coordinator.tracking.state import Checkpoint, TrackerState
+from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
 FORM = 9

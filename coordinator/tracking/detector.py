@@ -34,7 +34,7 @@ from coordinator.tracking.gating import (
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.start import Start, detected_start, way_up
+from coordinator.tracking.state import Start, detected_start, way_up
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

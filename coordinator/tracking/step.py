@@ -8,8 +8,8 @@ from common.frame import DepthFrame
 from coordinator.filters.belief import Belief
 from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.estimate import Status
+from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.stopwatch import Stopwatch
 
 
 @dataclass(frozen=True, slots=True, eq=False)

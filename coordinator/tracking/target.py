@@ -22,26 +22,32 @@ from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies, scaled
 from coordinator.filters.belief import Belief, Proposal
 from coordinator.filters.gradient_enhanced import Hypotheses
-from coordinator.filters.methods import METHODS, apply_method
+from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.room.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.detector import Candidates, Detection, Detector
 from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
+from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.observing.sighting import distance_of, see
-from coordinator.tracking.pace import pace_iterations
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Reported, report
 from coordinator.tracking.segmenter import PosedBody
 from coordinator.tracking.size import MEAN_STATURE_M, SizeEstimate, head_to_ankle, measure_stature
-from coordinator.tracking.start import USUAL_MEASURES, Start, given_start, no_start
-from coordinator.tracking.state import TrackerState, load_generator, take_checkpoint
+from coordinator.tracking.state import (
+    USUAL_MEASURES,
+    Start,
+    TrackerState,
+    given_start,
+    load_generator,
+    no_start,
+    take_checkpoint,
+)
 from coordinator.tracking.status import is_settled
 from coordinator.tracking.step import Updated
-from coordinator.tracking.stopwatch import Stopwatch
 from coordinator.tracking.track_management import GIVEN, TrackManagement
 
 Array = NDArray[np.float64]

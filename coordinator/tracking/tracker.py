@@ -20,14 +20,13 @@ from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking import segmenter
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.look_ahead import Lookahead
+from coordinator.tracking.loop import Lookahead, Stopwatch
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.observing.sighting import some_points
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.segmenter import Segmented, Segmenter
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.step import Updated
-from coordinator.tracking.stopwatch import Stopwatch
 from coordinator.tracking.target import TargetTracker
 
 Array = NDArray[np.float64]

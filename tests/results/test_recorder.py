@@ -27,8 +27,7 @@ from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
 from coordinator.results.track import Track, read_track
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status
-from coordinator.tracking.start import Start
-from coordinator.tracking.state import Checkpoint, TrackerState
+from coordinator.tracking.state import Checkpoint, Start, TrackerState
 from tests.support.bodies import person
 from tests.support.runs import swing, write_run
 from worker.warm_up import tiny_model

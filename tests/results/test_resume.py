@@ -20,9 +20,9 @@ from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_log, read_records
 from coordinator.scene.room.planes import NONE
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.state import Checkpoint, TrackerState
-from coordinator.tracking.stopwatch import Stopwatch
 from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
 from tests.support.one_person import OnePerson

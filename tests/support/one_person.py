@@ -12,8 +12,7 @@ from coordinator.scene.scope import Scope
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.start import Start
-from coordinator.tracking.state import TrackerState
+from coordinator.tracking.state import Start, TrackerState
 from coordinator.tracking.tracker import Tracker
 
 

@@ -24,7 +24,7 @@ from coordinator.tracking.gating import Gate
 from coordinator.tracking.observing.sensor_noise import SensorNoise
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.pose_library import draw_any
-from coordinator.tracking.start import given_start
+from coordinator.tracking.state import given_start
 from gepf.direct import DirectRefiner
 from tests.support.one_person import OnePerson
 from tests.support.people import CAMERA, SETTINGS, STANDING, empty, frame_of, known, shown

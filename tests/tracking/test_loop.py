@@ -10,7 +10,7 @@ import pytest
 from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.tracking.look_ahead import Lookahead
+from coordinator.tracking.loop import Lookahead
 
 CAMERA = Intrinsics(2, 2, 1.0, 1.0, 0.5, 0.5)
 FRAMES = [DepthFrame(n, n / 30.0, np.ones((2, 2), np.uint16), 1000.0, CAMERA) for n in range(3)]

@@ -1,8 +1,10 @@
-"""Frames one after the other, where the next one may be had before its turn."""
+"""What the loop over frames stands on: frames that are read before their turn, and seconds by stage."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Self
 
 from common.frame import DepthFrame
@@ -38,3 +40,19 @@ class Lookahead:
                 self._next, self._error = None, error
             self._peeked = True
         return self._next
+
+
+class Stopwatch:
+    """Seconds by stage of one frame; runs only while the coordinator works on it, or waits for it."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Charge the body to a stage."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
