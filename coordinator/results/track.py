@@ -51,7 +51,7 @@ class Track:
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
-        """Frames (F,) of which nobody knows where the body is: it is lost, searched for, or not there."""
+        """Frames (F,) whose pose is not known: the body is lost, searched for, or not there."""
         return np.asarray(np.isin(self.status, UNKNOWN))
 
     @property
@@ -122,6 +122,16 @@ def read_track(folder: Path) -> Track:
     angle_names = arrays.names("angle_names") if "angle_names" in arrays else None
     frame = arrays.integers("frame", (-1,))
     weight = arrays.floats("hypothesis_weight", (len(frame), -1))
+    shapes = dict.fromkeys(
+        ("joint_deviation", "joint_off_probability", "joint_seen"), (len(frame), len(joint_names))
+    ) | {"up": (3,)}
+    if angle_names is not None:
+        shapes |= dict.fromkeys(("angle", "angle_deviation"), (len(frame), len(angle_names)))
+    optional: dict[str, Any] = {
+        name: arrays.floats(name, shape) for name, shape in shapes.items() if name in arrays
+    }
+    if "particles_answered" in arrays:
+        optional["particles_answered"] = arrays.integers("particles_answered", frame.shape)
     track = Track(
         frame=frame,
         time_s=arrays.floats("time_s", (len(frame),)),
@@ -132,23 +142,11 @@ def read_track(folder: Path) -> Track:
         hypothesis_pose=arrays.floats("hypothesis_pose", (*weight.shape, len(dof_names))),
         hypothesis_weight=weight,
         status=arrays.texts("status", (len(frame),)),
-        **{
-            name: arrays.floats(name, (len(frame), len(joint_names)))
-            for name in ("joint_deviation", "joint_off_probability", "joint_seen")
-            if name in arrays
-        },
         angle_names=angle_names,
-        angle=arrays.floats("angle", (len(frame), len(angle_names))) if angle_names is not None else None,
-        angle_deviation=arrays.floats("angle_deviation", (len(frame), len(angle_names)))
-        if angle_names is not None
-        else None,
-        particles_answered=arrays.integers("particles_answered", frame.shape)
-        if "particles_answered" in arrays
-        else None,
-        up=arrays.floats("up", (3,)) if "up" in arrays else None,
+        **optional,
     )
-    said = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))
-    if not np.all(said | track.unknown):
+    finite = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))
+    if not np.all(finite | track.unknown):
         raise InputError(f"{folder / TRACK_FILE} holds poses that are not finite; track the sequence again")
     return track
 

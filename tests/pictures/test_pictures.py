@@ -21,7 +21,7 @@ from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import encode_gif, spread, tile
 from coordinator.pictures.hypotheses import curves_of
-from coordinator.pictures.overlay import MODEL_COLOUR, Painter, View, around
+from coordinator.pictures.overlay import MODEL_COLOUR, Painter, around
 from coordinator.pictures.plots import STATUS, draw_status, new_figure, styled
 from coordinator.pictures.run import draw_run, shown_at
 from coordinator.pictures.shading import contours, lambert, shade_depth
@@ -364,12 +364,3 @@ def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path
     assert len(files) >= 3
     for file in files:
         assert file.suffix == ".mp4" or pixels(file).std() > 5.0
-
-
-def test_a_window_at_another_size_shows_the_same(source: Source) -> None:
-    """Twice the scale is twice the size and the same rays."""
-    view = View(source.intrinsics, 10, 20, 100, 80, 1.5)
-    twice = view.resized(2.0)
-    point = np.array([[0.1, -0.2, 3.0]])
-    assert (twice.width, twice.height) == (2 * view.width, 2 * view.height)
-    assert np.allclose(project(point, twice.intrinsics), 2 * project(point, view.intrinsics) + 0.5)

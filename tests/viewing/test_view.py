@@ -19,7 +19,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.segmenter import PosedBody, Segmenter
-from coordinator.viewing import SMALLEST, correspond, ellipsoids
+from coordinator.viewing import correspond, ellipsoids
 from tests.support.runs import write_run
 
 FRAMES = 3
@@ -121,4 +121,4 @@ def test_ellipsoids_are_the_covariance() -> None:
 def test_agreement_is_a_small_ball() -> None:
     """Where all hypotheses agree there is still something to see."""
     half, _ = ellipsoids(np.zeros((3, 1, 3)), np.zeros((1, 3)), np.ones(3))
-    assert half == pytest.approx(np.full((1, 3), SMALLEST))
+    assert np.all((half > 0.0005) & (half < 0.01))

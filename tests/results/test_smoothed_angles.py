@@ -1,4 +1,4 @@
-"""Angles that a frame does not show are evened out with the frames around; those that are known stay."""
+"""Angles that a frame does not show are smoothed with the frames around; those that are known stay."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_a_rotation_that_the_elbow_shows_stays(model: BodyModel) -> None:
         ("l_elbow_flexion", "left_elbow_flexion"),
     ],
 )
-def test_a_hop_on_which_hypotheses_disagree_is_evened_out(model: BodyModel, dof: str, name: str) -> None:
+def test_a_hop_on_which_hypotheses_disagree_is_smoothed(model: BodyModel, dof: str, name: str) -> None:
     """The same hop with all agreed stays, and no angle of another limb changes."""
     poses = standing(model, 30, r_elbow_flexion=30.0)
     hopped = poses.copy()
