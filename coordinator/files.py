@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 from zipfile import BadZipFile
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,6 +38,12 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
         sync_folder(path.parent)
     finally:
         draft.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: object) -> None:
+    """Write JSON that people can read."""
+    text = msgspec.json.format(msgspec.json.encode(content), indent=2)
+    write_atomically(path, lambda file: file.write(text + b"\n"))
 
 
 def sync_folder(folder: Path) -> None:

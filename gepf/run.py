@@ -16,8 +16,8 @@ from common.errors import InputError
 from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports import export_run
 from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.exports.tables import write_csv
 from coordinator.results.angles import read_slides
+from coordinator.results.csv_file import write_csv
 from coordinator.results.summary import read_summary
 from coordinator.results.track import Track
 from gepf.named import index_of, refuse_degrees

@@ -22,8 +22,8 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import apply_method, keep_up
 from coordinator.results.log import assemble, certainty_of, floor_up
-from coordinator.results.people import person_folder
 from coordinator.results.recorder import save_run
+from coordinator.results.summary import PERSON
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
 from coordinator.sources.arrays import whole_depth
@@ -257,7 +257,7 @@ class PeopleTracker(FrameLoop):
         if not given or not self.found:
             raise InputError("there is nobody to save; give the estimates that `track` returned")
         return [
-            self._save((frame[place] for frame in given), place, person_folder(folder, place + 1))
+            self._save((frame[place] for frame in given), place, folder / f"{PERSON}{place + 1}")
             for place in range(self.found)
         ]
 

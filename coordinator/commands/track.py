@@ -12,7 +12,6 @@ from functools import partial
 from common.errors import InputError, SilentWorkers
 from coordinator.commands.console import DONE, INTERRUPTS, NOT_TRACKED, end_as_interrupted
 from coordinator.commands.finished import draw_pictures
-from coordinator.commands.folders import Folders, folder_of, is_complete, open_folders
 from coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
 from coordinator.commands.job import Job, choose_job
 from coordinator.commands.many_recordings import is_several
@@ -21,9 +20,9 @@ from coordinator.commands.track_options import TrackOptions
 from coordinator.commands.workers import Connect, Workers
 from coordinator.files import HYPOTHESES_FILE
 from coordinator.pool.options import Pool
-from coordinator.results import people
 from coordinator.results.live_results import LiveResults
 from coordinator.results.log import Recorded
+from coordinator.results.people import Recorders, folder_of, is_complete, open_recorders, was_found
 from coordinator.results.summary import (
     PERSON,
     SUMMARY_FILE,
@@ -68,13 +67,14 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     """
     key = live_key(job.sequence)
     given = RecordedInput(job) if key is None else LiveInput(job, key, show)
-    if job.resume and is_complete(job, given.configuration):
+    if job.resume and is_complete(job.out, given.configuration, job.people):
         show.say(f"all {given.total} frames are in {job.out} already")
         return True
     for attempts_left in reversed(range(RECONNECTIONS + 1)):
         try:
-            with open_folders(job, given.configuration) as folders:
-                recorded = record(given, folders, show, connect, again=attempts_left > 0)
+            opened = open_recorders(job.out, given.configuration, job.people, resume=job.resume)
+            with opened as recorders:
+                recorded = record(given, recorders, show, connect, again=attempts_left > 0)
             break
         except SilentWorkers:
             if not attempts_left or given.total is None:
@@ -90,30 +90,30 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
 
 
 def record(
-    given: Frames, folders: Folders, show: Show, connect: Connect, *, again: bool
+    given: Frames, recorders: Recorders, show: Show, connect: Connect, *, again: bool
 ) -> dict[int, Recorded]:
     """Track what is not recorded yet, and write the files of what then is, however that ends."""
     job = given.job
-    meter = show.frames(given.total, folders.frames)
+    meter = show.frames(given.total, recorders.frames)
     if isinstance(given, RecordedInput):
-        show.say(given.announce(folders.frames))
+        show.say(given.announce(recorders.frames))
     ended = False
     try:
-        if folders.frames != given.total:
-            track_frames(given, folders, meter, show, connect, again=again)
+        if recorders.frames != given.total:
+            track_frames(given, recorders, meter, show, connect, again=again)
         ended = True
     except KeyboardInterrupt:
-        if given.total is not None or not folders.frames:
+        if given.total is not None or not recorders.frames:
             raise
         INTERRUPTS.forget()  # the end of live input
         ended = True
     finally:
-        complete = ended if given.total is None else folders.frames == given.total
+        complete = ended if given.total is None else recorders.frames == given.total
         facts = {"complete": complete, "pool": describe_pool(job.pool), **given.facts()}
-        recorded = folders.finish(facts, meter.rate)
+        recorded = recorders.finish(facts, meter.rate)
         if recorded and not complete and given.total is not None:
             show.say(
-                f"ended early with {folders.frames} of {given.total} frames in {job.out}; "
+                f"ended early with {recorders.frames} of {given.total} frames in {job.out}; "
                 "the same command with --resume goes on"
             )
     return recorded
@@ -121,7 +121,7 @@ def record(
 
 def track_frames(
     given: Frames,
-    folders: Folders,
+    recorders: Recorders,
     meter: FrameMeter,
     show: Show,
     connect: Connect,
@@ -143,11 +143,11 @@ def track_frames(
             scope=given.scope,
             start=given.start,
             motion=given.motion,
-            states=folders.states,
+            states=recorders.states,
         )
         if not look_ahead:
             make().prepare()  # so that no frame has to wait for it
-        streams = given.streams(workers, folders.frames)
+        streams = given.streams(workers, recorders.frames)
         run = (each for frames in streams for each in make().follow(frames, look_ahead=look_ahead))
         for tracked in leave_loaded_alone(run):
             for each, outlet in zip(tracked, outlets, strict=False):
@@ -156,7 +156,7 @@ def track_frames(
                     outlet.put(each.estimate, start.model, start.held)
             others = "".join(f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2))
             meter.advance(tracked[0].estimate, others + given.note())
-            folders.append(tracked, workers.statistics, meter.seconds)
+            recorders.append(tracked, workers.statistics, meter.seconds)
             INTERRUPTS.check()
 
 
@@ -212,7 +212,7 @@ def draw(given: Frames, recorded: Mapping[int, Recorded], show: Show) -> None:
     """Pictures of a finished run; of live input, whose frames were not kept, of the hypotheses alone."""
     job = given.job
     for number, each in recorded.items():
-        out, status = folder_of(job, number), describe_status(each.estimates)
+        out, status = folder_of(job.out, job.people, number), describe_status(each.estimates)
         frames = counted(len(each.estimates), "frame")
         if isinstance(given, LiveInput):
             frames = f"{len(each.estimates)} of {given.received.counts.received} frames"
@@ -243,7 +243,7 @@ def conclude(job: Job, recorded: Mapping[int, Recorded], show: Show) -> bool:
     """
     several = job.people > 1
     if several:
-        there = sum(map(people.was_found, recorded.values()))
+        there = sum(map(was_found, recorded.values()))
         if there < job.people:
             show.say(f"{there} of up to {job.people} people were found")
     tracked = True

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import BinaryIO
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports.recorded import RecordedRun
+from coordinator.results.csv_file import in_degrees, named, write_csv
 from coordinator.results.track import Track, emptied
-
-Columns = dict[str, NDArray[np.float64]]
 
 
 def export_csv(run: RecordedRun, file: BinaryIO) -> None:
@@ -26,62 +20,11 @@ def export_csv(run: RecordedRun, file: BinaryIO) -> None:
     write_csv(run.told, file, in_degrees(raw) if run.smoothed_hz else {})
 
 
-def write_csv(track: Track, file: BinaryIO, more: Columns | None = None) -> None:
-    """Frame, time and status, then the columns of `angle_columns`, `joint_columns`, the pose, and `more`.
-
-    Numbers are written so that reading them gives the same float64.
-    """
-    text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    columns = angle_columns(track) | joint_columns(track) | named(track.dof_names, track.pose) | (more or {})
-    writer.writerow(["frame", "time_s", "status", *columns])
-    values = np.stack(list(columns.values()), axis=1)
-    for f, frame in enumerate(track.frame.tolist()):
-        writer.writerow([frame, float(track.time_s[f]), track.status[f], *values[f].tolist()])
-    text.detach()
-
-
-def angle_columns(track: Track) -> Columns:
-    """Angles (F,) in degrees, the shoulders' as the ISB wants them, and how far each angle may be off."""
-    angles = named(track.angle_names, track.angle)
-    off = named(track.angle_names, track.angle_deviation)
-    isb = {}
-    if track.angle_names is not None and track.angle is not None:
-        isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))
-    return in_degrees(angles | isb | {f"{name}_deviation": values for name, values in off.items()})
-
-
-def named(names: tuple[str, ...] | None, values: NDArray[np.float64] | None) -> Columns:
-    """Columns (F,) of values (F, N) by their names; none where they are not known."""
-    return {} if names is None or values is None else dict(zip(names, values.T, strict=True))
-
-
-def in_degrees(radians: Columns) -> Columns:
-    """The same columns in degrees, and named so."""
-    return {f"{name}_deg": np.degrees(values) for name, values in radians.items()}
-
-
-def joint_columns(track: Track) -> Columns:
-    """Every joint's x, y, z (F,) and how far it may be off, metres, camera frame; how probably, and seen."""
-    columns: Columns = {}
-    for j, name in enumerate(track.joint_names):
-        columns |= {f"{name}_{axis}": track.joint_positions[:, j, a] for a, axis in enumerate("xyz")}
-    for what in ("deviation", "off_probability", "seen"):
-        values = getattr(track, f"joint_{what}")
-        if values is not None:
-            names = (f"{name}_{what}" for name in track.joint_names)
-            columns |= dict(zip(names, values.T, strict=True))
-    return columns
-
-
 def export_json(run: RecordedRun, file: BinaryIO) -> None:
-    """A run's JSON; a low-passed one says so."""
-    write_json(run.told, file, {"smoothed_hz": run.smoothed_hz} if run.smoothed_hz else {})
-
-
-def write_json(track: Track, file: BinaryIO, more: Mapping[str, object]) -> None:
-    """One object with the keys of `track.npz`; the padding of hypotheses is null."""
+    """One object with the keys of `track.npz`, null for padding; that of a low-passed run says so."""
     content: dict[str, object] = {
-        field.name: np.asarray(getattr(track, field.name)).tolist() for field in fields(Track)
+        field.name: np.asarray(getattr(run.told, field.name)).tolist() for field in fields(Track)
     }
-    file.write(msgspec.json.encode({**content, **more}))
+    if run.smoothed_hz:
+        content["smoothed_hz"] = run.smoothed_hz
+    file.write(msgspec.json.encode(content))

@@ -14,9 +14,10 @@ import msgspec
 
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.files import LOG_FILE, sync_folder, write_atomically
+from coordinator.files import LOG_FILE, sync_folder, write_atomically, write_json
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.configuration import RunConfiguration, differences, versions
+from coordinator.results.csv_file import write_csv
 from coordinator.results.log import (
     Began,
     Entry,
@@ -151,28 +152,26 @@ class Recorder:
         self.frames, self._made = 0, [self.folder]
 
     def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> Track:
-        """Write `track.npz` and `summary.json` and return the track. An incomplete run keeps its log."""
-        timed = recorded.configuration.get("deadline_ms") is not None
+        """Write all files but pictures and return the track. An incomplete run keeps its log."""
         start = recorded.state.start
-        up = up_of(recorded.configuration, recorded.state)
-        track = assemble(start.model, recorded.estimates, held=start.held, timed=timed, up=up)
-        write_atomically(self.folder / TRACK_FILE, lambda file: write_track(track, file))
-        text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
-        write_atomically(self.folder / SUMMARY_FILE, lambda file: file.write(text + b"\n"))
+        track = assemble(
+            start.model,
+            recorded.estimates,
+            held=start.held,
+            timed=recorded.configuration.get("deadline_ms") is not None,
+            up=up_of(recorded.configuration, recorded.state),
+        )
+        write_files(self.folder, track, TrackedBody(start.model, start.held), summary)
+        write_atomically(self.folder / CSV_FILE, lambda file: write_csv(track, file))
         self._finished = complete
         return track
 
 
-def is_complete(folder: Path, configuration: RunConfiguration) -> bool:
-    """Whether a folder holds a whole run. InputError if it was made under another configuration."""
-    if (folder / LOG_FILE).exists() or not all((folder / name).exists() for name in RESULTS):
-        return False
-    try:
-        summary = msgspec.json.decode((folder / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.MsgspecError):
-        return False
-    check_configuration(folder, summary, configuration)
-    return summary.get("complete") is True
+def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object]) -> None:
+    """Write `model.npz`, `track.npz` and `summary.json`."""
+    write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
+    write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
+    write_json(folder / SUMMARY_FILE, summary)
 
 
 def check_configuration(folder: Path, recorded: Mapping[str, Any], asked: RunConfiguration) -> None:
@@ -188,10 +187,15 @@ def open_log(path: Path) -> int:
     """A descriptor of the log, locked; InputError if a run is still going on."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
     try:
-        _lock(descriptor, path)
-    except BaseException:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
         os.close(descriptor)
-        raise
+        raise InputError(
+            f"{path.parent} is in use by a run that is still going on; choose another --out"
+        ) from None
+    if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # that run ended just now
+        os.close(descriptor)
+        raise InputError(f"{path.parent} was in use until now; {ELSEWHERE}")
     return descriptor
 
 
@@ -210,17 +214,6 @@ def claim(
         (folder / LOG_FILE).unlink()
         raise InputError(f"{folder} holds an earlier run ({', '.join(present)}); {ELSEWHERE}")
     return None
-
-
-def _lock(descriptor: int, path: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(
-            f"{path.parent} is in use by a run that is still going on; choose another --out"
-        ) from None
-    if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # that run ended just now
-        raise InputError(f"{path.parent} was in use until now; {ELSEWHERE}")
 
 
 def _missing_parents(folder: Path) -> list[Path]:
@@ -243,10 +236,7 @@ def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) 
         raise InputError(f"{folder} holds a run already ({present[0]}); choose another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
-        text = msgspec.json.format(msgspec.json.encode(summary_of(folder, track, body, settings)), indent=2)
-        write_atomically(folder / SUMMARY_FILE, lambda file: file.write(text + b"\n"))
-        write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
+        write_files(folder, track, body, summary_of(folder, track, body, settings))
     except OSError as error:
         raise InputError(f"cannot write to {folder}: {error.strerror}; choose another folder") from error
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:  # it brings the compiler, which takes long to load
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
-PEOPLE, PERSON = "people", "person"  # in it: how many were asked for, and who of them this is
+PEOPLE, PERSON = "people", "person"  # in it: how many were requested, and which of them this is
+FOUND = "found"  # in the summary of several: one entry for each person who was found
 
 
 def summarise(recorded: Recorded) -> dict[str, object]:
@@ -101,23 +102,24 @@ def add_stages(estimates: Iterable[Estimate]) -> dict[str, float]:
     return total
 
 
-def read_summary(run: Path) -> dict[str, Any]:
-    """What `gepf track` wrote beside the track; InputError if it is missing or damaged."""
+def find_summary(run: Path) -> dict[str, Any] | None:
+    """What `gepf track` wrote beside the track; None if it is missing or damaged."""
     try:
         return msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
     except (OSError, msgspec.MsgspecError):
+        return None
+
+
+def read_summary(run: Path) -> dict[str, Any]:
+    """What `gepf track` wrote beside the track; InputError if it is missing or damaged."""
+    summary = find_summary(run)
+    if summary is None:
         raise InputError(
             f"{run} holds no {SUMMARY_FILE} that can be read; give the --out folder of a finished gepf track"
-        ) from None
-
-
-FOUND = "found"  # in the summary of all: one entry for each who was found
+        )
+    return summary
 
 
 def people_in(run: Path) -> list[Path]:
     """The folders of the people who were found in a run; none where it is of a single person."""
-    try:
-        summary = msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.MsgspecError):
-        return []
-    return [run / each["folder"] for each in summary.get(FOUND, [])]
+    return [run / each["folder"] for each in (find_summary(run) or {}).get(FOUND, [])]

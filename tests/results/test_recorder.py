@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
-from coordinator.exports.tables import write_csv
 from coordinator.files import write_atomically
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.log import Recorded, frame_record, read_log, read_records
-from coordinator.results.recorder import CSV_FILE, Recorder, is_complete
+from coordinator.results.people import is_complete
+from coordinator.results.recorder import Recorder
 from coordinator.results.track import Track, read_track
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status
@@ -81,8 +81,7 @@ def record(
         recorded = recorder.read()
         assert recorded is not None
         summary = {**CONFIGURATION, "frames": recorder.frames, "complete": complete}
-        track = recorder.finish(recorded, summary, complete=complete)
-        write_atomically(folder / CSV_FILE, lambda file: write_csv(track, file))
+        recorder.finish(recorded, summary, complete=complete)
     return recorder.past
 
 
@@ -98,9 +97,9 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_run_leaves_its_three_files_and_nothing_else(run: Path) -> None:
+def test_a_run_leaves_its_files_and_nothing_else(run: Path) -> None:
     """The log is gone, so are the drafts."""
-    assert names(run) == ["poses.csv", "summary.json", "track.npz"]
+    assert names(run) == ["model.npz", "poses.csv", "summary.json", "track.npz"]
     assert json.loads((run / "summary.json").read_text()) == {**CONFIGURATION, "frames": 3, "complete": True}
 
 
@@ -214,7 +213,7 @@ def test_a_log_with_an_altered_byte_gives_only_records_that_were_written(
 def test_a_run_that_ends_early_keeps_its_log_beside_the_results(tmp_path: Path) -> None:
     """What there is can be read like any run, and could be gone on with."""
     record(tmp_path, ESTIMATES[:2], complete=False)
-    assert names(tmp_path) == ["frames.log", "poses.csv", "summary.json", "track.npz"]
+    assert names(tmp_path) == ["frames.log", "model.npz", "poses.csv", "summary.json", "track.npz"]
     assert read_track(tmp_path).frame.tolist() == [4, 5]
 
 
@@ -280,7 +279,7 @@ def test_a_log_without_a_frame_is_no_reason_to_refuse(tmp_path: Path) -> None:
     """A run that was killed before its first frame leaves an empty log, which holds nothing to lose."""
     (tmp_path / "frames.log").touch()
     record(tmp_path, ESTIMATES)
-    assert names(tmp_path) == ["poses.csv", "summary.json", "track.npz"]
+    assert names(tmp_path) == ["model.npz", "poses.csv", "summary.json", "track.npz"]
 
 
 def test_a_resumed_run_ends_with_the_bytes_of_one_that_was_not_interrupted(tmp_path: Path, run: Path) -> None:
@@ -338,7 +337,7 @@ def test_pictures_that_fail_leave_a_run_that_can_be_gone_on_with(tmp_path: Path)
         fail_after(Recorder(tmp_path, CONFIGURATION))
     past = record(tmp_path, [], resume=True)
     assert past is not None
-    assert names(tmp_path) == ["poses.csv", "summary.json", "track.npz"]
+    assert names(tmp_path) == ["model.npz", "poses.csv", "summary.json", "track.npz"]
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
