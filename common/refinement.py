@@ -39,10 +39,6 @@ class Refined:
         """Only these particles, in this order."""
         return self._each(lambda array: array[particles])
 
-    def divide(self, particles: int) -> tuple[Refined, Refined]:
-        """So many particles, and those after them."""
-        return self._each(lambda array: array[:particles]), self._each(lambda array: array[particles:])
-
     def unanswered(self, particles: int) -> Refined:
         """So many particles about which nothing is known, of the same shapes otherwise."""
         return self._each(lambda array: np.full((particles, *array.shape[1:]), np.nan, array.dtype))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
 
@@ -19,7 +19,7 @@ from worker.kernel.observation import Observation, observe
 class DirectRequest:
     """Particles that are refined when their result is asked for."""
 
-    body: Body
+    model: BodyModel
     observation: Observation
     poses: NDArray[np.float64]  # (N, D)
     settings: RefineSettings
@@ -27,7 +27,7 @@ class DirectRequest:
 
     def result(self) -> Refined:
         """The particles after their descent."""
-        return refine(self.body, self.observation, self.poses, self.settings, covariance=self.covariance)
+        return refine(self.model, self.observation, self.poses, self.settings, covariance=self.covariance)
 
 
 class DirectRefiner:
@@ -45,7 +45,7 @@ class DirectRefiner:
 
     def submit(
         self,
-        body: Body,
+        model: BodyModel,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,
@@ -54,4 +54,4 @@ class DirectRefiner:
         """Poses (N, D), to be refined on the frame that was published last."""
         if self._observation is None:
             raise RuntimeError("publish a frame first")
-        return DirectRequest(body, self._observation, poses, settings, covariance)
+        return DirectRequest(model, self._observation, poses, settings, covariance)

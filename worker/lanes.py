@@ -10,11 +10,11 @@ from queue import SimpleQueue
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.closing import Closing
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body
-from worker.kernel.icp import Job, abandon, finish, make_jobs, work_on
+from worker.kernel.icp import Job, abandon, finish, make_job, work_on
 from worker.kernel.observation import Observation, pack_observation
 from worker.kernel.workspace import Workspace, make_workspace, narrow
 
@@ -106,7 +106,7 @@ class SideBySide:
 
     def refine(
         self,
-        body: Body,
+        model: BodyModel,
         observation: Observation,
         poses: NDArray[np.float64],
         settings: RefineSettings,
@@ -114,14 +114,11 @@ class SideBySide:
         covariance: bool = False,
     ) -> Refined:
         """Refine poses (N, D); arguments, results and errors as of `worker.kernel.icp.refine`."""
-        jobs = make_jobs(body, observation, poses, settings, covariance=covariance)
-
-        def work(lane: int) -> None:
-            for job in jobs.each:
-                work_on(job, self._kept[lane].fitting(job))
-
-        self._lanes.run(work, len(poses), lambda: abandon(jobs))
-        return finish(jobs)
+        job = make_job(model, observation, poses, settings, covariance=covariance)
+        self._lanes.run(
+            lambda lane: work_on(job, self._kept[lane].fitting(job)), len(poses), lambda: abandon(job)
+        )
+        return finish(job)
 
 
 class KeptWorkspace:

@@ -18,7 +18,6 @@ from common.protocol.frames import decode_frame
 from common.protocol.messages import RefineRequest
 from common.protocol.models import decode_model
 from common.settings import RefineSettings
-from common.sizes import Body, Sized, Sizes
 from common.transport.bus import Bus
 
 K = TypeVar("K", bound=Hashable)
@@ -27,8 +26,7 @@ O = TypeVar("O")  # noqa: E741 - what is made of a frame
 
 RUNS = 16
 FRAMES_OF_RUN = 2
-MODELS_OF_RUN = 6
-SIZES_OF_RUN = 2
+MODELS_OF_RUN = 16  # a start tries several sizes of a body at once
 
 
 PATIENCE = 0.2  # seconds that a published frame may be behind the first request for it
@@ -81,7 +79,6 @@ class RunMemory(Generic[O]):
         self.frames: Recent[int, bytes] = Recent(FRAMES_OF_RUN)  # encoded
         self.observations: Recent[int, O] = Recent(FRAMES_OF_RUN)
         self.models: Recent[str, BodyModel] = Recent(MODELS_OF_RUN)
-        self.sizes: Recent[tuple[str, str], Sizes] = Recent(SIZES_OF_RUN)  # by the hashes of both models
         self.unread: int | None = None  # the newest frame, if it was not observed yet
         self.settings: RefineSettings | None = None  # of the latest request
 
@@ -156,22 +153,16 @@ class Contents(Generic[O]):
             payload or self._fetch(keys.run_frame(run, number), f"frame {number} of run {run}")
         )
 
-    def body(self, memory: RunMemory[O], request: RefineRequest) -> Body:
-        """The body of a request's particles; from the run itself, if its memory does not have it."""
-        model = self._model(memory, request.run, request.model_hash)
+    def model(self, memory: RunMemory[O], request: RefineRequest) -> BodyModel:
+        """The model of a request; from the run itself, if its memory does not have it."""
+        model = memory.models.find(
+            request.model_hash, lambda: self._fetch_model(request.run, request.model_hash)
+        )
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
             )
-        of = request.of_sizes
-        if of is None:
-            return model
-        thick = self._model(memory, request.run, of.thick_hash)
-        bodies = memory.sizes.find((request.model_hash, of.thick_hash), lambda: Sizes(model, thick))
-        return Sized(bodies, of.sizes)
-
-    def _model(self, memory: RunMemory[O], run: str, model_hash: str) -> BodyModel:
-        return memory.models.find(model_hash, lambda: self._fetch_model(run, model_hash))
+        return model
 
     def _fetch_model(self, run: str, model_hash: str) -> BodyModel:
         name = f"model {model_hash[:12]} of run {run}"

@@ -17,6 +17,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.errors import BusError, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
@@ -24,7 +25,6 @@ from common.protocol.frames import decode_frame
 from common.protocol.messages import RefineRequest, decode_request, encode_refined, encode_refusal
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body
 from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest, RequestReceiver
 from worker.activity import Activity
@@ -84,7 +84,7 @@ class Refine(Protocol[O_contra]):
 
     def __call__(
         self,
-        body: Body,
+        model: BodyModel,
         observation: O_contra,
         poses: NDArray[np.float64],
         settings: RefineSettings,
@@ -228,11 +228,11 @@ class Service(Generic[O]):
         Raises ProtocolError for a request that cannot be served, BusError if its frame or model is not found.
         """
         memory: RunMemory[O] = self._memory.of(request.run)
-        body = self._contents.body(memory, request)
+        model = self._contents.model(memory, request)
         observation = memory.observations.find(request.frame, lambda: self._observe(request))
         memory.settings = request.settings
         refined = self._kernel.refine(
-            body, observation, request.poses, request.settings, covariance=request.covariance
+            model, observation, request.poses, request.settings, covariance=request.covariance
         )
         self.activity.refined(request.run, len(request.poses))
         return encode_refined(refined)

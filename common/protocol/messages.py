@@ -15,11 +15,9 @@ from common.bounds import (
     LARGEST_LOG_LIKELIHOOD,
     LARGEST_POSE,
     LARGEST_SETTING,
-    LARGEST_SIZE,
     MAX_DOFS,
     MAX_ITERATIONS,
     MAX_PARTICLES,
-    MAX_SIZES,
     POSITIVE_SETTINGS,
     SMALLEST_POSITIVE,
     most_covariances,
@@ -56,8 +54,6 @@ class RequestMessage(Message, frozen=True, tag="request"):
     model: Hash
     settings: RefineSettings
     poses: Array
-    thick: Hash | None = None  # with sizes: the same body, thicker
-    sizes: Array | None = None
     covariance: bool = False
 
 
@@ -82,43 +78,27 @@ class RefusalMessage(Message, frozen=True, tag="refusal"):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OfSizes:
-    """The sizes (N, 2) of particles, between their model and another of the same body, thicker."""
-
-    thick_hash: str
-    sizes: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class RefineRequest:
-    """One batch: refine `poses` (N, D) of a model, or of that model in some sizes, on a frame of a run."""
+    """One batch: refine `poses` (N, D) of a model on a frame of a run."""
 
     run: str
     frame: int
     model_hash: str
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
-    of_sizes: OfSizes | None = None
     covariance: bool = False  # whether each particle's is requested: a worker gives it then, and only then
 
     def batch(self, start: int, stop: int) -> RefineRequest:
         """The request for particles start..stop-1."""
-        if stop - start == len(self.poses):
-            return self
-        of = self.of_sizes
-        sizes = None if of is None else OfSizes(of.thick_hash, of.sizes[start:stop])
-        return replace(self, poses=self.poses[start:stop], of_sizes=sizes)
+        return replace(self, poses=self.poses[start:stop])
 
 
 def encode_request(request: RefineRequest) -> bytes:
     """A batch for one worker."""
-    of = request.of_sizes
     message = RequestMessage(
         run=request.run,
         frame=request.frame,
         model=request.model_hash,
-        thick=None if of is None else of.thick_hash,
-        sizes=None if of is None else pack(of.sizes),
         settings=request.settings,
         poses=pack(request.poses),
         covariance=request.covariance,
@@ -142,9 +122,8 @@ def decode_request(payload: bytes) -> RefineRequest:
         raise ProtocolError(
             f"covariances of {count} poses of {dofs} values are too many, expected up to {most}"
         )
-    sizes = decode_sizes(message, count)
     return RefineRequest(
-        message.run, message.frame, message.model, message.settings, poses, sizes, message.covariance
+        message.run, message.frame, message.model, message.settings, poses, message.covariance
     )
 
 
@@ -158,22 +137,6 @@ def check_settings(settings: RefineSettings) -> None:
             check_range(f"setting {name}", value, least, LARGEST_SETTING)
         elif isinstance(value, int) and not 0 <= value <= MAX_ITERATIONS:
             raise ProtocolError(f"setting {name} is {value}, expected 0 to {MAX_ITERATIONS}")
-
-
-def decode_sizes(message: RequestMessage, particles: int) -> OfSizes | None:
-    """The sizes of so many particles in a request, if it has any."""
-    if message.thick is None and message.sizes is None:
-        return None
-    if message.thick is None or message.sizes is None:
-        raise ProtocolError("a request for sizes names a thicker model, and the sizes")
-    sizes = unpack("sizes", message.sizes, "<f8", (particles, 2), {})
-    check_magnitude("sizes", sizes, LARGEST_SIZE)
-    if not sizes[:, 1].min() > 0.0:
-        raise ProtocolError("sizes hold a scale that is not above zero")
-    changes = np.count_nonzero(np.any(sizes[1:] != sizes[:-1], axis=1))
-    if changes >= MAX_SIZES:
-        raise ProtocolError(f"a batch has {MAX_SIZES} sizes at the most, this one {changes + 1}")
-    return OfSizes(message.thick, sizes)
 
 
 def encode_refined(refined: Refined) -> bytes:

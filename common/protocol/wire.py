@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.errors import ProtocolError, VersionError
 
-PROTOCOL = 8  # version of the messages between coordinator and workers
+PROTOCOL = 9  # version of the messages between coordinator and workers
 LIVE = 1  # version of the messages of cameras, which other programs write, too: docs/live.md
 MAX_BYTES = 64 * 2**20  # of one message
 

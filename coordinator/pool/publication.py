@@ -17,7 +17,7 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 FRAMES_KEPT = 2
-MODELS_KEPT = 6
+MODELS_KEPT = 16  # a start tries several sizes of a body at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)

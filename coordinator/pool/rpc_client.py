@@ -61,7 +61,6 @@ class Refinement:
 
     request: RefineRequest  # for all particles
     due: float = math.inf  # when to do with the particles that are refined, by the monotonic clock
-    spare: int = 0  # of the particles, the last: can be done without when the rest is due
     complete: bool = False
     _received: dict[int, Refined] = field(default_factory=dict)  # by ticket
     _parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
@@ -73,9 +72,8 @@ class Refinement:
         return min(LARGEST_BATCH, most) if self.request.covariance else LARGEST_BATCH
 
     def is_due(self, now: float) -> bool:
-        """Whether to do with what has been refined; the first reply about what is needed is waited for."""
-        needed = len(self.request.poses) - self.spare
-        return now >= self.due and any(start < needed for start in self._parts)
+        """Whether to do with what has been refined; the first reply is waited for."""
+        return now >= self.due and bool(self._parts)
 
     def receive(self, ticket: int, payload: bytes, particles: int) -> None:
         """Keep a batch's reply until it is accepted; ProtocolError if it makes no sense."""

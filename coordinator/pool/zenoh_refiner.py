@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.protocol import keys
-from common.protocol.messages import OfSizes, RefineRequest
+from common.protocol.messages import RefineRequest
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body, Sized, as_sizes
 from common.transport.channels import Publisher
 from common.transport.endpoints import LOCAL, protocol_of
 from common.transport.opening import open_coordinator
@@ -152,7 +151,7 @@ class ZenohRefiner:
 
     def submit(
         self,
-        body: Body,
+        model: BodyModel,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,
@@ -162,21 +161,10 @@ class ZenohRefiner:
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         with self._clock.stage("refine"):
-            body = as_sizes(body, len(poses))
-            model, of_sizes = self._offer(body)
-            spare = body.spare if isinstance(body, Sized) else 0
-            asked = RefineRequest(
-                self.run, self._publication.current, model, settings, poses, of_sizes, covariance
+            self._publication.offer(model)
+            request = RefineRequest(
+                self.run, self._publication.current, model.hash, settings, poses, covariance
             )
-            refinement = Refinement(asked, self._due, spare)
+            refinement = Refinement(request, self._due)
             self._client.begin(refinement)
         return PendingRefinement(self._client, refinement, self._clock)
-
-    def _offer(self, body: Body) -> tuple[str, OfSizes | None]:
-        """Have a body ready for who asks for it; give its hash, and what makes sizes of it."""
-        if isinstance(body, BodyModel):
-            self._publication.offer(body)
-            return body.hash, None
-        for model in (body.bodies.slim, body.bodies.thick):
-            self._publication.offer(model)
-        return body.bodies.slim.hash, OfSizes(body.bodies.thick.hash, body.sizes)

@@ -21,7 +21,6 @@ from common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
 from common.protocol.frames import decode_frame, decode_live, encode_frame
 from common.protocol.messages import (
     MAX_REASON,
-    OfSizes,
     decode_refined,
     decode_refusal,
     decode_request,
@@ -39,7 +38,6 @@ from tests.support.messages.kinds import (
     POSES,
     tiny_refined,
     tiny_request,
-    tiny_sized_request,
     tiny_sure,
 )
 from tests.support.refined import sure
@@ -140,40 +138,6 @@ def test_request_survives(count: int, dofs: int, frame: int) -> None:
     poses = np.random.default_rng(frame).normal(size=(count, dofs))
     request = replace(tiny_request(), poses=poses, frame=frame)
     assert same(request, decode_request(encode_request(request)))
-
-
-def test_sizes_survive_and_are_cut_with_their_particles() -> None:
-    """Which body the sizes are of arrives, and a batch has its own particles' sizes."""
-    request = tiny_sized_request()
-    assert same(request, decode_request(encode_request(request)))
-    assert request.of_sizes is not None
-    part = request.batch(1, 3).of_sizes
-    assert part is not None
-    np.testing.assert_array_equal(part.sizes, request.of_sizes.sizes[1:3])
-
-
-@pytest.mark.parametrize(
-    ("sizes", "reason"),
-    [
-        (np.array([[0.0, 1.0]]), "sizes has shape"),
-        (np.array([[0.0, 1.0], [np.nan, 1.0], [0.0, 1.0]]), "not finite"),
-        (np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 1.0]]), "not above zero"),
-        (np.array([[0.0, 1.0], [0.0, 1e3], [0.0, 1.0]]), "above 100"),
-    ],
-)
-def test_sizes_that_cannot_be_are_refused(sizes: NDArray[np.float64], reason: str) -> None:
-    """One for each particle, finite, and of a body that there may be."""
-    request = replace(tiny_sized_request(), of_sizes=OfSizes("0" * 64, sizes))
-    with pytest.raises(ProtocolError, match=reason):
-        decode_request(encode_request(request))
-
-
-def test_too_many_sizes_are_refused() -> None:
-    """Each would be a body to lay out."""
-    sizes = np.stack([np.zeros(100), np.linspace(1.0, 2.0, 100)], axis=1)
-    request = replace(tiny_sized_request(), poses=np.zeros((100, 6)), of_sizes=OfSizes("0" * 64, sizes))
-    with pytest.raises(ProtocolError, match="16 sizes at the most, this one 100"):
-        decode_request(encode_request(request))
 
 
 def test_reply_survives() -> None:
@@ -285,7 +249,7 @@ def test_other_kind_is_refused(kind: str) -> None:
     """A message of another kind is not taken for the one that is expected."""
     other = "request" if kind == "refusal" else "refusal"
     payload = changed(other, set_to("version", value=version_of(kind)))
-    refuse(kind, payload, f"not a .*{kind.removeprefix('sized-')}.* message")
+    refuse(kind, payload, f"not a .*{kind}.* message")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -299,7 +263,7 @@ def test_every_truncation_is_refused(kind: str) -> None:
     """No beginning of a message passes for a message."""
     payload = KINDS[kind].payload
     for end in range(0, len(payload), max(1, len(payload) // 300)):
-        refuse(kind, payload[:end], f"not a .*{kind.removeprefix('sized-')}.* message")
+        refuse(kind, payload[:end], f"not a .*{kind}.* message")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -334,7 +298,7 @@ def test_mutations_end_in_our_error_or_pass(kind: str) -> None:
 )
 def test_rubbish_is_refused(kind: str, payload: bytes) -> None:
     """What is no message at all is refused."""
-    refuse(kind, payload, f"not a .*{kind.removeprefix('sized-')}.* message")
+    refuse(kind, payload, f"not a .*{kind}.* message")
 
 
 def test_too_large_is_refused_unread() -> None:

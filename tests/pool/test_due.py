@@ -13,7 +13,7 @@ from coordinator.pool.dispatch.events import LARGEST_BATCH
 from coordinator.pool.rpc_client import Refinement
 
 PARTICLES, DOFS = 6, 7
-REQUEST = RefineRequest("run", 0, "model", preset("default").refine, np.zeros((PARTICLES, DOFS)), None)
+REQUEST = RefineRequest("run", 0, "model", preset("default").refine, np.zeros((PARTICLES, DOFS)))
 
 
 def answered(refinement: Refinement, ticket: int, start: int, stop: int) -> None:
@@ -24,13 +24,13 @@ def answered(refinement: Refinement, ticket: int, start: int, stop: int) -> None
     refinement.accept(ticket, start)
 
 
-def test_a_frame_waits_for_a_particle_of_its_own() -> None:
-    """What is asked beside it may be answered first: that alone is no frame."""
-    refinement = Refinement(REQUEST, due=1.0, spare=2)
-    answered(refinement, 1, 4, 6)
+def test_a_frame_waits_for_one_particle_at_least() -> None:
+    """A deadline is kept once one batch was refined; what is missing then is not a number."""
+    refinement = Refinement(REQUEST, due=1.0)
     assert not refinement.is_due(2.0)
-    answered(refinement, 2, 0, 2)
+    answered(refinement, 1, 4, 6)
     assert not refinement.is_due(0.5)
+    answered(refinement, 2, 0, 2)
     assert refinement.is_due(2.0)
     np.testing.assert_array_equal(refinement.gather().answered, [0, 1, 4, 5])
 

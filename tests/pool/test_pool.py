@@ -15,15 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.body import BodyModel
 from common.errors import BusError, InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import decode_refusal, encode_refusal, encode_request
 from common.protocol.wire import PROTOCOL
-from common.refinement import Refined, concatenate
+from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Sized, Sizes
 from common.transport.bus import Bus
 from common.transport.channels import WAITING_REQUESTS, Arrivals, IncomingRequest
 from common.transport.opening import open_coordinator, open_router, open_worker
@@ -44,7 +42,6 @@ from tests.support.processes.serving import (
 )
 from worker.kernel.icp import refine as real_refine
 from worker.kernel.observation import observe as real_observe
-from worker.lanes import Lanes, SideBySide
 from worker.memory import Memory, Recent
 from worker.service import Kernel
 
@@ -452,48 +449,6 @@ def test_real_kernel_over_the_bus(endpoint: str) -> None:
             results.add(as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()))
         assert refiner.statistics.workers_seen == ("one", "two")
     assert len(results) == 1
-
-
-def test_particles_of_many_sizes_over_the_bus(endpoint: str) -> None:
-    """Each with a body of its own, in one request: as if that body had been sent, whoever refines it."""
-    kernel = Kernel(real_observe, SideBySide(Lanes(2)).refine, 2)
-    sizes = Sizes(MODEL, replace(MODEL, vertices=MODEL.vertices * [1.3, 1.0, 1.2]))
-    chosen = np.array([[0.5, 1.1], [0.5, 1.1], [0.0, 0.9], [-0.4, 1.0], [0.5, 1.1]])
-    bodies = [sizes.body((share, scale)) for share, scale in chosen]
-    alone = [
-        real_refine(body, real_observe(frame(1)), pose[None], SETTINGS)
-        for body, pose in zip(bodies, POSES, strict=False)
-    ]
-    results = {as_bytes(concatenate(alone))}
-    with pool(endpoint) as refiner, serving(endpoint, "one", kernel):
-        refiner.publish(frame(1))
-        results.add(as_bytes(refiner.submit(Sized(sizes, chosen), POSES[:5], SETTINGS).result()))
-        with serving(endpoint, "two", kernel):
-            refiner.wait_for(4)
-            results.add(as_bytes(refiner.submit(Sized(sizes, chosen), POSES[:5], SETTINGS).result()))
-        assert refiner.statistics.batches_sent == 3
-    assert len(results) == 1
-
-
-def test_bodies_that_differ_make_no_sizes(endpoint: str) -> None:
-    """A thicker body of another shape, and a size beyond all bounds, are refused by every worker."""
-    longer = replace(MODEL, joint_points=np.zeros((1, 3)), vertices=MODEL.vertices * 900.0)
-    with pool(endpoint) as refiner, serving(endpoint, "w"):
-        refiner.publish(frame(1))
-        huge = Sized(Sizes(MODEL, longer), np.array([[90.0, 90.0]]))
-        with pytest.raises(ProtocolError, match="too large in this size"):
-            refiner.submit(huge, POSES[:1], SETTINGS).result()
-    with pytest.raises(ProtocolError, match="another one"):
-        Sizes(MODEL, with_one_vertex_more(MODEL))
-
-
-def with_one_vertex_more(model: BodyModel) -> BodyModel:
-    """The same body with a vertex that no triangle uses."""
-    twice = {name: np.concatenate([getattr(model, name), getattr(model, name)[:1]]) for name in SURFACE}
-    return replace(model, **twice)  # type: ignore[arg-type]
-
-
-SURFACE = ("vertices", "skin_links", "skin_weights")
 
 
 def test_endpoint_that_cannot_be_opened() -> None:

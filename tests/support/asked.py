@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body
 from coordinator.tracking.refiner import Pending, Refiner
 from worker.service import Refine
 
@@ -20,27 +20,27 @@ from worker.service import Refine
 class Asked:
     """What one request asks for."""
 
-    body: Body
+    model: BodyModel
     poses: NDArray[np.float64]  # (N, D)
     settings: RefineSettings
     covariance: bool
 
     def of(self, refiner: Refiner) -> Pending:
-        """The same, asked of somebody else."""
-        return refiner.submit(self.body, self.poses, self.settings, covariance=self.covariance)  # type: ignore[arg-type]
+        """The same request to another refiner."""
+        return refiner.submit(self.model, self.poses, self.settings, covariance=self.covariance)
 
 
 def refining(answer: Callable[[Asked, Any], Refined]) -> Refine[Any]:
     """A worker's kernel that gives this answer to what is asked, and to what it has observed."""
 
     def refine(
-        body: Body,
+        model: BodyModel,
         seen: object,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,
         covariance: bool = False,
     ) -> Refined:
-        return answer(Asked(body, poses, settings, covariance), seen)
+        return answer(Asked(model, poses, settings, covariance), seen)
 
     return refine

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
-from common.sizes import Body
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.live_results import Outlet
 from coordinator.tracking.refiner import Pending
@@ -45,10 +45,15 @@ class StandIn(ABC):
         del subject
 
     def submit(
-        self, body: Body, poses: NDArray[np.float64], settings: RefineSettings, *, covariance: bool = False
+        self,
+        model: BodyModel,
+        poses: NDArray[np.float64],
+        settings: RefineSettings,
+        *,
+        covariance: bool = False,
     ) -> Pending:
         """What `answer` makes of it."""
-        return self.answer(Asked(body, poses, settings, covariance))
+        return self.answer(Asked(model, poses, settings, covariance))
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
         """Hear nothing."""

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.bounds import LARGEST_POSE, check_work
 from common.compiling import numba
 from common.kinematics.manifold import clamp_to_limits
 from common.refinement import Refined, triangle_size
 from common.settings import RefineSettings
-from common.sizes import Body, parts_of
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import SolverParameters, fill_covariance_root, minimise, over_relax
 from worker.kernel.likelihood import evaluate
@@ -133,7 +133,7 @@ def solver_parameters(parameters: KernelParameters, count: int) -> SolverParamet
 
 
 class Job(NamedTuple):
-    """Particles of one body, which lanes share."""
+    """The particles of a request, which lanes share."""
 
     skeleton: Skeleton
     surface: Surface
@@ -147,15 +147,8 @@ class Job(NamedTuple):
     counter: NDArray[np.int64]  # (1,) the next particle that nobody has taken
 
 
-class Jobs(NamedTuple):
-    """The particles of a request: a job for each of their bodies, which hold parts of what is refined."""
-
-    each: list[Job]
-    refined: Refined
-
-
 def refine(
-    body: Body,
+    model: BodyModel,
     observation: Observation,
     poses: NDArray[np.float64],
     settings: RefineSettings,
@@ -165,7 +158,7 @@ def refine(
     """Refine particles, one after another.
 
     Args:
-        body: Of all particles, or of each.
+        model: The body of all particles.
         observation: The frame's observed points, camera frame, metres.
         poses: Particles (N, D) before their descent, metres and radians.
         settings: How to refine.
@@ -177,45 +170,34 @@ def refine(
     Raises:
         ProtocolError: The work would not end within any sensible time.
     """
-    jobs = make_jobs(body, observation, poses, settings, covariance=covariance)
-    for job in jobs.each:
-        work_on(job, make_workspace(job.skeleton, job.surface, job.observed))
-    return finish(jobs)
+    job = make_job(model, observation, poses, settings, covariance=covariance)
+    work_on(job, make_workspace(job.skeleton, job.surface, job.observed))
+    return finish(job)
 
 
-def make_jobs(
-    body: Body,
+def make_job(
+    model: BodyModel,
     observation: Observation,
     poses: NDArray[np.float64],
     settings: RefineSettings,
     *,
     covariance: bool = False,
-) -> Jobs:
+) -> Job:
     """Pack the particles of a request; arguments and errors as of `refine`."""
-    observed, parameters = pack_observation(observation, settings), pack_parameters(settings)
+    check_work(settings, poses.shape, observation.count, len(model.vertices))
+    count, dofs = poses.shape
     before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
-    roots = np.empty((len(poses), triangle_size(poses.shape[1]) if covariance else 0), np.float32)
-    refined = Refined(
-        before.copy(), np.empty(len(poses)), np.empty(len(poses)), roots if covariance else None
+    return Job(
+        *pack_model(model),
+        pack_observation(observation, settings),
+        pack_parameters(settings),
+        before,
+        before.copy(),
+        np.empty(count),
+        np.empty(count),
+        np.empty((count, triangle_size(dofs) if covariance else 0), np.float32),
+        np.zeros(1, dtype=np.int64),
     )
-    jobs = []
-    for model, start, stop in parts_of(body, len(poses)):
-        check_work(settings, poses.shape, observation.count, len(model.vertices))
-        particles = slice(start, stop)
-        jobs.append(
-            Job(
-                *pack_model(model),
-                observed,
-                parameters,
-                before[particles],
-                refined.poses[particles],
-                refined.log_likelihood[particles],
-                refined.residual[particles],
-                roots[particles],
-                np.zeros(1, dtype=np.int64),
-            )
-        )
-    return Jobs(jobs, refined)
 
 
 def work_on(job: Job, workspace: Workspace) -> None:
@@ -236,14 +218,13 @@ def work_on(job: Job, workspace: Workspace) -> None:
         pass
 
 
-def abandon(jobs: Jobs) -> None:
+def abandon(job: Job) -> None:
     """Have all lanes stop after the particle that they are at."""
-    for job in jobs.each:
-        job.counter[0] = len(job.poses)
+    job.counter[0] = len(job.poses)
 
 
-def finish(jobs: Jobs) -> Refined:
+def finish(job: Job) -> Refined:
     """What came out, when every lane has returned."""
-    for job in jobs.each:
-        reject_diverged(job.before, job.poses, job.log_likelihood, job.residual)
-    return jobs.refined
+    reject_diverged(job.before, job.poses, job.log_likelihood, job.residual)
+    roots = job.covariance_roots if job.covariance_roots.shape[1] else None
+    return Refined(job.poses, job.log_likelihood, job.residual, roots)

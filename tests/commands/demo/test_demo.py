@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from common.body import BodyModel
 from common.errors import InputError
 from coordinator.cli import main
 from coordinator.commands import demo as person
@@ -37,8 +36,7 @@ class StillRefiner(StandIn):
     def answer(self, asked: Asked) -> Ready:
         """No descent."""
         assert asked.settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
-        assert isinstance(asked.body, BodyModel)
-        assert asked.body.dof_names[-1] == "r_elbow_flexion"
+        assert asked.model.dof_names[-1] == "r_elbow_flexion"
         likelihood = -np.arange(len(asked.poses), dtype=np.float64)
         still = unmoved(asked.poses.copy(), covariance=asked.covariance)
         return Ready(replace(still, log_likelihood=likelihood))

@@ -9,7 +9,6 @@ import numpy as np
 
 from common.protocol.frames import decode_frame, decode_live, encode_frame, encode_live, encode_live_end
 from common.protocol.messages import (
-    OfSizes,
     RefineRequest,
     decode_refined,
     decode_refusal,
@@ -31,12 +30,6 @@ POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)
 def tiny_request() -> RefineRequest:
     """A request as a coordinator sends it."""
     return RefineRequest("run-1", 7, tiny_model().hash, RefineSettings(damping=0.25), POSES)
-
-
-def tiny_sized_request() -> RefineRequest:
-    """A request whose particles are of two sizes."""
-    sizes = np.array([[0.0, 1.0], [0.5, 1.1], [0.5, 1.1]])
-    return replace(tiny_request(), of_sizes=OfSizes("0" * 64, sizes))
 
 
 def tiny_refined() -> Refined:
@@ -64,7 +57,6 @@ KINDS = {
     "live-end": Kind(encode_live_end(), decode_live),
     "model": Kind(encode_model(tiny_model()), decode_model),
     "request": Kind(encode_request(tiny_request()), decode_request),
-    "sized-request": Kind(encode_request(tiny_sized_request()), decode_request),
     "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
     "sure-reply": Kind(
         encode_refined(tiny_sure()),

@@ -12,7 +12,6 @@ import typer
 
 from common.frame import SubjectFrame
 from common.refinement import Refined
-from common.sizes import parts_of
 from common.transport.credentials import read_credentials
 from tests.support.asked import Asked, refining
 from worker.cli import (
@@ -40,9 +39,7 @@ def answer(asked: Asked, observation: float, lanes: int = 1) -> Refined:
     """Something that depends on all that a result may depend on, particle by particle."""
     poses = asked.poses
     time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * math.ceil(len(poses) / lanes))
-    moved = np.sin(poses * asked.settings.damping + observation)
-    for model, start, stop in parts_of(asked.body, len(poses)):
-        moved[start:stop] += model.vertices.sum()
+    moved = np.sin(poses * asked.settings.damping + observation) + asked.model.vertices.sum()
     roots = np.abs(np.sin(moved[:, :1])) * np.tri(moved.shape[1])[np.tri(moved.shape[1]) > 0.0]
     return Refined(
         moved,
