@@ -139,7 +139,7 @@ def test_the_summary_has_settings_and_outcome(tracked: Tracked) -> None:
     assert isinstance(stages, dict)
     assert (settings["points"], settings["filter"]["particles"], settings["seed"]) == (300, 7, 9)
     assert {"python", "numpy", "numba", "eclipse-zenoh"} <= set(versions)
-    assert {"isolate", "refine", "merge"} <= set(stages)
+    assert {"segment", "refine", "merge"} <= set(stages)
     assert isinstance(summary["frame_rate"], float)
 
 
