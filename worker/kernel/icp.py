@@ -74,13 +74,16 @@ def refine_next(  # noqa: PLR0913 compiled code takes arrays
 
 
 @numba.njit(cache=True, nogil=True)
+def is_valid(pose: Array) -> bool:
+    """Whether all values of pose (D,) are numbers that may travel; of others no index could be computed."""
+    return bool(np.all(np.abs(pose) <= LARGEST_POSE))
+
+
+@numba.njit(cache=True, nogil=True)
 def reject_diverged(before: Array, poses: Array, log_likelihood: Array, residual: Array) -> None:
-    """Set poses (N, D) whose descent diverged back to where they began, with a likelihood of zero."""
+    """Set poses (N, D) that diverged back to where they began, with a likelihood of zero."""
     for n in range(len(poses)):
-        computed = log_likelihood[n] < np.inf and not np.isnan(residual[n])
-        for j in range(poses.shape[1]):
-            computed &= abs(poses[n, j]) <= LARGEST_POSE
-        if not computed:
+        if not (is_valid(poses[n]) and log_likelihood[n] < np.inf and not np.isnan(residual[n])):
             poses[n], log_likelihood[n], residual[n] = before[n], -np.inf, np.inf
 
 
@@ -114,9 +117,13 @@ def refine_particle(
         if parameters.over_relaxation > 0.0 and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, parameters.over_relaxation, pose)
             clamp_to_limits(skeleton.single, skeleton.limits, pose)
+        if not is_valid(pose):
+            return -np.inf, np.inf
     if parameters.soft:
         for _ in range(parameters.icp_iterations):
             fisher_scoring_step(pose, skeleton, surface, observed, parameters, workspace)
+            if not is_valid(pose):
+                return -np.inf, np.inf
     return evaluate(pose, last_count, skeleton, surface, observed, parameters, workspace)  # 5
 
 

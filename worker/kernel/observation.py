@@ -58,8 +58,10 @@ class PackedObservation(NamedTuple):
 
 
 def observe(subject: SubjectFrame) -> Observation:
-    """Observed points of the picked pixels of a frame."""
+    """Observed points of the picked pixels of a frame; ValueError if one lies outside of it."""
     depth = subject.frame.metres()
+    if len(subject.picked) and subject.picked.max() >= depth.size:
+        raise ValueError("picked pixels lie outside of the depth image")
     emptiness = tell_emptiness(subject)
     points = pick_points(depth, subject.picked, subject.frame.intrinsics)
     ordered = points.astype(np.float32)[neighbourhoods(points, TILE, BLOCK)]

@@ -81,7 +81,8 @@ def sample(view: VisibilityBuffers, surface: Surface, pixel: float, buffers: Sof
     image *= shrink
     left, top = int(np.floor(left * shrink)) - MARGIN, int(np.floor(top * shrink)) - MARGIN
     right, bottom = int(np.ceil(right * shrink)) + MARGIN, int(np.ceil(bottom * shrink)) + MARGIN
-    width, height = min(LARGEST_SIDE, right - left + 1), min(LARGEST_SIDE, bottom - top + 1)
+    width = max(2 * MARGIN, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
+    height = max(2 * MARGIN, min(LARGEST_SIDE, bottom - top + 1))
     grid = SampleGrid(
         buffers.depth[: height * width].reshape(height, width),
         buffers.sampled_links[: height * width].reshape(height, width),
