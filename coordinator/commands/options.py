@@ -116,7 +116,7 @@ class ExportOptions:
 
     run: Run
     form: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf, bap or json.")
+        str, typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf or json.")
     ]
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
     smooth: Annotated[

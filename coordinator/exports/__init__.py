@@ -14,7 +14,6 @@ from coordinator.files import write_atomically
 Export = Callable[[RecordedRun, BinaryIO], None]
 
 EXPORTS = {
-    "bap": "bap.write_bap",
     "bvh": "bvh.write_bvh",
     "c3d": "c3d.write_c3d",
     "csv": "tables.export_csv",

@@ -9,6 +9,7 @@ turned into the depth camera's axes, give the direction of gravity.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,45 +39,13 @@ STANDARD_GRAVITY = 9.81
 STILL = 0.15  # share of gravity by which a camera at rest may be accelerated
 
 
-class Lens(msgspec.Struct):
-    """`Intrinsics` of a camera: cx, cy, fx, fy, k1 to k6, codx, cody, p2, p1, over the sensor's size."""
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Of the depth camera: its lens over the sensor's size, and how an accelerometer lies in its axes."""
 
-    ModelParameters: list[float]
-    ModelType: str = ""
-
-
-class Placed(msgspec.Struct):
-    """A turn (9,), row by row, that leads from the depth camera's axes to those of a sensor."""
-
-    Rotation: list[float]
-
-
-class Camera(msgspec.Struct):
-    """One camera of the calibration."""
-
-    Purpose: str
-    Intrinsics: Lens
-    MetricRadius: float = 0.0
-
-
-class Inertial(msgspec.Struct):
-    """One inertial sensor of the calibration."""
-
-    SensorType: str
-    Rt: Placed
-
-
-class Parts(msgspec.Struct):
-    """What the calibration knows."""
-
-    Cameras: list[Camera]
-    InertialSensors: list[Inertial] = []
-
-
-class Calibration(msgspec.Struct):
-    """The attached file."""
-
-    CalibrationInformation: Parts
+    lens: list[float]  # cx, cy, fx, fy, k1 to k6, two that are not used, p2, p1
+    radius: float  # of the field of view, in units of the focal length
+    turn: list[float] | None  # (9,) row by row, from the depth camera's axes to those of the accelerometer
 
 
 class AzureKinectFile(Recording):
@@ -166,12 +135,28 @@ def read_calibration(container: Any, path: Path) -> Calibration | None:
     for stream in container.streams:
         if stream.type == "attachment" and "K4A_CALIBRATION_FILE" in stream.metadata:
             try:
-                return msgspec.json.decode(bytes(stream.data).rstrip(b"\0"), type=Calibration)
-            except msgspec.MsgspecError as error:
+                content = msgspec.json.decode(bytes(stream.data).rstrip(b"\0"))["CalibrationInformation"]
+                depth = find_entry(content["Cameras"], "Purpose", "CALIBRATION_CameraPurposeDepth")
+                inertial = content.get("InertialSensors", [])
+                kind = "CALIBRATION_InertialSensorType_Accelerometer"
+                sensor = find_entry(inertial, "SensorType", kind)
+                return Calibration(
+                    lens=msgspec.convert(
+                        depth["Intrinsics"]["ModelParameters"] if depth else [], list[float]
+                    ),
+                    radius=msgspec.convert(depth.get("MetricRadius", 0.0), float),
+                    turn=msgspec.convert(sensor["Rt"]["Rotation"], list[float]) if sensor else None,
+                )
+            except (msgspec.MsgspecError, LookupError, TypeError, AttributeError) as error:
                 raise InputError(
                     f"{path}: its calibration is damaged ({error}); give --intrinsics"
                 ) from error
     return None
+
+
+def find_entry(entries: list[dict[str, Any]], key: str, value: str) -> dict[str, Any]:
+    """The first entry of a list that has this value under a key; empty where there is none."""
+    return next((entry for entry in entries if entry[key] == value), {})
 
 
 def mode_of(stream: Any, size: tuple[int, int], path: Path) -> tuple[int, int, int]:
@@ -188,26 +173,22 @@ def depth_camera(
     calibration: Calibration, mode: tuple[int, int, int], size: tuple[int, int]
 ) -> tuple[Intrinsics, Distortion]:
     """The pinhole camera of a depth mode, pixel centres at whole numbers, and its lens' distortion."""
-    cameras = calibration.CalibrationInformation.Cameras
-    camera = next((c for c in cameras if c.Purpose == "CALIBRATION_CameraPurposeDepth"), None)
-    if camera is None or len(camera.Intrinsics.ModelParameters) < 14:
+    if len(calibration.lens) < 14:
         raise InputError("the attached calibration knows no depth camera; give --intrinsics fx,fy,cx,cy")
-    cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = camera.Intrinsics.ModelParameters[:14]
+    cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = calibration.lens[:14]
     binned, left, top = mode
     lens = (fx * binned, fy * binned, cx * binned - left - 0.5, cy * binned - top - 0.5)
-    distortion = Distortion((k1, k2, k3, k4, k5, k6), (p1, p2), camera.MetricRadius or np.inf)
+    distortion = Distortion((k1, k2, k3, k4, k5, k6), (p1, p2), calibration.radius or np.inf)
     return Intrinsics(*size, *lens), distortion
 
 
 def gravity_of(calibration: Calibration | None, samples: Array) -> Array | None:
     """Unit vector (3,) along which things fall, in the depth camera's axes; None if not measured."""
-    sensors = calibration.CalibrationInformation.InertialSensors if calibration else []
-    found = [s for s in sensors if s.SensorType == "CALIBRATION_InertialSensorType_Accelerometer"]
-    if not found or not len(samples) or len(found[0].Rt.Rotation) != 9:
+    if calibration is None or calibration.turn is None or len(calibration.turn) != 9 or not len(samples):
         return None
     upward = np.median(samples, axis=0)  # at rest an accelerometer feels the ground's push
     if abs(np.linalg.norm(upward) - STANDARD_GRAVITY) > STILL * STANDARD_GRAVITY:
         return None
-    sensor_from_depth = np.array(found[0].Rt.Rotation).reshape(3, 3)
+    sensor_from_depth = np.array(calibration.turn).reshape(3, 3)
     downward: Array = -sensor_from_depth.T @ upward
     return downward / np.linalg.norm(downward)

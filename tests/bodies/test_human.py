@@ -12,7 +12,7 @@ from common.activation import activate
 from common.body import BodyModel
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.dofs import BODY_ANIMATION_PARAMETERS
+from coordinator.bodies.human.dofs import JOINT_ANGLES
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def volume(vertices: Array, triangles: NDArray[np.int64]) -> float:
 
 def test_every_parameter_of_mpeg4_is_a_degree_of_freedom(model: BodyModel) -> None:
     """All 180 angles can be addressed, each once, after the six degrees of freedom of the root."""
-    assert sorted(model.dof_names[6:]) == sorted(BODY_ANIMATION_PARAMETERS.values())
+    assert sorted(model.dof_names[6:]) == sorted(JOINT_ANGLES)
     assert model.dof_names[:6] == DEFAULT_ACTIVE[:6]
 
 
@@ -89,7 +89,7 @@ def test_every_parameter_of_mpeg4_is_a_degree_of_freedom(model: BodyModel) -> No
 )
 def test_parameters_have_the_numbers_of_the_standard(number: int, name: str) -> None:
     """The table is in the order of ISO/IEC 14496-2, left before right."""
-    assert BODY_ANIMATION_PARAMETERS[number] == name
+    assert JOINT_ANGLES[number - 1] == name
 
 
 def test_rest_lies_within_the_ranges(model: BodyModel) -> None:

@@ -410,7 +410,7 @@ def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:
 def test_exports_refuse_what_they_cannot_do(tmp_path: Path, run: Path) -> None:
     """An unknown format names the known ones; a place that cannot be written is named."""
     with pytest.raises(
-        InputError, match="unknown format 'fbx'; choose from bap, bvh, c3d, csv, glb, gltf, json, mot, trc"
+        InputError, match="unknown format 'fbx'; choose from bvh, c3d, csv, glb, gltf, json, mot, trc"
     ):
         export_run(run, "fbx", tmp_path / "poses.fbx")
     with pytest.raises(InputError, match="cannot write"):

@@ -3,7 +3,7 @@
 MPEG-4 (ISO/IEC 14496-2, Annex C) numbers 180 joint angles, left before right, and adds six parameters for the
 body's root. This project follows the motion that a parameter means ("up and down rotation of the toe in the
 sagittal plane"), with the signs of `coordinator.bodies.human.skeleton`, and moves the root by `root_tx` ...
-`root_rz`; `coordinator.exports.bap` writes the standard's own signs and root.
+`root_rz`.
 
 Ranges of limbs: the means of American Academy of Orthopaedic Surgeons, "Joint Motion" (1965) and Boone &
 Azen, "Normal range of motion of joints in male subjects", J. Bone Joint Surg. 61-A (1979), rounded outward by
@@ -63,19 +63,9 @@ JOINT_ANGLES: tuple[str, ...] = (
     "sacroiliac_tilt", "sacroiliac_torsion", "sacroiliac_roll",
     *_both_sides(_LEG), *_both_sides(_ARM), *_spine(), *_both_sides(_hand()),
 )  # fmt: skip
+"""In the order of the standard's numbers, from 1."""
 
 HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
-
-BODY_ANIMATION_PARAMETERS: dict[int, str] = dict(enumerate(JOINT_ANGLES, start=1))
-"""Parameter number -> degree of freedom, for the joint angles, 1-180."""
-
-ROOT_PARAMETERS: dict[int, str] = dict(
-    enumerate(
-        ("tr_vertical", "tr_lateral", "tr_frontal", "rt_body_turn", "rt_body_roll", "rt_body_tilt"), start=181
-    )
-)
-"""Parameter number -> the standard's name, for the root, 181-186."""
-
 
 _TRUNK_RANGES = {"roll": (-45, 45), "torsion": (-50, 50), "tilt": (-35, 95)}
 _NECK_RANGES = {"roll": (-45, 45), "torsion": (-80, 80), "tilt": (-65, 65)}

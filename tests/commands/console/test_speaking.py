@@ -41,7 +41,7 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
         (("synth", "--out", "x"), "Missing argument 'SCENE': arm, turn, person, or roam"),
         (("nonsense",), "No such command 'nonsense'; there are demo, track, init"),
         (("model", "nonsense"), "No such command 'nonsense'; there are show, dofs, export"),
-        (("export", "run", "--to", "avi", "--out", "x"), "choose from bap, bvh, c3d, csv"),
+        (("export", "run", "--to", "avi", "--out", "x"), "choose from bvh, c3d, csv"),
         (("track", "seq"), "Missing option '--out' DIR: New folder for the results."),
     ],
 )
