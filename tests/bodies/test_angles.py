@@ -15,13 +15,14 @@ from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import Angles, angles_of, person_angles
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.skeleton import ARM_TILT
 from coordinator.bodies.swing_twist import isb_angles, isb_names, isb_shoulder, nearest_swing, swing_twist
 from coordinator.bodies.urdf import read_urdf
 
 Array = NDArray[np.float64]
 
 DOWN, LEFT, FRONT = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
+ARM = ("l_shoulder_flexion", "l_shoulder_abduct", "l_shoulder_twisting")
+ARM_TILT = person_angles(ARM, {}).measure(np.zeros((1, 3)))[0, 1]  # of the hanging arm, radians
 turns = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
 
 
@@ -187,7 +188,7 @@ def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None
 
 
 def test_a_neck_that_only_tilts_has_one_angle() -> None:
-    """Nobody tracks how it turns: nothing is said of that. A turn that is held makes all three of them."""
+    """Nothing is said of a turn that is not tracked. A turn that is held makes all three of them."""
     angles = person_angles((*ROOT_DOFS, "vc7_tilt", "l_elbow_flexion"), {})
     assert [name for name in angles.names if name.startswith("neck")] == ["neck_flexion"]
     pose = np.zeros((1, 8))

@@ -20,13 +20,13 @@ STANDING = {
 
 
 def angle(name: str, **moved: list[float]) -> float:
-    """An angle, degrees, of who stands facing the camera, but for some joints."""
+    """An angle, degrees, of a person who stands facing the camera, but for some joints."""
     places = STANDING | moved
     found = angles_from_joints(tuple(places), np.array([list(places.values())]))
     return float(np.degrees(found[name][0]))
 
 
-def test_who_hangs_his_arms_has_no_angles() -> None:
+def test_hanging_arms_have_no_angles() -> None:
     """Limbs straight down along the trunk, whichever way the person is turned; all names are there."""
     turn = np.array([[0.0, 0.6, 0.8], [0.0, -0.8, 0.6], [1.0, 0.0, 0.0]])
     found = angles_from_joints(tuple(STANDING), np.array([list(STANDING.values())]) @ turn.T)

@@ -42,20 +42,17 @@ def robot(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("noise", "bound_deg"), [((), 1.0), (("--kinect",), 3.0)])
-def test_a_robot_of_meshes_is_tracked(
-    robot: Path, noise: tuple[str, ...], bound_deg: float, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Rendered while it roams, tracked with its base held, and its joints are where they were rendered."""
+def test_a_robot_of_meshes_is_tracked(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rendered with noise while it roams, tracked with its base held: its joints are where they were."""
     seq, run = robot.parent / "seq", robot.parent / "run"
     model = ("--model", str(robot))
-    assert main(["synth", "roam", *model, *noise, "--frames", FRAMES, "--out", str(seq), "-q"]) == 0
+    assert main(["synth", "roam", *model, "--kinect", "--frames", FRAMES, "--out", str(seq), "-q"]) == 0
     tracking = ["track", str(seq), *model, "--dof", "joints", "--out", str(run), "-q"]
     assert main(tracking, lambda *_: nullcontext(Direct())) == 0
     assert main(["evaluate", str(run), "--truth", str(seq / "truth.npz")]) == 0
     score = json.loads(capsys.readouterr().out)
     assert set(score["mean_angle_error_deg_by_dof"]) == {"lift", "wave"}
-    assert score["mean_angle_error_deg"] < bound_deg
+    assert score["mean_angle_error_deg"] < 3.0
     track = read_track(run)
     assert track.dof_names == ("lift", "wave")
     assert np.ptp(track.joint_positions[:, track.joint_names.index("lift")], axis=0).max() < 1e-12

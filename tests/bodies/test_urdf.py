@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
-from common.kinematics import joint_positions, link_transforms, pose_vertices, retract, step_axes
+from common.kinematics import joint_positions, link_transforms, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.urdf import REST_FROM_URDF, read_urdf
 from coordinator.bodies.urdf_writing import write_urdf
@@ -92,22 +92,6 @@ def test_a_crane_has_its_joints_links_and_limits(crane: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(model.axes, axis=1), 1.0)
     on_hook = model.vertices[model.skin_links[:, 0] == 2]
     assert np.ptp(on_hook[:, 1]) > 0.25  # sledge and hook, which hangs below
-
-
-def test_the_derivative_holds_for_slides_too(crane: Path) -> None:
-    """Eq. 2 with a prismatic joint: a step moves the surface as its axes say, by finite differences."""
-    model = read_urdf(crane)
-    poses, step = random_poses(model), 1e-6
-    w, q = step_axes(model, poses)
-    posed, sledge = pose_vertices(model, poses), model.skin_links[:, 0] == 2
-    for j in range(len(model.dof_names)):
-        steps = np.zeros_like(poses)
-        steps[:, j] = step
-        ahead, behind = (pose_vertices(model, retract(model, poses, s)) for s in (steps, -steps))
-        measured = ((ahead - behind) / (2.0 * step))[:, sledge]
-        slides = model.kinds[j] == TRANSLATION
-        column = w[:, None, j] + 0.0 * posed if slides else np.cross(w[:, None, j], posed - q[:, None, j])
-        np.testing.assert_allclose(measured, column[:, sledge], atol=1e-7)
 
 
 def test_a_robot_stands_and_faces_the_camera(crane: Path) -> None:
@@ -225,9 +209,3 @@ def test_collision_shapes_stand_in_where_nothing_is_seen(tmp_path: Path) -> None
     path = tmp_path / "robot.urdf"
     path.write_text(robot().replace("visual>", "collision>"))
     assert len(read_urdf(path).vertices) > 2000
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    """As any other input."""
-    with refused("no such file"):
-        read_urdf(tmp_path / "none.urdf")

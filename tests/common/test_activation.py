@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from common.activation import activate, merge_weights
+from common.activation import activate
 from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
@@ -95,16 +95,6 @@ def test_a_ball_stays_one_only_as_a_whole() -> None:
     assert activate(full, ["r_arm_1", "r_arm_2", "l_arm_3"], rest).balls.tolist() == []
 
 
-def test_nothing_active_is_a_statue() -> None:
-    """A body without degrees of freedom stands in the pose that is held."""
-    full = puppet()
-    pose = np.full(len(full.dof_names), 0.3)
-    statue = activate(full, [], pose)
-    np.testing.assert_allclose(
-        pose_vertices(statue, np.zeros((2, 0)))[1], pose_vertices(full, pose[None])[0], atol=1e-12
-    )
-
-
 def test_an_unknown_name_is_refused() -> None:
     """The error names what was asked for, what is nearest to it, and where all choices are."""
     full = puppet()
@@ -113,28 +103,6 @@ def test_an_unknown_name_is_refused() -> None:
     assert "'r_elbo'" in str(caught.value)
     assert "r_elbow" in str(caught.value).replace("'r_elbo'", "")
     assert "gepf model dofs" in str(caught.value)
-
-
-@given(seeds)
-def test_merged_weights_add_up(seed: int) -> None:
-    """Each link's weight on a vertex is the sum of what it had; the dominant link comes first, once."""
-    rng = np.random.default_rng(seed)
-    links, weights = rng.integers(4, size=(6, 5)), rng.random((6, 5))
-    merged_links, merged = merge_weights(links, weights)
-    assert merged.shape == weights.shape
-    for link in range(4):
-        before = np.where(links == link, weights, 0.0).sum(axis=1)
-        np.testing.assert_allclose(
-            np.where(merged_links == link, merged, 0.0).sum(axis=1), before, atol=1e-12
-        )
-        assert np.all(np.sum((merged_links == link) & (merged > 0.0), axis=1) <= 1)
-    assert np.all(np.diff(merged, axis=1) <= 0.0)
-
-
-def test_the_persons_skin_keeps_its_weights() -> None:
-    """Activation leaves every vertex of the human template with weights that sum to 1."""
-    np.testing.assert_allclose(person().skin_weights.sum(axis=1), 1.0, atol=1e-12)
-    assert len(person().link_names) < len(human().link_names)
 
 
 def test_the_same_content_has_the_same_hash() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.body import ROTATION, TRANSLATION, find_balls, surface_carriers
+from common.body import ROTATION, TRANSLATION, find_balls
 
 THROUGH_ONE_POINT = np.zeros((4, 3))
 
@@ -29,32 +29,23 @@ def balls_of(
     return [int(ball) for ball in balls]
 
 
-def test_three_rotations_through_one_point_are_a_ball() -> None:
-    """A shoulder: one link, on the last of the three."""
-    assert balls_of([-1, 0, 1], [2]) == [0]
+SLANTED = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, 0.0, 1.0]])
 
 
-@pytest.mark.parametrize("between", [0, 1])
-def test_a_wrist_with_surface_in_between_is_no_ball(between: int) -> None:
-    """A robot's spherical wrist: what hangs on the first or second axis moves on its own."""
-    assert balls_of([-1, 0, 1], [between, 2]) == []
-
-
-@pytest.mark.parametrize("branch", [0, 1])
-def test_a_joint_in_between_keeps_rotations_apart(branch: int) -> None:
-    """A second child on the first or second axis does too."""
-    assert balls_of([-1, 0, 1, branch], [2, 3]) == []
-
-
-def test_slanted_axes_and_translations_make_no_ball() -> None:
-    """Only rotations about orthonormal axes are solved as one turn."""
-    slanted = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, 0.0, 1.0]])
-    assert balls_of([-1, 0, 1], [2], slanted) == []
-    assert balls_of([-1, 0, 1], [2], kinds=[ROTATION, TRANSLATION, ROTATION]) == []
-
-
-def test_carriers_are_what_surface_follows() -> None:
-    """A link without vertices, or with weights of zero, carries nothing."""
-    link_dofs = np.array([-1, 4, 2, 7])
-    links, weights = np.array([[0, 1], [2, 3]]), np.array([[0.5, 0.5], [1.0, 0.0]])
-    np.testing.assert_array_equal(surface_carriers(link_dofs, links, weights), [-1, 2, 4])
+@pytest.mark.parametrize(
+    ("balls", "found"),
+    [
+        (balls_of([-1, 0, 1], [2]), [0]),  # a shoulder: one link, on the last of the three
+        (balls_of([-1, 0, 1], [0, 2]), []),  # a robot's wrist: what hangs on the first axis moves on its own
+        (balls_of([-1, 0, 1], [1, 2]), []),
+        (balls_of([-1, 0, 1, 0], [2, 3]), []),  # a second child of the first axis
+        (balls_of([-1, 0, 1, 1], [2, 3]), []),
+        (balls_of([-1, 0, 1], [2], SLANTED), []),
+        (balls_of([-1, 0, 1], [2], kinds=[ROTATION, TRANSLATION, ROTATION]), []),
+    ],
+)
+def test_three_rotations_in_one_point_with_nothing_in_between_are_a_ball(
+    balls: list[int], found: list[int]
+) -> None:
+    """Only orthonormal axes are solved as one turn, and only where no surface or joint is in between."""
+    assert balls == found

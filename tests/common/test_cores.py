@@ -18,37 +18,30 @@ def write(file: Path, text: str) -> None:
     file.write_text(text, encoding="utf-8")
 
 
-def test_without_a_quota_it_is_the_affinity(tmp_path: Path) -> None:
-    """Where no group sets a quota, all cores of the affinity may be used."""
-    write(tmp_path / "groups" / "cpu.max", "max 100000\n")
-    assert usable_cores(tmp_path / "groups", tmp_path / "no-file") == ALLOWED
-
-
-@pytest.mark.parametrize(("quota", "cores"), [("100000 100000", 1), ("30000 100000", 1), ("50000 100000", 1)])
-def test_a_quota_of_version_2_limits(tmp_path: Path, quota: str, cores: int) -> None:
-    """`cpu.max` of the root, as in a container, is a limit; part of a core counts as one."""
-    write(tmp_path / "cpu.max", quota + "\n")
-    assert usable_cores(tmp_path, tmp_path / "no-file") == cores
-
-
-def test_a_quota_of_a_group_above_limits(tmp_path: Path) -> None:
-    """The quota of any group that holds the process counts, not only that of its own."""
-    write(tmp_path / "membership", "0::/pods/worker\n")
-    write(tmp_path / "groups" / "pods" / "cpu.max", "100000 100000\n")
-    write(tmp_path / "groups" / "pods" / "worker" / "cpu.max", "max 100000\n")
-    assert usable_cores(tmp_path / "groups", tmp_path / "membership") == 1
-
-
-def test_a_quota_of_version_1_limits(tmp_path: Path) -> None:
-    """`cpu.cfs_quota_us` of version 1 is a limit; -1 is none."""
-    write(tmp_path / "cpu" / "cpu.cfs_quota_us", "-1\n")
-    write(tmp_path / "cpu" / "cpu.cfs_period_us", "100000\n")
-    assert usable_cores(tmp_path, tmp_path / "no-file") == ALLOWED
-    write(tmp_path / "cpu" / "cpu.cfs_quota_us", "80000\n")
-    assert usable_cores(tmp_path, tmp_path / "no-file") == 1
-
-
-def test_a_damaged_file_is_no_limit(tmp_path: Path) -> None:
-    """What cannot be read limits nothing."""
-    write(tmp_path / "cpu.max", "what is this\n")
-    assert usable_cores(tmp_path, tmp_path / "no-file") == ALLOWED
+@pytest.mark.parametrize(
+    ("files", "cores"),
+    [
+        ({"groups/cpu.max": "max 100000\n"}, ALLOWED),
+        ({"groups/cpu.max": "100000 100000\n"}, 1),
+        ({"groups/cpu.max": "30000 100000\n"}, 1),  # part of a core counts as one
+        ({"groups/cpu.max": "what is this\n"}, ALLOWED),
+        (
+            {
+                "membership": "0::/pods/worker\n",
+                "groups/pods/cpu.max": "100000 100000\n",
+                "groups/pods/worker/cpu.max": "max 100000\n",
+            },
+            1,
+        ),
+        ({"groups/cpu/cpu.cfs_quota_us": "-1\n", "groups/cpu/cpu.cfs_period_us": "100000\n"}, ALLOWED),
+        ({"groups/cpu/cpu.cfs_quota_us": "80000\n", "groups/cpu/cpu.cfs_period_us": "100000\n"}, 1),
+    ],
+    ids=["none", "whole", "part", "damaged", "of a group above", "version 1, none", "version 1"],
+)
+def test_quotas_of_control_groups_limit_the_affinity(
+    tmp_path: Path, files: dict[str, str], cores: int
+) -> None:
+    """Of either version and of any group that holds the process; what cannot be read limits nothing."""
+    for name, text in files.items():
+        write(tmp_path / name, text)
+    assert usable_cores(tmp_path / "groups", tmp_path / "membership") == cores

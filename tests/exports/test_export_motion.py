@@ -212,7 +212,7 @@ def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.Captur
     assert {"upper_deg", "upper_raw_deg"} <= set(head)
 
 
-def test_frames_before_anybody_was_found_are_empty_in_csv_and_json(tmp_path: Path) -> None:
+def test_frames_before_a_person_was_found_are_empty_in_csv_and_json(tmp_path: Path) -> None:
     """Their numbers would be made up: NaN as in the run's own CSV, null in JSON; low-passed, too."""
     body = hinges()
     track = write_run(tmp_path / "run", body, swing(body, 9), lost=(0, 1))
@@ -233,7 +233,7 @@ def test_frames_before_anybody_was_found_are_empty_in_csv_and_json(tmp_path: Pat
 
 
 def test_a_folder_of_runs_names_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Several recordings leave a run each in a folder; who gives that is led to them."""
+    """Several recordings leave a run each in a folder; the line for that folder names one of them."""
     body = hinges()
     write_run(tmp_path / "runs" / "walk", body, swing(body, 9))
     command = ["export", str(tmp_path / "runs"), "--to", "csv", "--out", str(tmp_path / "x.csv")]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from common.body import BodyModel
-from common.camera import Intrinsics, level_from_camera
+from common.camera import Intrinsics
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
@@ -167,17 +167,6 @@ def test_the_viewer_s_eye_stands_upright(tmp_path: Path) -> None:
         np.testing.assert_allclose(eye.eye_up.as_arrow_array().to_pylist()[0], expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_level_axes_are_a_rotation_with_down_along_gravity(camera: str) -> None:
-    """Whatever way up; where the camera looks straight down the top of its picture is ahead."""
-    for up in (CAMERAS[camera] @ np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, -1.0])):
-        turn = level_from_camera(up)
-        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
-        assert np.linalg.det(turn) == pytest.approx(1.0)
-        np.testing.assert_allclose(turn @ up, [0.0, -1.0, 0.0], atol=1e-12)
-    np.testing.assert_array_equal(level_from_camera(None), np.eye(3))
-
-
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
     """Half a degree off at the most, with a person, noise and 30 degrees of pitch."""
     room = Room(pitch=PITCH, noise=0.0015)
@@ -191,7 +180,7 @@ def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
 
 
 def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
-    """A picture turned by a quarter has its floor at one side, which is one only for who knows up."""
+    """A picture turned by a quarter has its floor at one side, which is one only where up is known."""
     frame = Room((), 0.2, noise=0.0015).see(None).frame
     camera = frame.intrinsics
     lens = Intrinsics(

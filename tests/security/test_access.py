@@ -1,4 +1,4 @@
-"""Encrypted runs: the same bytes, directly and through a router, and nobody opens keys that are not his."""
+"""Encrypted runs: the same bytes, directly and through a router, and keys of others stay closed."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ import pytest
 from common.errors import InputError
 from common.protocol import keys
 from common.protocol.messages import encode_request
-from common.transport.endpoints import why_refused
 from common.transport.opening import open_router, open_session, open_worker
 from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.certificates import make_certificates
 from tests.support.processes.certificates import STRANGER, WORKERS, Folder, free_port
-from tests.support.processes.programs import INSTANT, started, wait_until
+from tests.support.processes.programs import INSTANT, started
 from tests.support.processes.secure import listening, secure_worker
-from tests.support.processes.serving import REQUEST, expected, refined_bytes, serving
+from tests.support.processes.serving import REQUEST, expected, refined_bytes
 from worker.connection import check_admission
 
 SHORT = 0.3  # seconds in which something that must not happen would have happened
@@ -144,6 +143,7 @@ def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> Non
     assert moved["transport"]["link"]["tls"]["listen_private_key"] == "/certificates/router.key"
 
 
+@pytest.mark.slow
 def test_router_process_routes_until_a_signal(place: str, ours: Folder) -> None:
     """`gepf router` lets a run and a worker meet, and ends with 0."""
     command = (sys.executable, "-m", "coordinator.cli", "router")
@@ -155,14 +155,3 @@ def test_router_process_routes_until_a_signal(place: str, ours: Folder) -> None:
                 assert refined_bytes(refiner, 1) == expected(1)
         process.terminate()
         assert process.wait(60.0) == 0
-
-
-def test_plain_workers_need_nothing(place: str) -> None:
-    """Without certificates, on this host, all is as it was."""
-    endpoint = place.replace("tls/", "tcp/")
-    with (
-        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner,
-        serving(endpoint, "w"),
-    ):
-        wait_until(lambda: why_refused(endpoint, None) is None)
-        assert refined_bytes(refiner, 1) == expected(1)

@@ -15,7 +15,7 @@ from tests.support.processes.certificates import Folder, make_folder
 
 
 def test_certificates_are_made_once(tmp_path: Path) -> None:
-    """A second call keeps what is good, adds who is new, and renews for new hosts and what is over."""
+    """A second call keeps what is good, adds new names, and renews for new hosts and what is over."""
     first = make_certificates(tmp_path, ("w0",), (), 1, None)
     assert first == ["coordinator", "router", "w0"]
     assert make_certificates(tmp_path, ("w0",), (), 1, None) == []

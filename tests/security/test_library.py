@@ -23,12 +23,12 @@ GEPF = (sys.executable, "-m", "coordinator.cli")
 
 
 def files_of(folder: Folder, name: str) -> gepf.TlsFiles:
-    """Somebody's three files, as users name them: texts."""
+    """Three files of a certificate, as users name them: texts."""
     own = folder.of(name)
     return gepf.TlsFiles(str(own.ca), str(own.cert), str(own.key))
 
 
-@pytest.mark.parametrize("way", ["listen", "router"])
+@pytest.mark.parametrize("way", ["listen", pytest.param("router", marks=pytest.mark.slow)])
 def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_path: Path) -> None:
     """What `gepf publish` shows with the coordinator's certificate, to the end."""
     write_small_sequence(tmp_path / "seq", 3)
@@ -47,9 +47,9 @@ def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_pa
     assert (live.received, live.malformed) == (3, 0)
 
 
-@pytest.mark.parametrize("way", ["listen", "router"])
+@pytest.mark.parametrize("way", ["listen", pytest.param("router", marks=pytest.mark.slow)])
 def test_a_tracker_has_workers_with_certificates(way: str, place: str, ours: Folder) -> None:
-    """Those who come to a pool that listens, and those behind a router."""
+    """Workers that come to a pool that listens, and workers behind a router."""
     workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=60.0) if way == "listen" else place
     with ExitStack() as stack:
         if way == "router":
@@ -78,7 +78,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours
         assert "--" not in str(caught.value)
 
 
-def test_another_authority_lets_nobody_in(place: str, ours: Folder, foreign: Folder) -> None:
+def test_a_certificate_of_another_authority_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
     """The iteration says why in one line."""
     with open_coordinator([place], (), ours.listening):
         live = gepf.live(KEY, connect=place, tls=files_of(foreign, "coordinator"), idle_timeout=60.0)
@@ -86,7 +86,7 @@ def test_another_authority_lets_nobody_in(place: str, ours: Folder, foreign: Fol
             list(live)
 
 
-def test_who_is_not_let_in_reads_what_to_give(place: str, ours: Folder) -> None:
+def test_a_client_that_is_not_let_in_reads_what_to_give(place: str, ours: Folder) -> None:
     """In Python's words, of live input and of workers: without certificates, at an encrypted port."""
     plain = place.replace("tls/", "tcp/")
     with open_coordinator([place], (), ours.listening):

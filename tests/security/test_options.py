@@ -8,7 +8,7 @@ import pytest
 
 from common.errors import InputError
 from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
-from common.transport.endpoints import check_endpoint, check_listening, host_and_port, is_loopback
+from common.transport.endpoints import check_endpoint, check_listening
 from common.transport.session import Security
 from coordinator.cli import main
 from coordinator.security.access import TlsFiles, choose_names, choose_security
@@ -57,7 +57,7 @@ def test_commands_refuse_to_listen_openly(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_certificate_forbids_plain_endpoints(ours: Folder) -> None:
-    """Who gives a certificate means to be encrypted; a plain endpoint beside it is a mistake."""
+    """A certificate asks for encryption; a plain endpoint beside it is a mistake."""
     for option in ("--listen", "--connect"):
         with pytest.raises(InputError, match="is not encrypted; with a certificate, give tls/HOST:PORT"):
             check_endpoint(option, "tcp/127.0.0.1:7447", ours.of("coordinator"))
@@ -104,12 +104,3 @@ def test_names_of_workers() -> None:
     for bad in ("coordinator", "router", "a/b", "", "a,,b", "*"):
         with pytest.raises(InputError):
             choose_names(bad)
-
-
-def test_parts_of_endpoints() -> None:
-    """Host and port, with IPv6 and options of the transport."""
-    assert host_and_port("tls/[::1]:7447") == ("::1", 7447)
-    assert host_and_port("tcp/host.example:1?rel=1#iface=eth0") == ("host.example", 1)
-    assert host_and_port("unixsock-stream//tmp/bus")[1] == 0
-    assert is_loopback("tcp/[::1]:7447")
-    assert not is_loopback("tcp/:7447")

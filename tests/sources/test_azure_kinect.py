@@ -119,7 +119,7 @@ def accelerometer() -> Calibration:
 def test_a_camera_that_does_not_rest_has_no_gravity(
     samples: NDArray[np.float64], expected: list[float] | None
 ) -> None:
-    """At rest the ground pushes up and things fall the other way; else nobody knows."""
+    """At rest the ground pushes up and things fall the other way; else it is not known."""
     gravity = gravity_of(accelerometer(), samples)
     assert (gravity is None) == (expected is None)
     if gravity is not None and expected is not None:

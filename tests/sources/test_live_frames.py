@@ -16,7 +16,6 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
-from common.protocol.wire import LIVE
 from coordinator.sources.live import LiveCounts, LiveFrames, from_first_seen, live_key
 
 KEY = "camera/depth"
@@ -63,7 +62,7 @@ def test_malformed_messages_are_counted_and_reported_once() -> None:
     """They do not displace a frame that waits, and do not end the stream."""
     frames, reports = opened()
     frames.receive(encode_live(image(7)))
-    other_version = encode_live(image(8)).replace(b"version" + bytes([LIVE]), b"version\x09")
+    other_version = encode_live(image(8)).replace(b"version\x01", b"version\x09")
     for malformed in (b"", b"\xc1" * 100, other_version):
         frames.receive(malformed)
     frames.receive(encode_live_end())

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 from pypcd4.pypcd4 import Encoding
 
@@ -16,25 +15,18 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.cli import main
 from coordinator.sources import find_format, open_source
-from coordinator.sources.camera import NOMINAL
-from coordinator.sources.picture_folders import TUM_CAMERAS
 from coordinator.sources.utd_mhad import KINECT
-from tests.support.recorded import FRAMES, START, recorded
+from tests.support.recorded import FRAMES, recorded
 from tests.support.recordings import (
     FPS,
     WRITERS,
     matrix_of,
     write_bag,
-    write_npz,
-    write_open3d,
     write_pcd,
     write_ply,
     write_tum,
 )
 from tests.support.refusals import refused
-
-Array = NDArray[np.float64]
-
 
 FORMATS = {
     "open3d": "Open3D folder (depth/000000.png)",
@@ -105,12 +97,17 @@ def test_clouds_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
         source.frame(1)
 
 
-@pytest.mark.parametrize("name", ["rgbd_dataset_freiburg1_xyz", "rgbd_dataset_freiburg3_walking", "mine"])
-def test_a_tum_folder_has_the_camera_that_the_data_set_documents(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "fx"),
+    [("rgbd_dataset_freiburg1_xyz", 517.3), ("rgbd_dataset_freiburg3_walking", 535.4), ("mine", 525.0)],
+)
+def test_a_tum_folder_has_the_camera_that_the_data_set_documents(
+    tmp_path: Path, name: str, fx: float
+) -> None:
     """By the folder's name; the nominal one for others; 5000 units a metre."""
     depth = np.full((1, 480, 640), 2000, np.uint16)
     source = open_source(write_tum(tmp_path / name, depth, with_camera=False))
-    assert source.intrinsics == next((c for key, c in TUM_CAMERAS.items() if key in name), NOMINAL)
+    assert source.intrinsics.fx == fx
     assert source.frame(0).metres()[0, 0] == 2.0
 
 
@@ -128,11 +125,6 @@ def cut(path: Path, share: float = 0.5) -> None:
 def remove(path: Path) -> None:
     """Delete a file."""
     path.unlink()
-
-
-def other_size(path: Path) -> None:
-    """A picture of another size."""
-    Image.fromarray(np.ones((6, 8), np.uint16)).save(path)
 
 
 def text(content: str) -> Callable[[Path], object]:
@@ -153,7 +145,6 @@ def arrays(**values: object) -> Callable[[Path], None]:
 DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("tum", "depth.txt", text("# nothing\n"), "depth.txt lists no picture"),
     ("tum", "depth.txt", text("1.0 a.png\n1.0 b.png\n"), "line 2: '1.0 b.png' is not a later time"),
-    ("tum", "depth.txt", text("soon a.png\n"), "line 1: 'soon a.png' is not a later time"),
     ("tum", "depth.txt", text("1.0 a.png\n"), "a.png is damaged or no PNG"),
     ("tum", "depth.txt", lambda path: path.write_bytes(b"\xff\xfe\x00"), "is no text that can be read"),
     (
@@ -164,22 +155,14 @@ DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ),
     ("tum", "camera_intrinsic.json", text("{"), "camera_intrinsic.json"),
     ("ply", "cloud_1.ply", cut, "cloud_1.ply is damaged"),
-    ("ply", "cloud_1.ply", text("ply"), "cloud_1.ply is damaged"),
     ("ply", "x.pcd", text(""), "holds both .ply and .pcd"),
     ("pcd", "0.pcd", cut, "0.pcd is damaged"),
-    ("pcd", "1.pcd", cut, "1.pcd is damaged"),
-    ("pcd", "0.pcd", text(""), "0.pcd is damaged"),
     ("walk.bag", "", cut, "walk.bag is damaged or no ROS bag"),
-    ("walk.bag", "", text(""), "walk.bag is damaged or no ROS bag"),
-    ("walk.bag", "", text("#ROSBAG V2.0\n"), "walk.bag is damaged or no ROS bag"),
     ("walk.npz", "", cut, "walk.npz is damaged"),
     ("walk.npz", "", arrays(depth=None), "has no 'depth' but"),
-    ("walk.npz", "", arrays(intrinsics=None), "has no 'intrinsics' but"),
     ("walk.npz", "", arrays(depth_scale=None), "needs depth_scale, its units per metre"),
     ("walk.npz", "", arrays(depth=np.zeros((3, 4))), "depth has shape (3, 4)"),
-    ("walk.npz", "", arrays(depth=np.zeros((0, 3, 4))), "depth has shape (0, 3, 4)"),
     ("walk.npz", "", arrays(depth=np.full((1, 2, 2), -5)), "nor whole units from 0 to 65535"),
-    ("walk.npz", "", arrays(depth=np.full((1, 2, 2), "a")), "nor whole units from 0 to 65535"),
     ("walk.npz", "", arrays(intrinsics=np.zeros((3, 3))), "intrinsics are not fx 0 cx"),
     ("walk.npz", "", arrays(intrinsics=np.eye(4)), "'intrinsics' has shape (4, 4)"),
     ("walk.npz", "", arrays(fps=-1), "-1.0 frames a second make no sense"),
@@ -214,7 +197,7 @@ def test_a_bag_cut_or_changed_anywhere_is_read_or_refused(tmp_path: Path) -> Non
     whole = path.read_bytes()
     rng = np.random.default_rng(0)
     refused = []
-    for place in rng.integers(0, len(whole), 40):
+    for place in rng.integers(0, len(whole), 20):
         changed = bytearray(whole)
         changed[place] ^= 1 << rng.integers(8)
         for content in (whole[:place], bytes(changed)):
@@ -223,7 +206,7 @@ def test_a_bag_cut_or_changed_anywhere_is_read_or_refused(tmp_path: Path) -> Non
                 read_all(path)
             except InputError as error:
                 refused.append(str(error))
-    assert len(refused) >= 40
+    assert len(refused) >= 20
     assert not any("\n" in line for line in refused)
 
 
@@ -251,16 +234,6 @@ def test_an_organised_cloud_that_no_pinhole_camera_sees_needs_a_camera(tmp_path:
     )
     with pytest.raises(InputError, match=r"not as a pinhole camera sees it; add camera_intrinsic\.json"):
         open_source(twisted)
-
-
-def test_truth_and_start_beside_the_frames_are_found_in_every_folder(tmp_path: Path) -> None:
-    """As with recorded folders; a single file has none."""
-    for write in (write_open3d, write_tum, write_ply):
-        path = write(tmp_path / write.__name__, recorded()[:1])
-        (path / "init.json").write_text(json.dumps(START))
-        assert open_source(path).init == path / "init.json"
-        assert open_source(path).truth is None
-    assert open_source(write_npz(tmp_path / "x.npz", recorded())).init is None
 
 
 def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

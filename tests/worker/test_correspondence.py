@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from worker.kernel.correspondence import bounding_boxes, closest_points, closest_points_from_guess
-from worker.kernel.neighbourhoods import BLOCK, TILE, boxes_of, neighbourhoods
-from worker.kernel.observation import pad_to_blocks
-from worker.kernel.surface import LEAF
+from common.camera import Intrinsics
+from tests.support.kernel.kernel_cases import PAPER
+from worker.kernel.correspondence import closest_points, closest_points_from_guess
+from worker.kernel.observation import Observation, pack_observation, pad_to_blocks
 from worker.kernel.workspace import make_search_buffers
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
+TOGETHER = 8  # model points in a leaf
 Cloud = Callable[[np.random.Generator, int], Array]
 
 
@@ -61,8 +61,8 @@ CLOUDS = st.sampled_from([scattered, clustered, coplanar, in_line, at_one_point,
 
 
 def in_order(cloud: Array) -> Array:
-    """Neighbours together."""
-    return cloud[neighbourhoods(cloud, TILE, BLOCK)]
+    """From left to right."""
+    return cloud[np.argsort(cloud[:, 0], kind="stable")]
 
 
 def single(cloud: Array) -> Points:
@@ -70,39 +70,33 @@ def single(cloud: Array) -> Points:
     return cloud.astype(np.float32)
 
 
-def search(observed: Points, model: Points) -> tuple[NDArray[np.uint32], Points]:
-    """Indices (P,) and squared distances (P,) as the kernel finds them."""
-    padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
-    leaves = -(-len(model) // LEAF)
-    buffers = make_search_buffers(len(padded), len(model) + 1, leaves + 1)
+def search(
+    observed: Points, model: Points, guess: NDArray[np.uint32] | None = None
+) -> tuple[NDArray[np.uint32], Points]:
+    """Indices (P,) and squared distances (P,) as the kernel finds them, from a guess (P,) if there is one."""
+    nothing = np.zeros((1, 1), np.float32), np.zeros((2, 1, 1), np.int32)
+    camera = Intrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
+    points = pad_to_blocks(observed)
+    packed = pack_observation(Observation(points, len(observed), *nothing, camera, np.zeros(4, int)), PAPER)
+    assert packed.stretch == 1.0
+    leaves = -(-len(model) // TOGETHER)
+    buffers = make_search_buffers(len(points), len(model) + 1, leaves + 1)
     for array in buffers:
         array.fill(7)  # whatever an earlier search left
     buffers.model[: len(model)] = model
-    buffers.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
-    across = np.ascontiguousarray(padded.T)
-    closest_points(across, boxes_of(across, BLOCK), boxes_of(across, TILE), leaves, buffers)
-    return buffers.closest[: len(observed)], buffers.squared[: len(observed)]
-
-
-def search_again(
-    observed: Points, model: Points, guess: NDArray[np.uint32]
-) -> tuple[NDArray[np.uint32], Points]:
-    """As `search`, from a guess (P,)."""
-    padded = pad_to_blocks(observed.astype(np.float64)).astype(np.float32)
-    leaves = -(-len(model) // LEAF)
-    buffers = make_search_buffers(len(padded), len(model), leaves)
-    buffers.model[:] = model
-    buffers.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
-    buffers.closest[:] = np.resize(guess, len(padded))
-    across = np.ascontiguousarray(padded.T)
-    closest_points_from_guess(across, boxes_of(across, TILE), leaves, buffers)
+    buffers.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * TOGETHER, len(model))
+    if guess is None:
+        closest_points(packed.points, packed.blocks, packed.tiles, leaves, buffers)
+    else:
+        buffers.closest[:] = np.resize(guess, len(points))
+        closest_points_from_guess(packed.points, packed.tiles, leaves, buffers)
     return buffers.closest[: len(observed)], buffers.squared[: len(observed)]
 
 
 @given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 300), st.booleans(), st.integers(0, 2**32 - 1))
 @example(scattered, scattered, 1, 1, True, 0)
-@example(clustered, clustered, BLOCK, LEAF, True, 0)
-@example(scattered, coplanar, BLOCK + 1, LEAF + 1, False, 0)
+@example(clustered, clustered, 64, 8, True, 0)
+@example(scattered, coplanar, 65, 9, False, 0)
 def test_the_closest_point_is_the_closest(
     observed_like: Cloud, model_like: Cloud, points: int, others: int, ordered: bool, seed: int
 ) -> None:
@@ -120,7 +114,7 @@ def test_the_closest_point_is_the_closest(
 
 
 @given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 3000), st.integers(0, 2**32 - 1))
-@example(at_one_point, at_one_point, BLOCK, LEAF, 0)
+@example(at_one_point, at_one_point, 64, 8, 0)
 @example(scattered, scattered, 300, 3000, 0)
 def test_any_guess_leads_to_the_closest(
     observed_like: Cloud, model_like: Cloud, points: int, others: int, seed: int
@@ -132,7 +126,7 @@ def test_any_guess_leads_to_the_closest(
     )
     index, squared = search(observed, model)
     for guess in (index, np.zeros_like(index), rng.integers(others, size=points).astype(np.uint32)):
-        again, apart = search_again(observed, model, guess)
+        again, apart = search(observed, model, guess)
         np.testing.assert_allclose(np.sqrt(apart), np.sqrt(squared), atol=2e-6)
         found, first = (
             np.linalg.norm(observed - model[i].astype(np.float64), axis=1) for i in (again, index)
@@ -152,46 +146,3 @@ def test_clouds_as_large_as_in_use() -> None:
     nearest, expected = cKDTree(model.astype(np.float64)).query(observed.astype(np.float64))
     assert np.mean(index == expected) > 0.9999
     np.testing.assert_allclose(np.sqrt(squared), nearest, atol=1e-6)
-
-
-def test_of_equals_the_choice_is_always_the_same() -> None:
-    """The same clouds give the same bytes each time, ties included."""
-    rng = np.random.default_rng(1)
-    observed, model = (on_a_grid(rng, 500).astype(np.float32) for _ in range(2))
-    first, again = search(observed, model), search(observed.copy(), model.copy())
-    assert [a.tobytes() for a in first] == [a.tobytes() for a in again]
-    assert len(np.unique(model, axis=0)) < len(model)
-
-
-@given(CLOUDS, st.integers(1, 200), st.integers(1, 70), st.integers(0, 2**32 - 1))
-def test_boxes_hold_their_points_tightly(like: Cloud, count: int, block: int, seed: int) -> None:
-    """Each block's box has its points' least and greatest coordinates, the last and shorter block's too."""
-    points = like(np.random.default_rng(seed), count).astype(np.float32)
-    starts = np.append(np.arange(0, count, block), count)
-    boxes = np.empty((6, len(starts) - 1), dtype=np.float32)
-    bounding_boxes(points, starts, boxes)
-    for k, box in enumerate(boxes.T.reshape(-1, 2, 3)):
-        members = points[k * block : (k + 1) * block]
-        np.testing.assert_array_equal(box, [members.min(axis=0), members.max(axis=0)])
-
-
-@pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK, BLOCK + 1])
-def test_padding_fills_whole_blocks_with_the_last_point(count: int) -> None:
-    """Padding is no more than needed, and lies within the last block's box."""
-    points = np.random.default_rng(2).normal(size=(count, 3)).astype(np.float32)
-    padded = pad_to_blocks(points)
-    assert len(padded) == -(-count // BLOCK) * BLOCK
-    np.testing.assert_array_equal(padded[:count], points)
-    assert np.all(padded[count:] == points[-1])
-
-
-def test_the_order_keeps_neighbours_together() -> None:
-    """The boxes of blocks and of tiles are little larger than an even share of the room that is filled."""
-    points = np.random.default_rng(3).uniform(size=(4096, 3))
-    order = neighbourhoods(points, TILE, BLOCK)
-    np.testing.assert_array_equal(np.sort(order), np.arange(len(points)))
-    for size in (TILE, BLOCK):
-        boxes = boxes_of(np.ascontiguousarray(points[order].T, np.float32), size)
-        volume = np.prod(boxes[3:] - boxes[:3], axis=0)
-        assert volume.mean() < size / len(points)
-        assert np.mean(boxes[3:] - boxes[:3]) < 1.1 * (size / len(points)) ** (1 / 3)

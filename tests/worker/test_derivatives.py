@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from common.body import BodyModel
 from common.kinematics import difference, pose_vertices, step_axes
-from common.kinematics.rotations import euler_matrix
 from tests.support.bodies import moves, puppet
 from tests.support.kernel.finite_differences import tangents
 from worker.kernel.normal_equations import jacobian_matrix
-from worker.kernel.priors import add_limit_prior, add_rest_prior, euler_rates
+from worker.kernel.priors import add_limit_prior, add_rest_prior
 from worker.kernel.surface import Skeleton, pack_model
-from worker.kernel.weighting import robust_cost, robust_weight
 
 Array = NDArray[np.float64]
 Prior = Callable[[Skeleton, Array, float, Array, Array], None]
@@ -85,25 +81,3 @@ def test_the_limit_prior_is_the_slope_of_its_cost() -> None:
     assert np.count_nonzero(excess(pose)[at]) >= 3
     np.testing.assert_allclose(gradient[at], STIFFNESS * rates.T @ excess(pose)[at], atol=1e-8)
     np.testing.assert_allclose(gram[np.ix_(at, at)], STIFFNESS * rates.T @ rates, atol=1e-7)
-
-
-@pytest.mark.parametrize("handed", [1.0, -1.0])
-def test_euler_rates_are_the_turns_by_angles(handed: float) -> None:
-    """A column of E is the rotation vector by which a ball turns for each radian of one of its angles."""
-    angles = np.array([0.4, -0.7, 1.1])
-    for a in range(3):
-        step = 1e-6 * np.eye(3)[a]
-        ahead, behind = (Rotation.from_matrix(euler_matrix(handed * (angles + s))) for s in (step, -step))
-        turn = handed * (ahead * behind.inv()).as_rotvec() / 2e-6
-        np.testing.assert_allclose(euler_rates(angles, handed)[:, a], turn, atol=1e-8)
-
-
-@pytest.mark.parametrize("scale_squared", [0.0, 0.04])
-def test_the_robust_weight_is_the_slope_of_the_robust_cost(scale_squared: float) -> None:
-    """By the squared residual, as reweighting supposes: below, at and beyond the scale."""
-    for squared in (0.001, 0.04, 1.0):
-        step = 1e-6 * squared
-        ahead, behind = (robust_cost(squared + s, scale_squared) for s in (step, -step))
-        assert (ahead - behind) / (2.0 * step) == pytest.approx(
-            robust_weight(squared, scale_squared), rel=1e-6
-        )

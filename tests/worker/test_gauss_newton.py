@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.kinematics import dof_transforms, pose_vertices, retract
+from common.kinematics import dof_transforms, retract
 from common.settings import RefineSettings
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
@@ -18,20 +18,19 @@ from tests.support.kernel.kernel_cases import (
     PAPER,
     POINTS,
     SETTINGS,
-    layout,
     near,
     posed_in,
     starts,
     subject,
 )
 from worker.kernel.correspondence import find_correspondences
-from worker.kernel.gauss_newton import SolverParameters, minimise, solve_ltl
+from worker.kernel.gauss_newton import minimise, solve_ltl
+from worker.kernel.icp import solver_parameters
 from worker.kernel.normal_equations import normal_equations, subtree_moments
 from worker.kernel.observation import observe, pack_observation
-from worker.kernel.parameters import STEPS, pack_parameters
-from worker.kernel.priors import LIMIT_SHARE
+from worker.kernel.parameters import pack_parameters
 from worker.kernel.surface import pack_model
-from worker.kernel.weighting import accumulate_correspondences, add_correspondences
+from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import NormalEquations, make_equations
 
 Array = NDArray[np.float64]
@@ -100,37 +99,6 @@ def test_moments_match(name: str) -> None:
         np.testing.assert_allclose(total, expected, rtol=1e-5, atol=1e-4)
 
 
-def test_single_factors_sum_to_the_total() -> None:
-    """Adding correspondences one by one gives what is collected at once."""
-    model = puppet()
-    posed, vertices, targets, weights = correspondences(model, near(), DEFAULT)
-    skeleton, surface = pack_model(model)
-    transforms = np.concatenate([dof_transforms(model, near()[None])[0], np.eye(4)[None, :3]])
-    place = np.argsort(layout(model)).astype(np.uint32)
-    links = len(model.link_names)
-    moments, crosses = np.zeros((links, 4, 4)), np.zeros((links, 4, 3))
-    equations = make_equations(len(model.dof_names), links)
-    for v, target, weight in zip(vertices, targets, weights, strict=True):
-        weighted_targets = np.append(weight * target, weight)[None]
-        add_correspondences(
-            surface,
-            skeleton,
-            transforms,
-            place[v : v + 1],
-            posed[layout(model)],
-            weighted_targets,
-            equations,
-        )
-        one, cross = equations.moments, equations.crosses
-        assert one[:, 3, 3].sum() == pytest.approx(weight)
-        moments += one
-        crosses += cross
-    factors = plain_path.split_by_link(model, near(), posed, vertices, targets, weights)
-    for total, expected in zip((moments, crosses), summed(model, factors), strict=True):
-        np.testing.assert_allclose(total, expected, rtol=1e-10, atol=1e-10)
-    assert np.count_nonzero(moments[:, 3, 3]) == links
-
-
 @pytest.mark.parametrize("blended", [True, False])
 @pytest.mark.parametrize("moved", [0.0, 0.2])
 @pytest.mark.parametrize("along", [1.0, 0.25])
@@ -145,26 +113,6 @@ def test_normal_equations_match(blended: bool, moved: float, along: float) -> No
     expected_gram, expected = plain_path.equations(model, factors, pose, settings)
     np.testing.assert_allclose(gram, expected_gram, rtol=1e-9, atol=1e-7)
     np.testing.assert_allclose(gradient, expected, rtol=1e-9, atol=1e-7)
-
-
-@pytest.mark.parametrize("moved", [0.0, 0.2])
-def test_the_gradient_is_that_of_the_cost(moved: float) -> None:
-    """J^T r is the slope of half of Eq. 3's sum of squares, for every degree of freedom."""
-    model = puppet(blended=False)
-    start = near()
-    _, vertices, targets, weights = correspondences(model, start, DEFAULT)
-    factors = plain_path.split_by_link(
-        model, start, pose_vertices(model, start[None])[0], vertices, targets, weights
-    )
-    pose = retract(model, start[None], np.full((1, len(start)), moved))[0]
-
-    def cost(at: Array) -> Array:
-        apart = pose_vertices(model, at[None])[0, vertices] - targets
-        return np.asarray(0.5 * np.sum(weights[:, None] * apart**2))
-
-    _, gradient = kernel_equations(model, factors, pose, np.ones(3))
-    assert np.abs(gradient).min() > 1e-3
-    np.testing.assert_allclose(gradient, tangents(model, pose, cost), rtol=1e-5, atol=1e-5)
 
 
 def test_shared_skin_leaves_the_gradient_exact_and_steps_safe() -> None:
@@ -193,39 +141,18 @@ def test_shared_skin_leaves_the_gradient_exact_and_steps_safe() -> None:
     assert np.abs(gram - exact).max() < 0.1 * np.abs(exact).max()
 
 
-def test_the_gram_matrix_is_exact_where_a_vertex_has_one_link() -> None:
-    """J^T J is the product of the Jacobian of pose_vertices, taken by finite differences, with itself."""
-    model = puppet(blended=False)
-    start = near()
-    posed, vertices, targets, weights = correspondences(model, start, DEFAULT)
-    gram, _ = kernel_equations(
-        model, plain_path.split_by_link(model, start, posed, vertices, targets, weights), start, np.ones(3)
-    )
-    matrix = tangents(model, start, lambda at: pose_vertices(model, at[None])[0, vertices])
-    exact = np.einsum("n,nij,nik->jk", weights, matrix, matrix)
-    np.testing.assert_allclose(gram, exact, rtol=1e-6, atol=1e-4)
-
-
 @pytest.mark.parametrize("name", SETTINGS)
 def test_minimising_matches(name: str) -> None:
     """Step 4d on the same factors: damping, rest and limits included, the same pose to 1e-7."""
     model, settings = puppet(), SETTINGS[name]
     skeleton, _ = pack_model(model)
-    steps = STEPS[settings.descent]
     for start in starts(2):
         start = plain_path.clamp_to_limits(model, start)  # noqa: PLW2901
         factors = plain_path.weigh_correspondences(
             model, start, *plain_path.visible_vertices(model, start), subject(), settings
         )
         pose = start.copy()
-        along = settings.noise_lateral / settings.noise_depth
-        solver = SolverParameters(
-            np.array([1.0, 1.0, along**2]),
-            settings.damping + steps.damping_share * POINTS,
-            plain_path.rest_weight(settings) * POINTS,
-            LIMIT_SHARE * POINTS,
-            steps.gauss_newton_iterations,
-        )
+        solver = solver_parameters(pack_parameters(settings), POINTS)
         transforms = np.concatenate([dof_transforms(model, pose[None])[0], np.eye(4)[None, :3]])
         minimise(skeleton, pose, transforms, solver, summed_up(model, factors))
         assert np.abs(pose - start).max() > 0.05

@@ -28,8 +28,7 @@ from worker.kernel.workspace import make_workspace
 
 Array = NDArray[np.float64]
 
-POSES, FEW = 200, 6
-EXACT = 1e-4  # of the slope's length
+MANY, FEW = 200, 6
 
 
 def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
@@ -53,38 +52,30 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     return -equations.gradient / (packed.count * scale), hold(of.model, pose, of.subject, of.settings)
 
 
-def slope_errors(of: PosteriorCase, count: int) -> Array:
-    """How far the descent's slope is off (count,), of that of the log posterior."""
-    errors = []
+HOW_MANY = pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
+
+
+@HOW_MANY
+@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize("body", BODIES)
+def test_the_descent_climbs_the_log_posterior(body: str, name: str, count: int) -> None:
+    """Its right side is the log posterior's slope by finite differences, to 1e-4, at poses near and far."""
+    of = posterior_case(body, name)
     for pose in random_poses(of, count):
         mine, held = kernel_slope(of, pose.copy())
         exact = slope(held, pose)
-        errors.append(np.linalg.norm(mine - exact) / np.linalg.norm(exact))
-    return np.array(errors)
+        assert np.linalg.norm(mine - exact) < 1e-4 * np.linalg.norm(exact)
 
 
+@HOW_MANY
 @pytest.mark.parametrize("name", SETTINGS)
 @pytest.mark.parametrize("body", BODIES)
-def test_the_descent_climbs_the_log_posterior(body: str, name: str) -> None:
-    """Its right side is the log posterior's slope by finite differences, to 1e-4, at poses near and far."""
-    assert slope_errors(posterior_case(body, name), FEW).max() < EXACT
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SETTINGS)
-@pytest.mark.parametrize("body", BODIES)
-def test_the_descent_climbs_the_log_posterior_of_many_poses(body: str, name: str) -> None:
-    """The same at 200 poses."""
-    assert slope_errors(posterior_case(body, name), POSES).max() < EXACT
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SETTINGS)
-@pytest.mark.parametrize("body", BODIES)
-def test_every_weight_is_the_log_posterior_of_the_pose_that_comes_with_it(body: str, name: str) -> None:
-    """Of 200 refined particles: by what is visible in the pose itself, and belongs together there."""
+def test_every_weight_is_the_log_posterior_of_the_pose_that_comes_with_it(
+    body: str, name: str, count: int
+) -> None:
+    """Of refined particles: by what is visible in the pose itself, and belongs together there."""
     of = posterior_case(body, name)
-    refined = refine(of.model, observe(of.subject), random_poses(of, POSES), of.settings)
+    refined = refine(of.model, observe(of.subject), random_poses(of, count), of.settings)
     for pose, weight in zip(refined.poses, refined.log_likelihood, strict=True):
         held = kernel_slope(of, pose.copy())[1]
         assert weight == pytest.approx(log_posterior(held, pose[None])[0], rel=1e-3)

@@ -23,7 +23,7 @@ from tests.support.kernel.kernel_cases import (
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.observation import observe, pack_observation
 from worker.kernel.parameters import pack_parameters
-from worker.kernel.surface import pack_model, weights_first
+from worker.kernel.surface import pack_model
 
 
 def test_a_body_is_packed_whole() -> None:
@@ -40,15 +40,6 @@ def test_a_body_is_packed_whole() -> None:
     np.testing.assert_array_equal(surface.skin_weights, model.skin_weights[order, :used])
     assert np.all(model.skin_weights[:, used:] == 0.0)
     assert tuple(np.array(model.dof_names)[skeleton.precisions == 0.0]) == ROOT_DOFS
-
-
-def test_links_of_no_weight_come_last() -> None:
-    """Wherever a vertex lists a link without weight, the others keep their order and their weights."""
-    links = np.array([[4, 5, 6], [1, 2, 3], [7, 8, 9]])
-    weights = np.array([[0.0, 0.4, 0.6], [1.0, 0.0, 0.0], [0.7, 0.0, 0.3]])
-    found, shares = weights_first(links, weights)
-    np.testing.assert_array_equal(shares, [[0.4, 0.6], [1.0, 0.0], [0.7, 0.3]])
-    np.testing.assert_array_equal(found, [[5, 6], [1, 2], [7, 9]])
 
 
 @pytest.mark.parametrize("make", [puppet, person])

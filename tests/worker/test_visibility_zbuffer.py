@@ -11,11 +11,11 @@ from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES, Scene
-from worker.kernel.visibility import TOLERANCE, visible_vertices
+from worker.kernel.visibility import visible_vertices
 from worker.kernel.workspace import make_visibility_buffers
 
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
-SEEN, HIDDEN = 0.003, TOLERANCE + 0.02  # metres behind the z-buffer
+SEEN, HIDDEN = 0.003, 0.05  # metres behind the z-buffer
 
 Marks = NDArray[np.bool_]
 
