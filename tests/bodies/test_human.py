@@ -208,13 +208,6 @@ def test_a_squat_keeps_the_bones(model: BodyModel) -> None:
     )
 
 
-def test_a_body_grows_with_stature() -> None:
-    """Everything is proportional to stature."""
-    small, tall = human(1.5), human(1.8)
-    np.testing.assert_allclose(tall.vertices, small.vertices * 1.2, atol=1e-6)
-    np.testing.assert_allclose(tall.joint_points, small.joint_points * 1.2, atol=1e-12)
-
-
 def test_single_measures_can_be_set() -> None:
     """A longer thigh lengthens the thigh alone; girth leaves all bones as they are."""
     usual, long, stout = human(1.75), human(1.75, thigh=0.47), human(1.75, girth=1.2)

@@ -355,7 +355,6 @@ BAD = {
         "Expected `object` of length <= 50",
     ),
     "far pose": ("request", set_to("poses", value=packed(POSES * 1e9)), "poses holds values above 100000"),
-    "no values": ("request", set_to("poses", value=packed(POSES[:, :0])), "a pose has 1 to 1000 values"),
     "no noise": ("request", set_to("settings", "noise_depth", value=0.0), "noise_depth is 0, expected 1e-06"),
     "negative setting": ("request", set_to("settings", "damping", value=-1.0), "damping is -1, expected 0"),
     "limits": ("model", set_to("arrays", "limits", value=packed(np.tile([1.0, -1.0], (6, 1)))), "no room"),
@@ -366,7 +365,6 @@ BAD = {
         "log_likelihood holds values that are not finite",
     ),
     "reply count": ("reply", set_to("values", value=packed(np.zeros(16))), r"expected \(24\)"),
-    "reply form": ("reply", set_to("values", value=packed(np.zeros((3, 8)))), r"expected \(24\)"),
     "reply field": ("reply", set_to("more", value=packed(POSES)), "unknown field `more`"),
     "reply pose": ("reply", set_to("values", value=reply(pose=1e9)), "poses holds values above"),
     "reply unlikelihood": (
@@ -385,15 +383,11 @@ BAD = {
         "covariance_roots holds values that are not finite",
     ),
     "roots diagonal": ("sure-reply", set_to("covariance_roots", value=roots(0.0)), "is not above zero"),
-    "roots sign": ("sure-reply", set_to("covariance_roots", value=roots(-0.1)), "is not above zero"),
     "wide": (
         "sure-reply",
         set_to("covariance_roots", value=roots(0.1, 3.0)),
         "of 3.00167, expected 1",
     ),
-    "endless": ("sure-reply", set_to("covariance_roots", value=roots(0.1, np.inf)), "that are not finite"),
-    "none": ("sure-reply", set_to("covariance_roots", value=roots(0.1, np.nan)), "that are not finite"),
-    "overflow": ("sure-reply", set_to("covariance_roots", value=roots(0.1, 3e38)), "expected 1"),
     "roots count": (
         "sure-reply",
         set_to("covariance_roots", value=packed(np.ones((3, 20), np.float32))),

@@ -30,7 +30,7 @@ BODIES: dict[str, Callable[[], BodyModel]] = {
     "person": person,
     "puppet": puppet,
     "hinges": hinges,
-    **{f"random {n}": lambda n=n: random_body(np.random.default_rng(n)) for n in range(4)},  # type: ignore[misc]
+    **{f"random {n}": lambda n=n: random_body(np.random.default_rng(n)) for n in range(2)},  # type: ignore[misc]
 }
 
 

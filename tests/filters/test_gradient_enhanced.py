@@ -23,7 +23,7 @@ from coordinator.filters.belief import (
     effective_sample_size,
     normalise,
 )
-from coordinator.filters.exploration import choose_kinds, find_limbs
+from coordinator.filters.exploration import choose_kinds
 from coordinator.filters.gradient_enhanced import Hypotheses, begin, propose
 from coordinator.filters.merging import estimate_covariances, merge_by_angle
 from coordinator.filters.motion import draw_noise
@@ -37,18 +37,6 @@ PAPER = preset("paper").filter
 EXPLORING = msgspec.structs.replace(PAPER, explore=True, velocity_time_s=0.1)
 D = np.deg2rad(4.0)
 VALLEYS = np.array([[0.5, 0.1], [-0.5, 0.1]])  # of the toy, the first a little likelier
-
-
-class Draws(np.random.Generator):
-    """A generator whose uniform numbers are all the same."""
-
-    def __init__(self, value: float) -> None:
-        super().__init__(np.random.PCG64(0))
-        self.value = value
-
-    def random(self, *_: object, **__: object) -> float:  # type: ignore[override]
-        """That number."""
-        return self.value
 
 
 def toy(poses: Array) -> Refined:
@@ -134,17 +122,6 @@ def test_drawing_is_unbiased() -> None:
     np.testing.assert_allclose(np.mean(drawn, axis=0), 7.0 * weights, atol=4.0 * 0.5 / np.sqrt(4000))
 
 
-@pytest.mark.parametrize("value", [0.0, 0.5, np.nextafter(1.0, 0.0)])
-def test_zero_weight_is_not_drawn_where_sums_are_rounded(value: float) -> None:
-    """Ten tenths sum to less than one: what is drawn beyond them is one of them still."""
-    weights = np.array([0.0, *[0.1] * 10, 0.0])
-    assert np.cumsum(weights)[-1] < 1.0
-    for count in (1, 3, 10):
-        ancestors = draw_ancestors(weights, count, Draws(value))
-        assert ancestors.min() >= 1
-        assert ancestors.max() <= 10
-
-
 # Step 3: moving
 
 
@@ -160,18 +137,6 @@ def test_noise_has_the_ancestors_covariance() -> None:
         np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=0.05)
         np.testing.assert_allclose(np.cov(drawn.T), expected, atol=0.03 * max(1.0, expected.max()))
     np.testing.assert_allclose(noise[ancestors == 0, 2], 0.0, atol=1e-9)
-
-
-def test_limbs_are_the_branches_and_the_trunk() -> None:
-    """The puppet has a trunk with the root, two arms and a head."""
-    model = puppet()
-    limbs = [[model.dof_names[j] for j in limb] for limb in find_limbs(model)]
-    assert limbs == [
-        ["root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz", "waist_1", "waist_2", "waist_3"],
-        ["l_arm_1", "l_arm_2", "l_arm_3", "l_elbow"],
-        ["r_arm_1", "r_arm_2", "r_arm_3", "r_elbow"],
-        ["head_lift", "head_nod"],
-    ]
 
 
 def moving_at(speed: float) -> Hypotheses:

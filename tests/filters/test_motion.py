@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import difference
-from common.refinement import WEAK_SLIDE, WEAK_TURN, Refined, lower_triangular
+from common.refinement import Refined, lower_triangular
 from common.settings import preset
-from coordinator.filters.belief import USUAL_INTERVAL, Observation
+from coordinator.filters.belief import Observation
 from coordinator.filters.gradient_enhanced import begin, propose, update
 from coordinator.filters.motion import hold
 from tests.support.bodies import puppet
@@ -21,6 +21,7 @@ from tests.support.filtering import INTERVAL, NOTHING_SEEN
 Array = NDArray[np.float64]
 
 MODEL = puppet()
+WEAK = np.radians(30.0), 0.05  # deviations of what nothing is known about
 DOFS = len(MODEL.dof_names)
 BASE = np.isin(MODEL.dof_names, ROOT_DOFS)
 
@@ -91,8 +92,8 @@ def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((DOFS, DOFS))
     shows = root.T @ root * 10.0 ** rng.uniform(-1, 3)
-    weak = deviations(MODEL, WEAK_TURN, WEAK_SLIDE) ** -2.0
-    motion = deviations(MODEL, np.radians(15.0), WEAK_SLIDE) ** -2.0 * USUAL_INTERVAL / interval
+    weak = deviations(MODEL, *WEAK) ** -2.0
+    motion = deviations(MODEL, np.radians(15.0), 0.05) ** -2.0 / 30.0 / interval
     refined, expected = some_poses(rng)
     way = difference(MODEL, refined, expected)[0]
 
@@ -113,9 +114,9 @@ def test_what_is_seen_stays_and_what_is_hidden_goes_where_it_was_expected() -> N
     refined, expected = some_poses(np.random.default_rng(0))
     seen = np.arange(DOFS) % 2 == 0
     seen[[b + k for b in MODEL.balls for k in range(3)]] = False
-    weak, sharp = deviations(MODEL, WEAK_TURN, WEAK_SLIDE), deviations(MODEL, np.radians(0.3), 0.001)
+    weak, sharp = deviations(MODEL, *WEAK), deviations(MODEL, np.radians(0.3), 0.001)
     found = np.diag(np.where(seen, sharp, weak) ** 2)[None]
-    held = hold(MODEL, refined, found, expected, USUAL_INTERVAL)
+    held = hold(MODEL, refined, found, expected, 1.0 / 30.0)
     hidden = ~seen & ~BASE
     assert hidden.any()
     np.testing.assert_allclose(held[0, hidden], expected[0, hidden], atol=1e-5)
@@ -130,8 +131,8 @@ def test_nothing_is_held_beyond_its_limits() -> None:
     bounded = single & ~BASE & np.isfinite(MODEL.limits).all(axis=1)
     assert bounded.any()
     expected = np.where(bounded, MODEL.limits[:, 1] + 0.3, refined)
-    found = np.diag(deviations(MODEL, WEAK_TURN, WEAK_SLIDE) ** 2)[None]
-    held = hold(MODEL, refined, found, expected, USUAL_INTERVAL)
+    found = np.diag(deviations(MODEL, *WEAK) ** 2)[None]
+    held = hold(MODEL, refined, found, expected, 1.0 / 30.0)
     np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
 
 

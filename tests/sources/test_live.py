@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -396,15 +395,13 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_p
     assert not (tmp_path / "run").exists()
 
 
-def test_a_port_in_use_is_named(tmp_path: Path) -> None:
+def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two runs cannot listen at one place: exit code 2, and the line says which port to change."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        done = subprocess.run(
-            [*GEPF, *tracking(endpoint, tmp_path)], capture_output=True, text=True, check=False, timeout=60
-        )
-    assert done.returncode == 2
-    assert f"gepf: {endpoint} is in use by another program; end that, or choose another port" in done.stderr
+        assert main(tracking(endpoint, tmp_path)) == 2
+    told = capsys.readouterr().err
+    assert f"gepf: {endpoint} is in use by another program; end that, or choose another port" in told
     assert not (tmp_path / "run").exists()
 
 

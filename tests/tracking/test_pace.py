@@ -9,7 +9,6 @@ from common.bounds import check_work, most_iterations
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
-from coordinator.filters.belief import USUAL_INTERVAL
 from coordinator.filters.methods import keep_up, pace_iterations
 from coordinator.tracking.observing.sighting import see
 from coordinator.tracking.observing.subject import isolate
@@ -52,9 +51,4 @@ def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
     u = CAMERA.cx + CAMERA.fx * sighting.points[:, 0] / 2.0
     np.testing.assert_allclose(u, np.rint(u), atol=1e-9)
     assert sighting.interval == pytest.approx(0.1)
-    assert (
-        see(subject, None).interval
-        == see(subject, 0.5).interval
-        == see(subject, 0.9).interval
-        == USUAL_INTERVAL
-    )
+    assert see(subject, None).interval == see(subject, 0.5).interval == see(subject, 0.9).interval == 1 / 30

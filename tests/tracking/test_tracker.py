@@ -26,7 +26,7 @@ from coordinator.filters.methods import settings_for
 from coordinator.scene.scope import Scope
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
-from coordinator.tracking.observing.subject import CLEARANCE, isolate
+from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.state import TrackerState
@@ -426,7 +426,7 @@ def test_what_is_farther_than_80_cm_is_not_the_subject() -> None:
     frame = shown("standing").frames[0]
     surface = back_project(frame.metres(), frame.intrinsics)[frame.depth > 0]
     back = surface[:, 2].max()
-    for gap, kept in ((CLEARANCE - 0.05, True), (CLEARANCE + 0.05, False)):
+    for gap, kept in ((0.75, True), (0.85, False)):
         depth = frame.metres().copy()
         column = int(np.median(np.flatnonzero(depth.any(axis=0))))
         row = int(np.flatnonzero(depth[:, column])[0]) - 3

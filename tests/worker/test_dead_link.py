@@ -20,6 +20,7 @@ from worker.connection import DeadLink
 from worker.service import Service
 
 
+@pytest.mark.slow
 def test_a_worker_leaves_a_coordinator_without_a_run_for_the_next_coordinator(endpoint: str) -> None:
     """One that listens, and stays for ever without a run, as a closing one may; then another is there."""
     place = Path(endpoint.partition("/")[2])

@@ -26,6 +26,7 @@ def test_a_worker_is_healthy_as_long_as_it_is_announced(endpoint: str) -> None:
             check_alive("w", [endpoint], None, PATIENCE)
 
 
+@pytest.mark.slow
 def test_the_command_says_so_by_its_exit_code(endpoint: str) -> None:
     """`gepf-worker --check` for a worker that is not there: 1 and one line."""
     command = [sys.executable, "-m", "worker.cli", "--connect", endpoint, "--name", "v", "--check"]

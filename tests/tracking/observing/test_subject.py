@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from common.camera import Intrinsics, back_project
 from common.frame import DepthFrame
-from coordinator.tracking.observing.subject import CLEARANCE, first_from, isolate
+from coordinator.tracking.observing.subject import first_from, isolate
 
 
 @settings(deadline=None, max_examples=30)
@@ -22,7 +22,7 @@ def test_what_is_kept_lies_near(seed: int) -> None:
     frame = DepthFrame(0, 0.0, depth.astype(np.uint16), 1000.0, camera)
     around = rng.normal([0.0, 0.0, 2.5], 0.3, (20, 3))
     points = back_project(frame.metres(), camera)
-    low, high = around.min(axis=0) - CLEARANCE, around.max(axis=0) + CLEARANCE
+    low, high = around.min(axis=0) - 0.8, around.max(axis=0) + 0.8
     expected = np.all((points >= low) & (points <= high), axis=-1) & (depth > 0)
     subject = isolate(frame, around, 10_000)
     assert subject is not None
