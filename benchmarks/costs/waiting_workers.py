@@ -14,8 +14,7 @@ import time
 from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.transport.opening import open_worker
-from tests.support.asked import Asked, refining
-from tests.support.refined import unmoved
+from tests.support.asked import Asked, refining, unmoved
 from worker.service import Kernel, Service
 
 

@@ -17,7 +17,7 @@ from common.errors import BusError
 from coordinator.cli import main
 from coordinator.pool.options import Pool
 from coordinator.results.track import Track, read_track
-from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 pytestmark = pytest.mark.usefixtures("no_traces")
 

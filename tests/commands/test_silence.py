@@ -24,7 +24,7 @@ from coordinator.results.live_results import END, KIND
 from coordinator.results.track import read_track
 from tests.support.processes.programs import INSTANT, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, frame
-from tests.support.processes.still_workers import sequence  # noqa: F401 fixture
+from tests.support.stand_ins import sequence  # noqa: F401 fixture
 
 
 class FallsSilent(ZenohRefiner):

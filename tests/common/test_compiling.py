@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from common.kernel_cache import VARIABLE
-from tests.support.processes.fresh_python import fresh_python
+from tests.support.processes.programs import fresh_python
 
 ROOT = Path(__file__).parents[2]
 CALLER = """from common.compiling import numba

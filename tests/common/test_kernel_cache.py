@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from common.kernel_cache import VARIABLE, state_of
-from tests.support.processes.fresh_python import fresh_python
+from tests.support.processes.programs import fresh_python
 
 ROOT = Path(__file__).parents[2]
 SHOW = f"import worker, os, sys; print('numba' in sys.modules, os.environ.get({VARIABLE!r}))"

@@ -28,7 +28,8 @@ from common.protocol.messages import (
 )
 from common.protocol.models import decode_model
 from common.refinement import Refined
-from tests.support.messages.kinds import (
+from tests.support.asked import sure
+from tests.support.messages import (
     COUNT,
     DOFS,
     KINDS,
@@ -37,7 +38,6 @@ from tests.support.messages.kinds import (
     tiny_request,
     tiny_sure,
 )
-from tests.support.refined import sure
 from worker.warm_up import tiny_frame, tiny_model
 
 

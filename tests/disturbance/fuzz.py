@@ -44,9 +44,8 @@ from common.transport.channels import FramePublisher
 from common.transport.opening import open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.messages.extremes import Extremes
-from tests.support.messages.kinds import KINDS
-from tests.support.messages.mutator import Mutator
+from tests.support.extremes import Extremes
+from tests.support.messages import KINDS, Mutator
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import MODEL, POSES, expected, refined_bytes, running, serving
 from worker.kernel.icp import refine

@@ -18,8 +18,8 @@ from common.refinement import Refined, triangle_size
 from common.settings import RefineSettings, preset
 from coordinator.filters.gradient_enhanced import begin
 from tests.disturbance.fuzz import fuzz_kernel
+from tests.support.extremes import Extremes
 from tests.support.filtering import advance
-from tests.support.messages.extremes import Extremes
 from tests.support.processes.serving import MODEL, POSES
 from worker.kernel.icp import refine, reject_diverged
 from worker.kernel.observation import observe

@@ -8,7 +8,7 @@ import msgpack  # type: ignore[import-untyped]
 import pytest
 
 from tests.disturbance.fuzz import HONEST, Report, fuzz_coordinator, fuzz_decoders, fuzz_worker
-from tests.support.messages.mutator import Mutator
+from tests.support.messages import Mutator
 
 
 def test_many_mutations_stay_well_formed() -> None:

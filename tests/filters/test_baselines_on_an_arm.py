@@ -19,7 +19,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.estimate import RECORDED
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
+from tests.support.people import OnePerson
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
 FRAMES = 6

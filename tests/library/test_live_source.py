@@ -19,8 +19,7 @@ import gepf
 from common.protocol.frames import encode_live, encode_live_end
 from common.transport.opening import open_router, open_worker
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
-from tests.support.processes.programs import started, wait_until
-from tests.support.processes.threads import in_thread
+from tests.support.processes.programs import in_thread, started, wait_until
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 

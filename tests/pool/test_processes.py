@@ -20,11 +20,10 @@ from common.errors import BusError
 from common.refinement import Refined
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.asked import Asked, refining
+from tests.support.asked import Asked, refining, unmoved
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, as_bytes, expected, frame, refined_bytes
 from tests.support.processes.warm_processes import start
-from tests.support.refined import unmoved
 from worker.cli import Identity, exit_with, serve
 from worker.connection import Destination
 from worker.service import Kernel

@@ -25,10 +25,9 @@ from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
-from tests.support.people import STANDING, as_bytes, empty, shown
-from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.people import STANDING, OnePerson, as_bytes, empty, shown
 from tests.support.rooms import in_a_room
+from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 pytestmark = pytest.mark.usefixtures("no_traces")
 

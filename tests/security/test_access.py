@@ -18,9 +18,15 @@ from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.certificates import make_certificates
-from tests.support.processes.certificates import STRANGER, WORKERS, Folder, free_port
+from tests.support.processes.certificates import (
+    STRANGER,
+    WORKERS,
+    Folder,
+    free_port,
+    listening,
+    secure_worker,
+)
 from tests.support.processes.programs import INSTANT, started
-from tests.support.processes.secure import listening, secure_worker
 from tests.support.processes.serving import REQUEST, expected, refined_bytes
 from worker.connection import check_admission
 

@@ -12,9 +12,8 @@ import pytest
 import gepf
 from common.transport.opening import open_coordinator, open_router
 from tests.support.people import SETTINGS, STANDING, shown
-from tests.support.processes.certificates import Folder
+from tests.support.processes.certificates import Folder, secure_worker
 from tests.support.processes.programs import started
-from tests.support.processes.secure import secure_worker
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 

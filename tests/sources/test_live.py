@@ -27,12 +27,10 @@ from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
 from coordinator.results.log import read_log
 from coordinator.results.track import read_track
-from tests.support.asked import Asked, refining
+from tests.support.asked import Asked, refining, unmoved
 from tests.support.processes.instant_worker import KERNEL
-from tests.support.processes.programs import started, wait_until
+from tests.support.processes.programs import in_thread, started, wait_until
 from tests.support.processes.serving import MODEL, pool, serving
-from tests.support.processes.threads import in_thread
-from tests.support.refined import unmoved
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
 

@@ -16,11 +16,12 @@ from common.errors import InputError
 from coordinator.cli import main
 from coordinator.sources import find_format, open_source
 from coordinator.sources.utd_mhad import KINECT
-from tests.support.recorded import FRAMES, recorded
 from tests.support.recordings import (
     FPS,
+    FRAMES,
     WRITERS,
     matrix_of,
+    recorded,
     write_bag,
     write_pcd,
     write_ply,

@@ -18,8 +18,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.tracked import name_pose
 from coordinator.sources import find_format, open_source
 from coordinator.synthesis.rendering import DepthRenderer
-from tests.support.recorded import RAISING, START, full_body
-from tests.support.recordings import matrix_of
+from tests.support.recordings import RAISING, START, full_body, matrix_of
 from tests.support.refusals import refused
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""What one request asks for, and a worker's kernel of which only the answer has to be said."""
+"""What one request asks for, kernels of which only the answer has to be said, and made-up answers."""
 
 from __future__ import annotations
 
@@ -44,3 +44,19 @@ def refining(answer: Callable[[Asked, Any], Refined]) -> Refine[Any]:
         return answer(Asked(model, poses, settings, covariance), seen)
 
     return refine
+
+
+Array = NDArray[np.float64]
+
+
+def sure(poses: Array, deviation: float = 0.01) -> NDArray[np.float32]:
+    """Roots of covariances of poses (N, D): this deviation in every direction."""
+    dofs = poses.shape[1]
+    root = deviation * np.eye(dofs, dtype=np.float32)[np.tri(dofs, dtype=np.bool_)]
+    return np.tile(root, (len(poses), 1))
+
+
+def unmoved(poses: Array, *, covariance: bool) -> Refined:
+    """Poses (N, D) as they are, all equally likely and a centimetre off, as sure as ever if that is asked."""
+    count = len(poses)
+    return Refined(poses, np.zeros(count), np.full(count, 0.01), sure(poses) if covariance else None)

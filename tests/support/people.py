@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from functools import cache
 from typing import NamedTuple
@@ -10,17 +11,68 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import Settings, preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.scene.scope import Scope
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.observing.known_motion import KnownMotion
+from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.state import Start, TrackerState
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
+
+
+class OnePerson:
+    """`Tracker` for one person."""
+
+    def __init__(
+        self,
+        refiner: Refiner,
+        settings: Settings,
+        bodies: Bodies,
+        start: Mapping[str, float] | None = None,
+        *,
+        state: TrackerState | None = None,
+        motion: KnownMotion | None = None,
+        scope: Scope | None = None,
+    ) -> None:
+        states = None if state is None else [state]
+        self._tracker = Tracker(
+            refiner, settings, bodies, start=start, states=states, motion=motion, scope=scope
+        )
+        self.prepare = self._tracker.prepare
+
+    @property
+    def state(self) -> TrackerState:
+        """All that the next frame goes on from."""
+        return self._tracker.states[0]
+
+    @property
+    def start(self) -> Start:
+        """The body, and where tracking began."""
+        return self.state.start
+
+    @property
+    def model(self) -> BodyModel:
+        """The body that is tracked."""
+        return self.state.start.model
+
+    def track(self, frame: DepthFrame) -> Estimate:
+        """The estimate of the next frame."""
+        return self._tracker.track(frame)[0].estimate
+
+    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[tuple[Estimate, TrackerState]]:
+        """Each frame's estimate, and all that was known after it."""
+        for tracked in self._tracker.follow(frames):
+            yield tracked[0].estimate, tracked[0].state
+
 
 Array = NDArray[np.float64]
 

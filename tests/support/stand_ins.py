@@ -1,23 +1,35 @@
-"""What takes the place of workers for a tracker: only the answer has to be said."""
+"""What takes the place of workers: only the answer has to be said, or particles stay where they are."""
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
+from PIL import Image
 
 from common.body import BodyModel
+from common.camera import Intrinsics, project
 from common.frame import SubjectFrame
+from common.kinematics import pose_vertices
 from common.refinement import Refined
 from common.settings import RefineSettings
-from coordinator.pool.options import PoolStatistics
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
+from coordinator.cli import main
+from coordinator.commands.progress import Show
+from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.live_results import Outlet
 from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner
-from tests.support.asked import Asked
+from tests.support.asked import Asked, unmoved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,3 +106,86 @@ class Listening(Direct):
         """As ever."""
         self.asked.add(asked.covariance)
         return super().answer(asked)
+
+
+CAMERA = {
+    "width": 64,
+    "height": 48,
+    "intrinsic_matrix": [50.0, 0, 0, 0, 50.0, 0, 32.0, 24.0, 1],
+    "depth_scale": 1000,
+}
+START = {"root_tz": 2.0, "r_elbow_flexion": 0.5}
+
+
+class StillWorkers(StandIn):
+    """Leaves particles where they are; before frame `fail_at` it raises `failure`."""
+
+    statistics = PoolStatistics(workers_seen=("one", "two"), batches_sent_again=3)
+
+    def __init__(self, fail_at: int | None = None, failure: BaseException | None = None) -> None:
+        self.fail_at = fail_at
+        self.failure = failure
+        self.asked = Pool()
+        self.before: Callable[[int], object] = lambda _: None  # a frame
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Fail if it is time to."""
+        self.before(subject.frame.number)
+        if subject.frame.number == self.fail_at and self.failure is not None:
+            raise self.failure
+
+    def answer(self, asked: Asked) -> Ready:
+        """The same poses, all equally likely."""
+        assert asked.poses.shape[1] == len(asked.model.dof_names)
+        assert asked.settings.noise_depth >= asked.settings.noise_lateral
+        return Ready(unmoved(asked.poses, covariance=asked.covariance))
+
+    def track(self, sequence: Path, out: Path, *options: str) -> int:
+        """The exit code of `gepf track` by these, without pictures."""
+        return main(["track", str(sequence), "--out", str(out), "--no-pictures", *options], self.connect)
+
+    @contextmanager
+    def connect(self, pool: Pool, show: Show) -> Iterator[StillWorkers]:
+        """Stand in for a pool of workers."""
+        self.asked = pool
+        show.say("workers are there")
+        yield self
+
+
+@pytest.fixture
+def no_traces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors are one line, whatever the developer's own settings."""
+    monkeypatch.delenv("GEPF_DEBUG", raising=False)
+
+
+@pytest.fixture
+def workers() -> StillWorkers:
+    """Workers for whoever calls `gepf track`."""
+    return StillWorkers()
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """Five frames of a person at two metres, with a start; nothing is seen in frame 3."""
+    folder = tmp_path / "person"
+    (folder / "depth").mkdir(parents=True)
+    for number in range(5):
+        depth = np.zeros((48, 64), dtype=np.uint16) if number == 3 else standing()
+        Image.fromarray(depth).save(folder / "depth" / f"{number:06d}.png")
+    (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA))
+    (folder / "init.json").write_text(json.dumps(START))
+    return folder
+
+
+@cache
+def standing() -> NDArray[np.uint16]:
+    """The person as it starts, in millimetres."""
+    model = human()
+    vertices = pose_vertices(model, name_pose(model, START)[None])[0]
+    camera = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
+    columns, rows = np.rint(project(vertices, camera)).astype(int).T
+    seen = (columns >= 0) & (columns < 64) & (rows >= 0) & (rows < 48)
+    depth = np.full((48, 64), 65_535, dtype=np.uint16)
+    np.minimum.at(depth, (rows[seen], columns[seen]), (1000.0 * vertices[seen, 2]).astype(np.uint16))
+    depth[depth == 65_535] = 0
+    return depth

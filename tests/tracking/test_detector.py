@@ -26,8 +26,7 @@ from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.state import given_start
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
-from tests.support.people import CAMERA, SETTINGS, STANDING, empty, frame_of, known, shown
+from tests.support.people import CAMERA, SETTINGS, STANDING, OnePerson, empty, frame_of, known, shown
 from tests.support.stand_ins import Listening
 
 Array = NDArray[np.float64]

@@ -12,8 +12,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
-from tests.support.people import CAMERA, SETTINGS, STANDING, Shown, frame_of, known
+from tests.support.people import CAMERA, SETTINGS, STANDING, OnePerson, Shown, frame_of, known
 from tests.support.rooms import along
 
 WALL = 4.2  # metres away

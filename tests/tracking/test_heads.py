@@ -11,8 +11,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
-from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
+from tests.support.people import CAMERA, SETTINGS, STANDING, OnePerson, frame_of
 
 DOWN = 0.7  # radians by which the neck is bent in the end
 

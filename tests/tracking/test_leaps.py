@@ -11,8 +11,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources import open_source
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
-from tests.support.people import SETTINGS
+from tests.support.people import SETTINGS, OnePerson
 
 WALKER = Path(__file__).parents[3] / "shared" / "data" / "real_rooms" / "ist_um"
 FARTHER = {9: 3.0, 10: 3.3}  # metres, by frame: the walker was nearer two frames before

@@ -12,8 +12,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
-from tests.support.people import CAMERA, RAISING, SETTINGS, STANDING, Shown, frame_of, known
+from tests.support.people import CAMERA, RAISING, SETTINGS, STANDING, OnePerson, Shown, frame_of, known
 from tests.support.rooms import along
 
 Array = NDArray[np.float64]

@@ -19,8 +19,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observing.subject import isolate
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from gepf.direct import DirectRefiner
-from tests.support.one_person import OnePerson
-from tests.support.people import CAMERA, SETTINGS, SITTING, STANDING, frame_of, shown
+from tests.support.people import CAMERA, SETTINGS, SITTING, STANDING, OnePerson, frame_of, shown
 
 STATURE = 1.7
 CROWN = 0.975  # of a rendered template's stature is measured: its crown is narrower than people's

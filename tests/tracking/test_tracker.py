@@ -34,11 +34,11 @@ from coordinator.tracking.status import explain_leaps, find_leaps, judge
 from coordinator.tracking.track_management import TrackManagement
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
-from tests.support.one_person import OnePerson
 from tests.support.people import (
     CAMERA,
     SETTINGS,
     STANDING,
+    OnePerson,
     empty,
     frame_of,
     known,

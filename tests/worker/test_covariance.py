@@ -15,10 +15,18 @@ from common.refinement import Refined, lower_triangular, triangle_size
 from common.settings import RefineSettings
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
-from tests.support.kernel.finite_differences import tangents
-from tests.support.kernel.held_posterior import Held, Samples, hold, log_density
-from tests.support.kernel.kernel_cases import DEFAULT, PAPER, TRUTH, starts, subject
-from tests.support.kernel.posterior_cases import BODIES, SETTINGS, PosteriorCase, posterior_case, random_poses
+from tests.support.kernel.kernel_cases import DEFAULT, PAPER, TRUTH, starts, subject, tangents
+from tests.support.kernel.posterior import (
+    BODIES,
+    SETTINGS,
+    Held,
+    PosteriorCase,
+    Samples,
+    hold,
+    log_density,
+    posterior_case,
+    random_poses,
+)
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_covariance_root, minimise
 from worker.kernel.icp import refine, solver_parameters

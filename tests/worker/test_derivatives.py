@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.kinematics import difference, pose_vertices, step_axes
 from tests.support.bodies import moves, puppet
-from tests.support.kernel.finite_differences import tangents
+from tests.support.kernel.kernel_cases import tangents
 from worker.kernel.normal_equations import jacobian_matrix
 from worker.kernel.priors import add_limit_prior, add_rest_prior
 from worker.kernel.surface import Skeleton, pack_model

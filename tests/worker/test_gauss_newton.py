@@ -12,7 +12,6 @@ from common.kinematics import dof_transforms, retract
 from common.settings import RefineSettings
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
-from tests.support.kernel.finite_differences import tangents
 from tests.support.kernel.kernel_cases import (
     DEFAULT,
     PAPER,
@@ -22,6 +21,7 @@ from tests.support.kernel.kernel_cases import (
     posed_in,
     starts,
     subject,
+    tangents,
 )
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import minimise, solve_ltl

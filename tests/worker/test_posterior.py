@@ -1,6 +1,6 @@
 """One log posterior: what the descent climbs is what the weight is, prior, free space and all.
 
-The kernel's equations and its weights are held against `tests/support/kernel/held_posterior.py`.
+The kernel's equations and its weights are held against `tests/support/kernel/posterior.py`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,18 @@ from numpy.typing import NDArray
 
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
-from tests.support.kernel.held_posterior import Held, hold, log_posterior, slope
 from tests.support.kernel.kernel_cases import DEFAULT
-from tests.support.kernel.posterior_cases import BODIES, SETTINGS, PosteriorCase, posterior_case, random_poses
+from tests.support.kernel.posterior import (
+    BODIES,
+    SETTINGS,
+    Held,
+    PosteriorCase,
+    hold,
+    log_posterior,
+    posterior_case,
+    random_poses,
+    slope,
+)
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_equations
 from worker.kernel.icp import refine, solver_parameters

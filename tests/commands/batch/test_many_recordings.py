@@ -24,7 +24,7 @@ from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
 from tests.support.processes.programs import INSTANT
-from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 
 def copy_of(sequence: Path, name: str) -> Path:

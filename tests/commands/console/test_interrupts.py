@@ -21,8 +21,8 @@ from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.scene.ransac import held_interrupts
 from tests.support.processes.programs import wait_until
-from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 from tests.support.processes.warm_processes import start
+from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 
 @pytest.fixture(autouse=True)

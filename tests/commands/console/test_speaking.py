@@ -17,10 +17,10 @@ import pytest
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from tests.support.processes.programs import wait_until
-from tests.support.processes.still_workers import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 from tests.support.processes.warm_processes import coordinate, start
 from tests.support.runs import swing, write_run
 from tests.support.small_sequence import write_small_sequence
+from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
 ENDED = (130, -signal.SIGINT)  # to a shell the same: `python -m` passes a signal on that came in an import

@@ -22,9 +22,8 @@ from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors
 from coordinator.synthesis.scenes import ARM_DOFS
-from tests.support.asked import Asked
+from tests.support.asked import Asked, unmoved
 from tests.support.processes.programs import INSTANT
-from tests.support.refined import unmoved
 from tests.support.stand_ins import Ready, StandIn
 
 FRAMES = 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import msgspec
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
+from common.kinematics import retract
 from common.settings import RefineSettings, preset
 from coordinator.tracking.observing.subject import isolate
 from tests.support.bodies import puppet
@@ -86,3 +88,10 @@ def posed_in(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[W
     workspace = dirty(make_workspace(skeleton, surface, pack_observation(observe(subject()), settings)))
     visible = update_visibility(pose.copy(), skeleton, surface, workspace.transforms, workspace.visibility)
     return workspace, workspace.visibility.posed, visible
+
+
+def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:
+    """Central finite differences (..., D) of a value (...) by every degree of freedom's step."""
+    steps = 1e-5 * np.eye(len(pose))
+    ahead, behind = (retract(model, np.tile(pose, (len(pose), 1)), s) for s in (steps, -steps))
+    return np.stack([(value(a) - value(b)) / 2e-5 for a, b in zip(ahead, behind, strict=True)], axis=-1)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from coordinator.cli import main
 from tests.support.pairs import write_pair
-from tests.support.processes.still_workers import StillWorkers
+from tests.support.stand_ins import StillWorkers
 
 FRAMES = 3
 OPTIONS = ("--people", "2", "--particles", "6", "--points", "1500", "--no-pictures", "--quiet")

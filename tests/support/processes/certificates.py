@@ -1,16 +1,25 @@
-"""Certificates to test with: a good set, one of another authority, and one that is over."""
+"""Certificates to test with (good, of another authority, over), and sides that connect with them."""
 
 from __future__ import annotations
 
 import datetime as dt
 import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from common.transport.bus import Bus
 from common.transport.credentials import Credentials
+from common.transport.opening import open_worker
 from common.transport.session import COORDINATOR, ROUTER, Security
+from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.access import read_roster
 from coordinator.security.certificates import Holder, find_authority, issue, make_certificates, save
+from tests.support.processes.instant_worker import KERNEL
+from tests.support.processes.serving import running
+from worker.service import Service
 
 WORKERS = ("w0", "w1")
 STRANGER = "stranger"  # signed, but not listed
@@ -58,3 +67,15 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+@contextmanager
+def secure_worker(place: str, folder: Folder, name: str, claim: str | None = None) -> Iterator[Bus]:
+    """A worker in a thread, with somebody's certificate, that claims to be somebody."""
+    with open_worker([place], Security(folder.of(name))) as bus, running(Service(bus, claim or name, KERNEL)):
+        yield bus
+
+
+def listening(place: str, folder: Folder) -> ZenohRefiner:
+    """A coordinator that lets workers in."""
+    return ZenohRefiner(Pool(workers=0, listen=place, security=folder.listening, worker_timeout=60.0))

@@ -1,13 +1,17 @@
-"""Processes to test with, and how to wait for them."""
+"""Processes and threads to test with, and how to wait for them."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from common.kernel_cache import VARIABLE
 
 INSTANT = (sys.executable, "-m", "tests.support.processes.instant_worker")
 WORKER = (sys.executable, "-m", "worker.cli")
@@ -40,3 +44,29 @@ def started(*arguments: str, command: tuple[str, ...] = WORKER) -> Iterator[subp
             yield process
         finally:
             process.kill()
+
+
+def fresh_python(root: Path, code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Code run with the packages in a folder, which keep compiled kernels where they do by themselves."""
+    clean = {name: value for name, value in os.environ.items() if name != VARIABLE}
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=root,
+        env={**clean, "PYTHONPATH": str(root), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@contextmanager
+def in_thread(act: Callable[[threading.Event], None]) -> Iterator[None]:
+    """Something that goes on beside the body until it is stopped."""
+    stop = threading.Event()
+    thread = threading.Thread(target=act, args=(stop,))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join(60.0)

@@ -1,13 +1,74 @@
-"""Makes hostile messages of honest ones: cut, flipped, spliced, nested, of other types, sizes and numbers."""
+"""Every kind of message with an example, and a mutator that makes hostile messages of honest ones."""
 
 from __future__ import annotations
 
 import random
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import msgpack  # type: ignore[import-untyped]
+import numpy as np
+
+from common.protocol.frames import decode_frame, decode_live, encode_frame, encode_live, encode_live_end
+from common.protocol.messages import (
+    RefineRequest,
+    decode_refined,
+    decode_refusal,
+    decode_request,
+    encode_refined,
+    encode_refusal,
+    encode_request,
+)
+from common.protocol.models import decode_model, encode_model
+from common.refinement import Refined
+from common.settings import RefineSettings
+from tests.support.asked import sure
+from worker.warm_up import tiny_frame, tiny_model
+
+COUNT, DOFS = 3, 6
+POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)
+
+
+def tiny_request() -> RefineRequest:
+    """A request as a coordinator sends it."""
+    return RefineRequest("run-1", 7, tiny_model().hash, RefineSettings(damping=0.25), POSES)
+
+
+def tiny_refined() -> Refined:
+    """A reply of the right shape."""
+    rng = np.random.default_rng(0)
+    return Refined(rng.random((COUNT, DOFS)), rng.random(COUNT), rng.random(COUNT))
+
+
+def tiny_sure() -> Refined:
+    """The same, with roots of covariances."""
+    return replace(tiny_refined(), covariance_roots=sure(POSES))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of message with an example."""
+
+    payload: bytes
+    decode: Callable[[bytes], object]
+
+
+KINDS = {
+    "frame": Kind(encode_frame(tiny_frame()), decode_frame),
+    "live-frame": Kind(encode_live(tiny_frame().frame), decode_live),
+    "live-end": Kind(encode_live_end(), decode_live),
+    "model": Kind(encode_model(tiny_model()), decode_model),
+    "request": Kind(encode_request(tiny_request()), decode_request),
+    "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
+    "sure-reply": Kind(
+        encode_refined(tiny_sure()),
+        lambda payload: decode_refined(payload, (COUNT, DOFS), covariance=True),
+    ),
+    "refusal": Kind(encode_refusal("no"), decode_refusal),
+}
+
 
 INTEGERS = (0, 1, -1, 2**7, 2**31 - 1, -(2**31), 2**53, 2**63 - 1, 2**64 - 1)
 FLOATS = (0.0, -0.0, 1e-320, 1e-300, -1.0, 1e6, 1e300, float("inf"), float("-inf"), float("nan"))
