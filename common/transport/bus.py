@@ -14,7 +14,6 @@ from zenoh import ext, handlers
 
 from common.closing import Closing
 from common.transport.channels import (
-    Arrivals,
     FramePublisher,
     Payload,
     Publisher,
@@ -111,11 +110,12 @@ class Bus(Closing):
             return found[0] if found else None
 
     def request_receiver(self, key: str) -> RequestReceiver:
-        """RequestReceiver to this worker, one after the other."""
-        arrivals = Arrivals()
-        callback = handlers.Callback(arrivals.put, drop=arrivals.end, indirect=False)
+        """Receive the requests to this worker."""
+        receiver = RequestReceiver()
+        callback = handlers.Callback(receiver.put, drop=receiver.end, indirect=False)
         with mapped(f"serving {key}"):
-            return RequestReceiver(self._session.declare_queryable(key, callback, complete=True), arrivals)
+            receiver.queryable = self._session.declare_queryable(key, callback, complete=True)
+        return receiver
 
     def request_sender(self, key: str, timeout: float) -> RequestSender:
         """Sends requests to the worker that serves a key; each ends within the timeout (seconds)."""

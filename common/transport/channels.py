@@ -82,37 +82,15 @@ def number_of(attachment: zenoh.ZBytes | None) -> int | None:
 
 
 class RequestReceiver:
-    """What a worker is asked for, oldest first."""
-
-    def __init__(self, queryable: zenoh.Queryable[None], arrivals: Arrivals) -> None:
-        self._queryable = queryable
-        self._arrivals = arrivals
-
-    def receive(self, *, wait: bool) -> list[IncomingRequest] | None:
-        """What has come; if that is nothing and `wait`, what comes within a while. None after the end."""
-        queries = self._arrivals.take(wait=wait)
-        return None if queries is None else [IncomingRequest(query) for query in queries]
-
-    def wake(self) -> None:
-        """Have `receive` return; may be called from another thread."""
-        self._arrivals.wake()
-
-    def close(self) -> None:
-        """No more requests; may be called from another thread."""
-        self._arrivals.end()
-        with mapped("closing the queryable"):
-            self._queryable.undeclare()  # type: ignore[no-untyped-call]
-
-
-class Arrivals:
-    """Queries between a thread of the bus, which puts them, and the worker's, which takes them."""
+    """Requests to a worker, oldest first, on their way from a thread of the bus to the worker's own."""
 
     def __init__(self) -> None:
-        self._waiting: SimpleQueue[zenoh.Query | None] = SimpleQueue()  # None to wake who waits
+        self.queryable: zenoh.Queryable[None] | None = None
+        self._waiting: SimpleQueue[zenoh.Query | None] = SimpleQueue()  # None to wake the worker
         self._ended = False
 
     def put(self, query: zenoh.Query) -> None:
-        """A query has come; the oldest ends if too many wait."""
+        """Add a query; the oldest is dropped if too many wait. Called on a thread of the bus."""
         if self._waiting.qsize() >= WAITING_REQUESTS:
             with suppress(Empty):
                 oldest = self._waiting.get_nowait()
@@ -120,24 +98,31 @@ class Arrivals:
                     oldest.drop()  # type: ignore[no-untyped-call]
         self._waiting.put(query)
 
-    def take(self, *, wait: bool) -> list[zenoh.Query] | None:
-        """All that wait; if that is none and `wait`, the first to come in a while. None after the end."""
+    def receive(self, *, wait: bool) -> list[IncomingRequest] | None:
+        """All that wait; if there are none and `wait`, the first within a while. None after the end."""
         taken = []
         with suppress(Empty):
             taken.append(self._waiting.get(block=wait, timeout=SIGNALS_S))
             while len(taken) < WAITING_REQUESTS:
                 taken.append(self._waiting.get_nowait())
-        return None if self._ended else [query for query in taken if query is not None]
+        return None if self._ended else [IncomingRequest(query) for query in taken if query is not None]
 
     def wake(self) -> None:
-        """Let who waits go on; nobody waits where there is something to take."""
+        """Have `receive` return; may be called from another thread."""
         if self._waiting.empty():
             self._waiting.put(None)
 
     def end(self) -> None:
-        """No more queries will come."""
+        """No more requests will come; may be called from another thread."""
         self._ended = True
         self.wake()
+
+    def close(self) -> None:
+        """Take no more requests; may be called from another thread."""
+        self.end()
+        if self.queryable is not None:
+            with mapped("closing the queryable"):
+                self.queryable.undeclare()  # type: ignore[no-untyped-call]
 
 
 class IncomingRequest:

@@ -18,10 +18,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import level_from_camera
@@ -29,6 +29,9 @@ from coordinator.bodies.human.dofs import JOINT_ANGLES
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.skeleton import ARM_TILT, Dof, Skeleton, build_skeleton
 from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -219,6 +222,8 @@ class Angles:
 
     def _spherical(self, joint: SphericalJoint, poses: Array) -> Array:
         """Forward, sideways and twisting angle (N, 3) of one joint."""
+        from scipy.spatial.transform import Rotation  # slow to load
+
         turned = self.rotation(joint, poses) * Rotation.from_rotvec(hanging(joint))
         swing, twist = swing_twist(turned)
         if joint.upward:
@@ -227,6 +232,8 @@ class Angles:
 
     def rotation(self, joint: SphericalJoint, poses: Array) -> Rotation:
         """Of the moving segment in its carrier (N,); a right limb's as that of its mirror image."""
+        from scipy.spatial.transform import Rotation  # slow to load
+
         of_body = joint.dofs[0].name in ROOT_DOFS
         total = Rotation.from_rotvec(np.tile(self.level if of_body else np.zeros(3), (len(poses), 1)))
         for dof in joint.dofs:
@@ -272,6 +279,8 @@ def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Arr
 
 def level_turn(up: Array | None) -> tuple[float, float, float]:
     """The rotation vector into the axes of a camera that is held level."""
+    from scipy.spatial.transform import Rotation  # slow to load
+
     x, y, z = Rotation.from_matrix(level_from_camera(up)).as_rotvec().tolist()
     return x, y, z
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from common.settings import Settings
 from common.transport.session import COORDINATOR, Security
 from coordinator.bodies.choice import choose_model
 from coordinator.bodies.human.dofs import HUMAN
-from coordinator.commands.many_recordings import is_several
 from coordinator.commands.options import SecurityOptions
 from coordinator.commands.scope import choose_scope
 from coordinator.commands.track_options import TrackOptions
@@ -203,3 +203,13 @@ def at_least(least: int, option: str, number: int) -> int:
     if number < least:
         raise InputError(f"{option} {number} is too small; give {least} or more")
     return number
+
+
+def is_several(sequences: Sequence[Path], seeds: str | None) -> bool:
+    """Whether more than one run is asked for, each of which gets a folder within `--out`."""
+    return len(sequences) > 1 or seeds is not None or is_list(sequences[0])
+
+
+def is_list(path: Path) -> bool:
+    """Whether a path is a file that lists recordings."""
+    return path.suffix == ".txt" and not path.is_dir()

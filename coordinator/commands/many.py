@@ -1,29 +1,45 @@
-"""Several recordings over one pool: as many runs at once as keep it busy, and one table at the end."""
+"""Several recordings over one pool: as many runs at once as keep it busy, and one table at the end.
+
+Each run has a process of its own, forked from one that has loaded all libraries so that it starts at once.
+"""
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
 import sys
+import threading
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import msgspec
+from rich.console import Console
 
-from common.errors import InputError
-from coordinator.commands.console import DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED
+from common.errors import GepfError, InputError
+from coordinator.commands.console import (
+    DONE,
+    ENDING,
+    FAILED,
+    INPUT_AT_FAULT,
+    INTERRUPTED,
+    NOT_TRACKED,
+    end_as_interrupted,
+    noted_interrupts,
+)
 from coordinator.commands.evaluate import own_truth_file
-from coordinator.commands.job import Job, at_least
-from coordinator.commands.many_process import track_one
-from coordinator.commands.many_recordings import choose_entries
+from coordinator.commands.job import Job, at_least, is_list
 from coordinator.commands.progress import Advance, Show
+from coordinator.commands.track import track
 from coordinator.commands.track_options import TrackOptions
+from coordinator.commands.workers import connect_workers
 from coordinator.pool.local_workers import SharedPool, shared_pool
 from coordinator.results.evaluation import evaluate, read_truth
 from coordinator.results.summary import SUMMARY_FILE, read_summary
@@ -33,7 +49,17 @@ from coordinator.sources.live import live_key
 HEADS = ("recording", "frames", "tracked", "seconds", "joint error", "")
 UNKNOWN = "-"
 LOOK_S = 0.5  # between looks for workers that have died
+MOST_SEEDS = 10_000
 CONTEXT = multiprocessing.get_context("forkserver")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One run of several: what is tracked, the folder's name within `--out`, the seed."""
+
+    sequence: Path
+    name: str
+    seed: int
 
 
 @dataclass(slots=True, eq=False)
@@ -107,7 +133,7 @@ def run_all(
     jobs: Sequence[Job], limit: int, shared: SharedPool, show: Show, advance: Advance
 ) -> Iterator[Ended]:
     """Start runs as others end, in order; gives each as it ends."""
-    CONTEXT.set_forkserver_preload(["coordinator.commands.many_process"])
+    CONTEXT.set_forkserver_preload(["coordinator.commands.many"])
     running: list[Running] = []
     waiting, total = list(jobs), len(jobs)
     with ending(running):
@@ -209,3 +235,112 @@ def joint_error(run: Path) -> str:
     except InputError:
         error = None
     return UNKNOWN if error is None else f"{error:.1f} cm"
+
+
+def choose_entries(sequences: Sequence[Path], seed: int, seeds: str | None) -> list[Entry]:
+    """A run for each recording and seed. InputError for a list that cannot be read, and for equal names."""
+    paths = [path for given in sequences for path in (read_list(given) if is_list(given) else [given])]
+    whole = [path.resolve() for path in paths]
+    names = [each.name if each.is_dir() else each.stem for each in whole]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise InputError(f"two recordings are called '{twice[0]}'; track them into folders of their own")
+    chosen = parse_seeds(seeds) if seeds is not None else range(seed, seed + 1)
+    return [
+        Entry(path, name if seeds is None else f"{name}-seed{number}", number)
+        for path, name in zip(paths, names, strict=True)
+        for number in chosen
+    ]
+
+
+def read_list(file: Path) -> Sequence[Path]:
+    """The recordings of a list: one a line, as seen from the file's folder; # begins a comment."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {file}: {error}; give a text file with a recording a line") from None
+    found = [file.parent / text for line in lines if (text := line.split("#", 1)[0].strip())]
+    if not found:
+        raise InputError(f"{file} lists nothing; write one recording a line")
+    return found
+
+
+def parse_seeds(text: str) -> range:
+    """Seeds A to before B of `A:B`."""
+    first, colon, end = text.partition(":")
+    if not (colon and first.strip().isdecimal() and end.strip().isdecimal()):
+        raise InputError(f"--seeds '{text}' is not of the form A:B; 0:5 stands for 0, 1, 2, 3 and 4")
+    seeds = range(int(first), int(end))
+    if not 0 < len(seeds) <= MOST_SEEDS:
+        raise InputError(f"--seeds {text} holds {len(seeds)} seeds; give 1 to {MOST_SEEDS}")
+    return seeds
+
+
+class DistantShow(Show):
+    """Lines that another process shows."""
+
+    def __init__(self, pipe: Connection) -> None:
+        super().__init__(Console(quiet=True))
+        self._pipe = pipe
+
+    def say(self, text: str) -> None:
+        """Send a line, if the other process still listens."""
+        with suppress(OSError):
+            self._pipe.send(text)
+
+    warn = say
+
+
+def track_one(job: Job, pipe: Connection) -> None:
+    """The body of the process: track, and exit with the code that a `gepf track` of its own would have."""
+    os.setpgid(0, 0)  # Ctrl-C goes to who started us, and from there to us, once
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have what they start behind ignore it
+    end_as_interrupted()
+    end_with_parent()
+    show = DistantShow(pipe)
+    log = logging.getLogger()
+    log.handlers = [PipeHandler(show)]
+    log.setLevel(logging.WARNING)
+    sys.exit(code_of(job, show))
+
+
+def code_of(job: Job, show: DistantShow) -> int:
+    """Do the run; what ends it is the last line that it says."""
+    try:
+        with noted_interrupts(*ENDING):
+            tracked = track(job, show, connect_workers)
+    except KeyboardInterrupt as interrupt:
+        if isinstance(interrupt.__cause__, GepfError):  # results that could not be kept, say
+            show.say(str(interrupt.__cause__))
+        return INTERRUPTED
+    except GepfError as error:
+        show.say(str(error))
+        return INPUT_AT_FAULT if isinstance(error, InputError) else FAILED
+    except Exception as error:  # noqa: BLE001 one run's fault is not another's
+        show.say(f"{type(error).__name__}: {error}")
+        return FAILED
+    return DONE if tracked else NOT_TRACKED
+
+
+def end_with_parent() -> None:
+    """Have this process interrupted when the one that started it is gone, however that ended."""
+    parent = multiprocessing.parent_process()
+
+    def interrupt_after(sentinel: int) -> None:
+        wait([sentinel])
+        os.kill(os.getpid(), signal.SIGINT)
+
+    if parent is not None:
+        threading.Thread(target=interrupt_after, args=(parent.sentinel,), daemon=True).start()
+
+
+class PipeHandler(logging.Handler):
+    """Sends warnings as lines."""
+
+    def __init__(self, show: DistantShow) -> None:
+        super().__init__(logging.WARNING)
+        self._show = show
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send one."""
+        self._show.say(record.getMessage())

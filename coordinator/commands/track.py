@@ -13,8 +13,7 @@ from common.errors import InputError, SilentWorkers
 from coordinator.commands.console import DONE, INTERRUPTS, NOT_TRACKED, end_as_interrupted
 from coordinator.commands.finished import draw_pictures
 from coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
-from coordinator.commands.job import Job, choose_job
-from coordinator.commands.many_recordings import is_several
+from coordinator.commands.job import Job, choose_job, is_several
 from coordinator.commands.progress import FrameMeter, Show, counted
 from coordinator.commands.track_options import TrackOptions
 from coordinator.commands.workers import Connect, Workers

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from common.body import ROOT_DOFS, TRANSLATION, BodyModel
 from coordinator.bodies.angles import Angles, is_person
@@ -85,6 +84,8 @@ def smooth(angle: Array, variance: Array, interval: Array) -> Array:
 
     `variance` (F,) is how far each may be off; `interval` (F - 1,) the seconds between frames.
     """
+    from scipy.linalg import solveh_banded  # slow to load
+
     weight = 1.0 / np.clip(variance, KNOWN_VARIANCE, UNKNOWN_VARIANCE)
     stiffness = 1.0 / (SPEED * interval) ** 2
     bands = np.zeros((2, len(angle)))

@@ -183,7 +183,7 @@ def waiting_at(service: Service[Any]) -> int:
     What only wakes it is none, and is taken away: a frame that comes does so.
     """
     assert service._requests is not None
-    arrivals = service._requests._arrivals._waiting
+    arrivals = service._requests._waiting
     arrived = [query for query in (arrivals.get() for _ in range(arrivals.qsize())) if query is not None]
     for query in arrived:
         arrivals.put(query)

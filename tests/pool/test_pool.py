@@ -23,7 +23,7 @@ from common.protocol.wire import PROTOCOL
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus
-from common.transport.channels import WAITING_REQUESTS, Arrivals, IncomingRequest
+from common.transport.channels import WAITING_REQUESTS, IncomingRequest, RequestReceiver
 from common.transport.opening import open_coordinator, open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -489,18 +489,18 @@ def test_arrivals_are_bounded_and_wake_who_waits() -> None:
 
 def test_frames_that_come_do_not_crowd_requests_out() -> None:
     """However often a busy worker is woken, as many requests wait for it as may, in their order."""
-    arrivals, requests = Arrivals(), [SimpleNamespace(number=n) for n in range(WAITING_REQUESTS)]
+    arrivals, requests = RequestReceiver(), [SimpleNamespace(payload=None) for _ in range(WAITING_REQUESTS)]
     for request in requests:
         for _ in range(10):
             arrivals.wake()
         arrivals.put(request)  # type: ignore[arg-type]
     taken: list[Any] = []
     while len(taken) < WAITING_REQUESTS:
-        some = arrivals.take(wait=False)
+        some = arrivals.receive(wait=False)
         assert some
-        taken += some
+        taken += [request._query for request in some]
     assert taken == requests
-    assert arrivals.take(wait=False) == []
+    assert arrivals.receive(wait=False) == []
 
 
 def test_only_the_newest_frame_of_a_run_that_asks_is_made_ready() -> None:

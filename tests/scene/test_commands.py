@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -17,7 +18,7 @@ from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from coordinator.commands.scene_facts import describe_scene, look
+from coordinator.commands.info import describe_scene, look
 from coordinator.commands.scope import choose_scope, complete_scope
 from coordinator.commands.track_options import SceneOptions
 from coordinator.scene.scope import Scope
@@ -88,9 +89,9 @@ def test_lists_are_lines_of_words(recording: Path, capsys: pytest.CaptureFixture
 
 
 def test_who_is_doubtful_is_said_to_be(recording: Path) -> None:
-    """Where nobody reaches the score of a likely person, the best is shown all the same, as what it is."""
-    view, found = look(open_source(recording), promising=1.1)
-    people = describe_scene(view, found, promising=1.1)["people"]
+    """A candidate with a low score is listed all the same, as what it is."""
+    view, found = look(open_source(recording))
+    people = describe_scene(view, [replace(found[0], score=0.0)])["people"]
     assert isinstance(people, list)
     assert [each["may_be"] for each in people] == ["a person or furniture"]
 

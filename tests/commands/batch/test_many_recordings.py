@@ -16,9 +16,8 @@ from rich.console import Console
 
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands.job import Job, choose_settings
-from coordinator.commands.many import gravest, track_many
-from coordinator.commands.many_recordings import choose_entries, is_several
+from coordinator.commands.job import Job, choose_settings, is_several
+from coordinator.commands.many import choose_entries, gravest, track_many
 from coordinator.commands.progress import show_on
 from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers

@@ -153,7 +153,7 @@ def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path,
     ("command", "unused"),
     [
         (("export", "{run}", "--to", "csv", "--out", "{run}/x.csv"), ("numba", "matplotlib", "scipy.signal")),
-        (("report", "{run}"), ("numba", "matplotlib", "scipy")),
+        (("report", "{run}"), ("numba", "scipy")),
         (("evaluate", "{run}", "--truth", "{run}/none.npz"), ("open3d", "matplotlib")),
         (("model", "dofs"), ("numba", "scipy")),
         (("pictures", "{run}/none"), ("matplotlib",)),

@@ -14,9 +14,17 @@ from rich.console import Console
 
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands import demo as person
-from coordinator.commands.demo import FILTER, LONE, Score, demo_person, lone_settings, make_room
-from coordinator.commands.demo_arm import demo_arm, tabulate
+from coordinator.commands.demo import (
+    FILTER,
+    LONE,
+    Score,
+    demo_arm,
+    demo_person,
+    lone_settings,
+    make_room,
+    tabulate,
+    tabulate_angles,
+)
 from coordinator.commands.progress import Show, show_on
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
@@ -79,7 +87,7 @@ def test_the_demo_leaves_a_sequence_runs_and_pictures_and_makes_room_for_the_nex
 
 def test_the_table_is_of_frames_after_the_wrong_start() -> None:
     """Constant errors come out as they are, to the right of their names, and the mean below."""
-    lines = tabulate({"gradient": errors(40.0, 40.0), "gepf": errors(2.0, 1.0)})
+    lines = tabulate_angles({"gradient": errors(40.0, 40.0), "gepf": errors(2.0, 1.0)})
     cells = [line.split() for line in lines]
     assert cells[2] == ["r_elbow_flexion", "40.0", "2.0", "1.0"]
     assert cells[3] == ["r_shoulder_abduct", "120.0", "6.0", "3.0"]
@@ -115,7 +123,7 @@ def test_people_are_tracked_in_both_ways_and_compared(tmp_path: Path) -> None:
 def test_the_table_of_people_says_who_did_better_whoever_that_is() -> None:
     """Means of both, and a count in which a tie counts for nobody."""
     good, fair = Score(100.0, 1.0, 0.0), Score(80.0, 5.0, 50.0)
-    lines = person.tabulate({LONE: [good, fair, good], FILTER: [fair, good, good]})
+    lines = tabulate({LONE: [good, fair, good], FILTER: [fair, good, good]})
     assert lines[-2].split() == ["mean", *2 * ("93.3", "%", "(", "2.3", "cm;", "17", "%)")]
     assert lines[-1] == "gepf is better for 1 of 3 people, one particle for 1"
 
