@@ -156,3 +156,16 @@ def find_balls(
         else:
             j += 1
     return np.array(balls, dtype=np.int64)
+
+
+def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Unit normals (V, 3), the mean of the neighbouring triangles' by area."""
+    corners = vertices[triangles]
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(total, triangles[:, k], faces)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    total = np.where(length > 0, total, (0.0, 1.0, 0.0))
+    unit: NDArray[np.float64] = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return unit.astype(np.float32)

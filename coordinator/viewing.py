@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from common.body import ROTATION, BodyModel
+from common.body import ROTATION, BodyModel, vertex_normals
 from common.camera import back_project, level_from_camera
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.exports.gltf import normals
 from coordinator.pictures.overlay import bones
 from coordinator.pictures.plots import STATUS
 from coordinator.results.track import Track
@@ -152,7 +151,7 @@ def log_pose(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) -> 
     mesh = rr.Mesh3D(
         vertex_positions=surface.astype(np.float32),
         triangle_indices=model.triangles.astype(np.uint32),
-        vertex_normals=normals(surface, model.triangles),
+        vertex_normals=vertex_normals(surface, model.triangles),
         albedo_factor=SURFACE,
     )
     to.log("/model/surface", mesh)
@@ -192,17 +191,15 @@ def log_numbers(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) 
 
 
 def log_observation(to: rr.RecordingStream, frame: DepthFrame, found: Correspondences | None) -> None:
-    """The depth image, the subject's points coloured by residual, and lines to what explains them."""
+    """The depth image, the subject's points and lines from some of them to the model.
+
+    Points are coloured from blue (explained) to yellow (10 cm off). Without correspondences they are cleared.
+    """
     to.log("/camera/image/depth", rr.DepthImage(frame.depth, meter=frame.depth_scale))
     if found is None:
         to.log("/observed", rr.Clear(recursive=True))
         return
-    log_correspondences(to, found)
     to.log("/quality/residual_cm", rr.Scalars(100.0 * float(found.residual.mean())))
-
-
-def log_correspondences(to: rr.RecordingStream, found: Correspondences) -> None:
-    """Points from blue (explained) to yellow (10 cm off), some of them joined to the model."""
     share = np.clip(found.residual / LARGEST_RESIDUAL, 0.0, 1.0)
     colours = (255 * colormaps["viridis"](share)).astype(np.uint8)
     to.log("/observed/points", rr.Points3D(found.observed, colors=colours, radii=0.003))

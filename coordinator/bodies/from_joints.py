@@ -36,7 +36,10 @@ def bends(at: Places) -> Iterator[tuple[str, Array]]:
             first, middle, last = (f"{side}_{name}" for name in (ends[0], hinge, ends[1]))
             if {first, middle, last} <= set(at):
                 upper, lower = unit(at[middle] - at[first]), unit(at[last] - at[middle])
-                yield f"{side}_{hinge}_flexion", np.arccos(np.clip(dot(upper, lower), -1.0, 1.0))
+                yield (
+                    f"{side}_{hinge}_flexion",
+                    np.arccos(np.clip(np.einsum("fi,fi->f", upper, lower), -1.0, 1.0)),
+                )
 
 
 def swings(at: Places) -> Iterator[tuple[str, Array]]:
@@ -60,12 +63,6 @@ def carrier(upright: Array, leftward: Array) -> Array:
     down = -unit(upright)
     back = unit(np.cross(leftward, down))
     return np.stack([np.cross(down, back), down, back], axis=-1)
-
-
-def dot(one: Array, other: Array) -> Array:
-    """Products (F,) of vectors (F, 3)."""
-    product: Array = np.einsum("fi,fi->f", one, other)
-    return product
 
 
 def unit(vectors: Array) -> Array:

@@ -16,7 +16,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 Array = NDArray[np.float64]
 
 THICKER = 0.1  # than the usual girth of 1: of the second body from which people of all girths are made
-KEPT = 16  # bodies, of the sizes that were asked for last: two people may share one
+KEPT = 16  # bodies, of the sizes that were used last: two people may share one
 
 
 def scaled(model: BodyModel, factor: float) -> BodyModel:

@@ -101,7 +101,7 @@ def check_tree(path: Path, robot: yourdfpy.Robot) -> None:
 
 
 def base_link(robot: yourdfpy.Robot) -> str:
-    """The first link that is nobody's child; no name where there is none."""
+    """The first link that is no other's child; no name where there is none."""
     children = {joint.child for joint in robot.joints}
     return next((link.name for link in robot.links if link.name not in children), "")
 

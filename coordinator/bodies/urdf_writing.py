@@ -81,7 +81,7 @@ def name_links(model: BodyModel) -> dict[int, str]:
 
 
 def free_name(wanted: str, taken: Collection[str]) -> str:
-    """`wanted`, with underscores added until nobody has it."""
+    """`wanted`, with underscores added until the name is free."""
     while wanted in taken:
         wanted += "_"
     return wanted

@@ -272,7 +272,7 @@ def export(options: ExportOptions, quiet: Quiet = False) -> None:
 
     out, form = options.out, options.form
     run = export_run(options.run, form, out, smooth_hz=options.smooth, force=options.force)
-    frames, lost = len(run.track.frame), int(run.lost.sum())
+    frames, lost = len(run.track.frame), int(run.track.unknown.sum())
     gone = f", {lost} of them lost" if lost else ""
     smooth = f", low pass {options.smooth:g} Hz" if options.smooth else ""
     kilobytes = out.stat().st_size / 1000

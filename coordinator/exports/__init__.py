@@ -23,7 +23,7 @@ EXPORTS = {
     "mot": "opensim.write_mot",
     "trc": "opensim.write_trc",
 }
-"""Format -> the module and function here that write it, loaded when they are asked for."""
+"""Format -> the module and function here that write it, loaded on first use."""
 
 
 def export_run(

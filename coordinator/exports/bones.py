@@ -55,7 +55,9 @@ def bones_of(model: BodyModel) -> tuple[Bone, ...]:
         parent = next((b for b, bone in enumerate(bones) if bone.dof == above), -1)
         dofs = between(model, above, dof)
         name = model.link_names[int(np.argmax(model.link_dofs == dof))]
-        slides = bool(np.any(model.kinds[list(dofs)] == TRANSLATION)) or not share_a_point(model, dofs)
+        points = model.points[[d for d in dofs if model.kinds[d] == ROTATION]]
+        one_point = bool(np.all(np.abs(points - points[-1:]) < SAME_PLACE_M))
+        slides = bool(np.any(model.kinds[list(dofs)] == TRANSLATION)) or not one_point
         bones.append(Bone(name, parent, dof, dofs, CAMERA_TO_Y_UP @ pivot(model, dofs), slides))
     return named_joints(model, bones)
 
@@ -92,16 +94,10 @@ def pivot(model: BodyModel, dofs: tuple[int, ...]) -> Array:
     return np.asarray(model.points[turning[-1] if turning else dofs[0]])
 
 
-def share_a_point(model: BodyModel, dofs: tuple[int, ...]) -> bool:
-    """Whether all rotations of a chain go through one point."""
-    points = model.points[[d for d in dofs if model.kinds[d] == ROTATION]]
-    return bool(np.all(np.abs(points - points[-1:]) < SAME_PLACE_M))
-
-
 def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
     """The bones with the body's joint names and in their places, and one more for each joint near no bone."""
     places = model.joint_points @ CAMERA_TO_Y_UP.T
-    of_joint = [bone_of(bones, int(dof)) for dof in model.link_dofs[model.joint_links]]
+    of_joint = [[bone.dof for bone in bones].index(dof) for dof in model.link_dofs[model.joint_links]]
     apart = [float(np.linalg.norm(bones[b].origin - places[j])) for j, b in enumerate(of_joint)]
     named: dict[int, int] = {}
     for j in sorted(range(len(apart)), key=lambda j: apart[j] > SAME_PLACE_M):
@@ -119,17 +115,10 @@ def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
         for j, name in enumerate(model.joint_names)
         if named.get(of_joint[j]) != j
     ]
-    return (*(renamed(bone, names.get(b), model.joint_names) for b, bone in enumerate(bones)), *more)
-
-
-def bone_of(bones: list[Bone], dof: int) -> int:
-    """The bone that a degree of freedom is the last to move."""
-    return next(b for b, bone in enumerate(bones) if bone.dof == dof)
-
-
-def renamed(bone: Bone, name: str | None, joints: tuple[str, ...]) -> Bone:
-    """The bone with a joint's name, or with one that no joint has."""
-    return replace(bone, name=name or (f"{bone.name}_link" if bone.name in joints else bone.name))
+    for b, bone in enumerate(bones):
+        own = f"{bone.name}_link" if bone.name in model.joint_names else bone.name  # which no joint has
+        bones[b] = replace(bone, name=names.get(b, own))
+    return (*bones, *more)
 
 
 def motion_of(

@@ -32,12 +32,12 @@ def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     joints = run.track.joint_positions @ run.to_opensim.T * MILLIMETRES
     names, angles = angle_points(run)
     points = np.full((3, len(run.track.joint_names) + len(names), count), np.nan)
-    points[:, : joints.shape[1], slots] = joints[~run.lost].transpose(2, 1, 0)
-    points[:, joints.shape[1] :, slots] = angles[~run.lost].transpose(2, 1, 0)
+    points[:, : joints.shape[1], slots] = joints[~run.track.unknown].transpose(2, 1, 0)
+    points[:, joints.shape[1] :, slots] = angles[~run.track.unknown].transpose(2, 1, 0)
     residuals = np.full((1, points.shape[1], count), MISSING)
     residuals[:, :, slots] = 0.0
     if run.track.joint_deviation is not None:
-        off = run.track.joint_deviation[~run.lost] * MILLIMETRES
+        off = run.track.joint_deviation[~run.track.unknown] * MILLIMETRES
         residuals[0, : joints.shape[1], slots] = np.nan_to_num(off)
 
     content = c3d()
@@ -66,7 +66,7 @@ def even_slots(run: RecordedRun) -> tuple[NDArray[np.int64], int]:
     """Which of the evenly spaced frames each kept one is, and how many there are."""
     times = run.track.time_s - run.track.time_s[0]
     slots = np.rint(times * run.rate).astype(np.int64)
-    return slots[~run.lost], int(slots[-1]) + 1
+    return slots[~run.track.unknown], int(slots[-1]) + 1
 
 
 def angle_points(run: RecordedRun) -> tuple[list[str], Array]:

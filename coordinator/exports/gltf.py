@@ -13,7 +13,12 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from pygltflib import (
+    ARRAY_BUFFER,
+    ELEMENT_ARRAY_BUFFER,
+    FLOAT,
     GLTF2,
+    UNSIGNED_INT,
+    UNSIGNED_SHORT,
     Accessor,
     Animation,
     AnimationChannel,
@@ -35,15 +40,14 @@ from pygltflib import (
 from scipy.spatial.transform import Rotation
 
 from common.activation import merge_weights
-from common.body import BodyModel
+from common.body import BodyModel, vertex_normals
 from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset
 from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
 
 Array = NDArray[np.float64]
 
 WEIGHTS = 4  # links a vertex, at most
-COMPONENT_TYPES = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
-VERTICES, INDICES = 34962, 34963  # what a buffer holds
+COMPONENT_TYPES = {"u2": UNSIGNED_SHORT, "u4": UNSIGNED_INT, "f4": FLOAT}
 COLOUR = [0.8, 0.45, 0.2, 1.0]
 
 
@@ -116,12 +120,12 @@ def add_surface(gltf: GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone
     joints, weights = skin_of(model, bones, moving)
     vertices = model.vertices @ CAMERA_TO_Y_UP
     attributes = Attributes(
-        POSITION=arrays.add(vertices.astype(np.float32), "VEC3", VERTICES, limits=True),
-        NORMAL=arrays.add(normals(vertices, model.triangles), "VEC3", VERTICES),
-        JOINTS_0=arrays.add(joints, "VEC4", VERTICES),
-        WEIGHTS_0=arrays.add(weights, "VEC4", VERTICES),
+        POSITION=arrays.add(vertices.astype(np.float32), "VEC3", ARRAY_BUFFER, limits=True),
+        NORMAL=arrays.add(vertex_normals(vertices, model.triangles), "VEC3", ARRAY_BUFFER),
+        JOINTS_0=arrays.add(joints, "VEC4", ARRAY_BUFFER),
+        WEIGHTS_0=arrays.add(weights, "VEC4", ARRAY_BUFFER),
     )
-    indices = arrays.add(model.triangles.ravel().astype(np.uint32), "SCALAR", INDICES)
+    indices = arrays.add(model.triangles.ravel().astype(np.uint32), "SCALAR", ELEMENT_ARRAY_BUFFER)
     gltf.meshes = [
         Mesh(name=model.name, primitives=[Primitive(attributes=attributes, indices=indices, material=0)])
     ]
@@ -149,19 +153,6 @@ def skin_of(
     weights = np.pad(weights, ((0, 0), (0, spare)))[:, :WEIGHTS]
     shares = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
     return np.where(shares > 0, links, 0).astype(np.uint16), shares
-
-
-def normals(vertices: Array, triangles: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Unit normals (V, 3), the mean of the neighbouring triangles' by area."""
-    corners = vertices[triangles]
-    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(total, triangles[:, k], faces)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    total = np.where(length > 0, total, (0.0, 1.0, 0.0))
-    unit: Array = total / np.linalg.norm(total, axis=1, keepdims=True)
-    return unit.astype(np.float32)
 
 
 def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> Animation:

@@ -48,7 +48,7 @@ PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 
 def write_mot(run: RecordedRun, file: BinaryIO) -> None:
     """One line a frame: time, the angles, and OpenSim's coordinates."""
-    track, kept = run.track, ~run.lost
+    track, kept = run.track, ~run.track.unknown
     slides = read_slides(run.folder, track)
     columns = dict(zip(run.angle_names, np.degrees(run.angle).T, strict=True))
     columns |= dict(zip(slides.names, slides.value.T, strict=True))
@@ -125,7 +125,7 @@ def write_trc(run: RecordedRun, file: BinaryIO) -> None:
         text.write("\t".join(cells) + "\n")
     places = run.track.joint_positions @ run.to_opensim.T * MILLIMETRES
     for f in range(frames):
-        markers = [] if run.lost[f] else [f"{value:.4f}" for value in places[f].ravel()]
+        markers = [] if run.track.unknown[f] else [f"{value:.4f}" for value in places[f].ravel()]
         markers = markers or [""] * places[f].size
         text.write("\t".join([str(f + 1), f"{run.track.time_s[f]:.6f}", *markers]) + "\n")
     text.detach()

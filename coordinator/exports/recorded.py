@@ -41,7 +41,7 @@ class RecordedRun:
 
     @property
     def told(self) -> Track:
-        """The track for who reads values: NaN in frames before anybody was found."""
+        """The track for readers of values: NaN in frames before the body was found."""
         return emptied(self.track, self.placed)
 
     @property
@@ -83,11 +83,6 @@ class RecordedRun:
         steps = np.diff(self.track.time_s)
         steps = steps[steps > 0]
         return float(np.round(1.0 / np.median(steps), 6)) if len(steps) else USUAL_RATE_HZ
-
-    @property
-    def lost(self) -> NDArray[np.bool_]:
-        """Frames (F,) of which the tracker does not know where the body is."""
-        return self.track.unknown
 
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:

@@ -31,19 +31,15 @@ def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
     InputError for a cut-off that the frame rate cannot have, and for tracks that are too short.
     """
     low_pass = LowPass(track, cutoff_hz)
+    frames, known = np.arange(len(track.frame)), ~track.unknown
+    if known.any():  # each frame's last known one; the first of all for those before it
+        frames = np.maximum.accumulate(np.where(known, frames, np.argmax(known)))
     return replace(
         track,
         angle=None if track.angle is None else low_pass(track.angle),
         joint_positions=low_pass(track.joint_positions),
-        pose=smooth_pose(model, track.pose[last_known(~track.unknown)], low_pass),
+        pose=smooth_pose(model, track.pose[frames], low_pass),
     )
-
-
-def last_known(known: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The last known frame (F,) up to each, the first one for those before it; of none known, each itself."""
-    if not known.any():
-        return np.arange(len(known))
-    return np.maximum.accumulate(np.where(known, np.arange(len(known)), np.argmax(known)))
 
 
 class LowPass:

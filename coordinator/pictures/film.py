@@ -6,7 +6,6 @@ import io
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
-from typing import BinaryIO
 
 import av
 import numpy as np
@@ -32,14 +31,8 @@ def write_film(
     pictures: Iterable[Image.Image], size: tuple[int, int], times_s: NDArray[np.float64], file: Path
 ) -> None:
     """Write pictures of one even size (width, height), each shown from its time (F,) until the next one's."""
-    write_atomically(file, lambda opened: encode_film(pictures, size, times_s - times_s[0], opened))
-
-
-def encode_film(
-    pictures: Iterable[Image.Image], size: tuple[int, int], times_s: NDArray[np.float64], opened: BinaryIO
-) -> None:
-    """The film into an open file."""
-    with av.open(opened, "w", format="mp4") as film:
+    encoded, times_s = io.BytesIO(), times_s - times_s[0]
+    with av.open(encoded, "w", format="mp4") as film:
         stream = film.add_stream("libx264", rate=30, options={"crf": QUALITY, "preset": "veryfast"})
         stream.width, stream.height = size
         stream.pix_fmt, stream.codec_context.time_base = "yuv420p", Fraction(1, TICKS)
@@ -48,6 +41,7 @@ def encode_film(
             frame.pts, frame.time_base = round(time_s * TICKS), Fraction(1, TICKS)
             film.mux(stream.encode(frame))
         film.mux(stream.encode(None))
+    write_atomically(file, lambda opened: opened.write(encoded.getbuffer()))
 
 
 LARGEST_BYTES = 5_000_000

@@ -133,7 +133,7 @@ class Shown:
 
     @property
     def there(self) -> bool:
-        """Whether there is a body to draw: it was found by then, and somebody is seen."""
+        """Whether there is a body to draw: it was found by then, and is in the picture."""
         return bool(np.isfinite(self.pose).all()) and self.status != "absent"
 
 

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from coordinator.results.angles import Slides
-from coordinator.results.evaluation import NEAR_M, Errors, Truth, compare, known_mean
+from coordinator.results.evaluation import LOST_M, NEAR_M, Errors, Truth, compare, known_mean
 from coordinator.results.track import Track
 
 Array = NDArray[np.float64]
@@ -31,21 +31,13 @@ STATUS = {
 SIDES = ("right_", "left_")
 
 STYLE: Mapping[str, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": "#8a919e",
-    "axes.labelcolor": "#3a404c",
-    "axes.titlesize": 10.5,
     "axes.titlelocation": "left",
     "axes.grid": True,
     "axes.grid.axis": "y",
     "grid.color": "#e4e7ec",
-    "xtick.color": "#5a616e",
-    "ytick.color": "#5a616e",
     "legend.frameon": False,
-    "figure.facecolor": "white",
     "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "gepf",  # equal drawings give equal text
 }
@@ -187,6 +179,10 @@ def draw_errors(track: Track, truth: Truth, file: Path) -> None:
         figure.savefig(file)
 
 
+DARKEST_ANGLE_DEG, DARKEST_SLIDE_CM = 45.0, 5.0  # errors with the darkest colour
+LEAST_TOP_DEG, LEAST_TOP_SLIDE_CM = 1.0, 0.1  # so that tiny errors look tiny
+
+
 def error_columns(errors: Errors, joints: tuple[str, ...]) -> list[ErrorColumn]:
     """A column for joints, angles and sliding joints each, where there are any."""
     columns = [
@@ -195,7 +191,7 @@ def error_columns(errors: Errors, joints: tuple[str, ...]) -> list[ErrorColumn]:
             unit="cm",
             names=plain(joints),
             errors=100.0 * errors.joint_m,
-            darkest=30.0,
+            darkest=100.0 * LOST_M,
             least_top=100.0 * NEAR_M,
             limit=100.0 * NEAR_M,
         ),
@@ -204,8 +200,8 @@ def error_columns(errors: Errors, joints: tuple[str, ...]) -> list[ErrorColumn]:
             unit="degrees",
             names=errors.dof_names,
             errors=errors.angle_deg,
-            darkest=45.0,
-            least_top=1.0,
+            darkest=DARKEST_ANGLE_DEG,
+            least_top=LEAST_TOP_DEG,
             best=errors.best_angle_deg,
         ),
         ErrorColumn(
@@ -213,8 +209,8 @@ def error_columns(errors: Errors, joints: tuple[str, ...]) -> list[ErrorColumn]:
             unit="cm",
             names=plain(errors.slide_names),
             errors=100.0 * errors.slide_m,
-            darkest=5.0,
-            least_top=0.1,
+            darkest=DARKEST_SLIDE_CM,
+            least_top=LEAST_TOP_SLIDE_CM,
         ),
     ]
     return [column for column in columns if column.names]

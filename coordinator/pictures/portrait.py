@@ -32,12 +32,16 @@ def draw_portrait(model: BodyModel, file: Path) -> None:
 
 
 def paint(model: BodyModel, turn_deg: float, renderer: DepthRenderer) -> Image.Image:
-    """The body turned about the vertical."""
+    """The body turned about the vertical; named joints are dots, those of a person joined by lines."""
     pose = np.clip(np.zeros(len(model.dof_names)), *model.limits.T)
     pose[model.dof("root_ry")] = np.radians(turn_deg)
     pose[:3] = fit_in_view(pose_vertices(model, pose[None])[0], CAMERA)
     picture = Image.fromarray(shade(model, pose, renderer).astype(np.uint8))
-    draw_joints(ImageDraw.Draw(picture), model, project(joint_positions(model, pose[None])[0], CAMERA))
+    draw, pixels = ImageDraw.Draw(picture), project(joint_positions(model, pose[None])[0], CAMERA)
+    for a, b in bones(model.joint_names):
+        draw.line([*pixels[a], *pixels[b]], fill=SKELETON_COLOUR, width=3)
+    for x, y in pixels:
+        draw.ellipse([x - 6, y - 6, x + 6, y + 6], fill=SKELETON_COLOUR, outline=(0, 0, 0))
     size = (CAMERA.width // SHRUNK, CAMERA.height // SHRUNK)
     return picture.resize(size, Image.Resampling.BOX)
 
@@ -49,11 +53,3 @@ def shade(model: BodyModel, pose: NDArray[np.float64], renderer: DepthRenderer) 
     light[contours(depth, JUMP_SHARE * pose[2])] = 0.15
     there = (depth > 0.0)[..., None]
     return np.where(there, MODEL_COLOUR * light[..., None], BACKGROUND).astype(np.float32)
-
-
-def draw_joints(draw: ImageDraw.ImageDraw, model: BodyModel, pixels: NDArray[np.float64]) -> None:
-    """Named joints as dots, those of a person joined by lines."""
-    for a, b in bones(model.joint_names):
-        draw.line([*pixels[a], *pixels[b]], fill=SKELETON_COLOUR, width=3)
-    for x, y in pixels:
-        draw.ellipse([x - 6, y - 6, x + 6, y + 6], fill=SKELETON_COLOUR, outline=(0, 0, 0))

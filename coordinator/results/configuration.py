@@ -40,7 +40,7 @@ def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Iterator[tupl
             yield prefix + key, value
 
 
-PATH = "path"  # where the sequence was, for who looks at the run later; it decides nothing
+PATH = "path"  # where the sequence was, for later reference; it does not influence results
 LETTERS = 12  # of a hash
 
 
@@ -99,7 +99,7 @@ NAMED = 3  # differences that a message names
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a run is asked for besides its input."""
+    """The request for a run, besides its input."""
 
     settings: Settings
     bodies: Bodies
@@ -134,7 +134,7 @@ def run_configuration(
 
 
 def live_run_configuration(key: str, asked: Asked) -> RunConfiguration:
-    """The configuration of a run on live input, which nobody can go on with."""
+    """The configuration of a run on live input, which cannot be resumed."""
     return {"sequence": key} | requested_configuration(asked)
 
 
@@ -156,7 +156,7 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
 
 
 def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:
-    """What is asked for and was not recorded so, in the user's words; `recorded` may hold more."""
+    """What differs from the recorded configuration, in the user's words; `recorded` may hold more."""
     before, now = dict(flatten(recorded)), dict(flatten(asked))
     order = [*(key for key in OPTIONS if key in now), *(key for key in now if key not in {*OPTIONS, PATH})]
     found = [

@@ -37,11 +37,13 @@ def read_truth(path: Path) -> Truth:
     """A truth file; without `frame`, its rows are the frames from 0. InputError if it is not one."""
     arrays = read_arrays(path)
     joint_names = arrays.names("joint_names")
-    joints = _known(arrays.floats("joint_positions", (-1, len(joint_names), 3)))
+    joints = arrays.floats("joint_positions", (-1, len(joint_names), 3))
     count = len(joints)
     frame = arrays.integers("frame", (count,)) if "frame" in arrays else np.arange(count, dtype=np.int64)
     dof_names = arrays.names("dof_names") if "dof_names" in arrays else ()
-    pose = _known(arrays.floats("pose", (count, len(dof_names)))) if dof_names else np.empty((count, 0))
+    pose = arrays.floats("pose", (count, len(dof_names))) if dof_names else np.empty((count, 0))
+    for values in (joints, pose):
+        values[~np.isfinite(values)] = np.nan
     slides = ROOT_DOFS[:3] + (arrays.names("slides") if "slides" in arrays else ())
     return Truth(frame, joint_names, joints, dof_names, pose, slides)
 
@@ -51,10 +53,6 @@ def check_truth_of(run: Path, truth: Path) -> None:
     own = run / TRACK_FILE
     if own.exists() and truth.exists() and own.samefile(truth):
         raise InputError(f"{truth} is the run's own track; give the truth of its sequence, truth.npz")
-
-
-def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(np.isfinite(values), values, np.nan)
 
 
 NEAR_M = 0.10
@@ -93,20 +91,11 @@ class Errors:
     slide_names: tuple[str, ...] = ()  # (S,) joints that slide, but for the root
     slide_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # (F, S)
 
-    @property
-    def mean_angle_deg(self) -> NDArray[np.float64]:
-        """Mean over the angles (F,)."""
-        return known_mean(self.angle_deg, axis=1)
-
-    @property
-    def mean_joint_m(self) -> NDArray[np.float64]:
-        """Mean over the joints (F,)."""
-        return known_mean(self.joint_m, axis=1)
-
 
 def evaluate(track: Track, truth: Truth) -> Evaluation:
     """Score a track; InputError where it shares no frame, or neither angle nor joint, with the truth."""
     errors, limbs = compare(track, truth), errors_by_angle(track, truth)
+    expected = errors.joint_deviation_m
     return Evaluation(
         frames=len(errors.frame),
         mean_angle_error_deg=overall(errors.angle_deg),
@@ -118,8 +107,8 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
         mean_slide_error_cm_by_dof=by_dof(errors.slide_names, errors.slide_m * 100.0),
         mean_joint_error_cm=overall(errors.joint_m * 100.0),
         pck10=share_within(errors.joint_m, NEAR_M),
-        within_deviation=share_expected(errors, 1.0),
-        within_two_deviations=share_expected(errors, 2.0),
+        within_deviation=None if expected is None else share_within(errors.joint_m / expected, 1.0),
+        within_two_deviations=None if expected is None else share_within(errors.joint_m / expected, 2.0),
         lost_from_frame=lost_from(errors),
     )
 
@@ -184,7 +173,7 @@ def angle_error_deg(angles: NDArray[np.float64], truth: NDArray[np.float64]) -> 
 
 def lost_from(errors: Errors) -> int | None:
     """First frame from which on the tracking is lost to the end; unknown frames do not count."""
-    angle, joint = errors.mean_angle_deg, errors.mean_joint_m
+    angle, joint = known_mean(errors.angle_deg, axis=1), known_mean(errors.joint_m, axis=1)
     known = ~(np.isnan(angle) & np.isnan(joint))
     return to_the_end(errors.frame[known], ((angle > LOST_DEG) | (joint > LOST_M))[known])
 
@@ -212,13 +201,6 @@ def share_within(errors: NDArray[np.float64], limit: float) -> float | None:
     """Share of the known errors that are at most `limit`."""
     known = errors[~np.isnan(errors)]
     return float(np.mean(known <= limit)) if len(known) else None
-
-
-def share_expected(errors: Errors, deviations: float) -> float | None:
-    """Share of the known joint errors within so many of the deviations that the track expects."""
-    if errors.joint_deviation_m is None:
-        return None
-    return share_within(errors.joint_m / errors.joint_deviation_m, deviations)
 
 
 def known_mean(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

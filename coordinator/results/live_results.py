@@ -96,12 +96,12 @@ def first(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
 
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-    """Values by name; null for what nobody knows."""
+    """Values by name; null for what is not known."""
     return {name: known(value) for name, value in zip(names, values.tolist(), strict=True)}
 
 
 def places(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, list[float] | None]:
-    """Points (J, 3) by name; null for who is nowhere yet."""
+    """Points (J, 3) by name; null before the body was found."""
     known = {name: place.tolist() for name, place in zip(names, values, strict=True)}
     return {name: place if np.isfinite(place).all() else None for name, place in known.items()}
 

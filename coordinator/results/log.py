@@ -37,7 +37,7 @@ FORM = 9
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
-    """What the run was asked for, as JSON would hold it."""
+    """The run's configuration, as JSON would hold it."""
 
     configuration: dict[str, Any]
     form: int = FORM
@@ -227,5 +227,5 @@ def assemble(
 
 
 def certainty_of(model: BodyModel, estimate: Estimate) -> Certainty:
-    """How sure each joint (J,) of an estimate is; NaN where nobody knows."""
+    """How sure each joint (J,) of an estimate is; NaN where it is not known."""
     return estimate.certainty or unknown_certainty(len(model.joint_names))

@@ -55,7 +55,7 @@ class Recorder:
 
     Args:
         folder: Where the run is, or will be.
-        configuration: What the run is asked for.
+        configuration: Of the run.
         resume: Go on with what is there; if that is nothing, begin.
         frames: Go on after so many of the frames that are there at the most.
 
@@ -76,7 +76,7 @@ class Recorder:
         self._finished = False
         self._made: list[Path] = []
         try:
-            self._made = _missing_parents(folder)
+            self._made = [path for path in (folder, *folder.parents) if not path.exists()]
             folder.mkdir(parents=True, exist_ok=True)
             self._log = open_log(folder / LOG_FILE)
             sync_folder(folder)
@@ -214,11 +214,6 @@ def claim(
         (folder / LOG_FILE).unlink()
         raise InputError(f"{folder} holds an earlier run ({', '.join(present)}); {ELSEWHERE}")
     return None
-
-
-def _missing_parents(folder: Path) -> list[Path]:
-    """`folder` and the folders above it that do not exist yet, innermost first."""
-    return [path for path in (folder, *folder.parents) if not path.exists()]
 
 
 def _remove_empty(folders: Sequence[Path]) -> None:

@@ -27,6 +27,12 @@ def summarise(recorded: Recorded) -> dict[str, object]:
     """Configuration, versions, body, workers, frames and the time each stage took in all, in seconds."""
     configuration, start, statistics = recorded.configuration, recorded.state.start, recorded.statistics
     settings = configuration["settings"]
+    particles = settings["filter"]["particles"]
+    answered = [e.particles_answered for e in recorded.estimates if e.particles_answered]
+    stages: dict[str, float] = {}
+    for estimate in recorded.estimates:
+        for stage, seconds in estimate.stage_seconds.items():
+            stages[stage] = stages.get(stage, 0.0) + seconds
     return {
         **configuration,
         "method": settings["method"],
@@ -52,10 +58,10 @@ def summarise(recorded: Recorded) -> dict[str, object]:
         "status": count_status(recorded.estimates),
         "doubts": count_doubts(recorded.estimates),
         "rotate_deg": round(np.degrees(start.way_up)),
-        "particles": settings["filter"]["particles"],
-        "particles_unanswered": count_unanswered(recorded.estimates, settings["filter"]["particles"]),
+        "particles": particles,
+        "particles_unanswered": sum(particles - count for count in answered),
         "seconds": recorded.seconds,
-        "time_per_stage": add_stages(recorded.estimates),
+        "time_per_stage": stages,
     }
 
 
@@ -86,20 +92,6 @@ def describe_failure(estimates: Sequence[Estimate]) -> str:
     doubts = count_doubts(estimates)
     why = f": {next(iter(doubts))}" if doubts else ""
     return f"most frames are not tracked ({describe_status(estimates)}){why}"
-
-
-def count_unanswered(estimates: Iterable[Estimate], particles: int) -> int:
-    """Particles of all frames that were left out because the frame was due."""
-    return sum(particles - e.particles_answered for e in estimates if e.particles_answered)
-
-
-def add_stages(estimates: Iterable[Estimate]) -> dict[str, float]:
-    """Seconds of the whole run by stage, in the order in which the stages first came."""
-    total: dict[str, float] = {}
-    for estimate in estimates:
-        for stage, seconds in estimate.stage_seconds.items():
-            total[stage] = total.get(stage, 0.0) + seconds
-    return total
 
 
 def find_summary(run: Path) -> dict[str, Any] | None:

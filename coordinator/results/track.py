@@ -84,21 +84,6 @@ def where_missing(track: Track, missing: NDArray[np.bool_], value: Callable[[Arr
     return replace(track, **changed)
 
 
-def report_unfinished(folder: Path) -> None:
-    """Warn that the folder holds only a part of a run's frames; InputError where it has no track yet."""
-    where = f"{folder} holds a run that is still going on or was interrupted"
-    if not (folder / TRACK_FILE).exists():
-        raise InputError(f"{where}; end it by the same gepf track command with --resume")
-    logger.warning("%s, here only its first frames; the same gepf track command with --resume goes on", where)
-
-
-def refuse_people(folder: Path) -> None:
-    """InputError where the folder holds a run of several people, each of which is a folder within it."""
-    found = sorted(each.parent.name for each in folder.glob(f"person*/{TRACK_FILE}"))
-    if found:
-        raise InputError(f"{folder} holds several people; give one of them: {folder / found[0]}, ...")
-
-
 def write_track(track: Track, file: BinaryIO) -> None:
     """Write the `.npz` form; equal tracks give equal bytes (nothing compressed, no dates)."""
     values: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
@@ -111,9 +96,16 @@ def read_track(folder: Path) -> Track:
     if not folder.is_dir():
         raise InputError(f"no such folder: {folder}; give the --out folder of a finished gepf track")
     if (folder / LOG_FILE).exists():
-        report_unfinished(folder)
+        where = f"{folder} holds a run that is still going on or was interrupted"
+        if not (folder / TRACK_FILE).exists():
+            raise InputError(f"{where}; end it by the same gepf track command with --resume")
+        logger.warning(
+            "%s, here only its first frames; the same gepf track command with --resume goes on", where
+        )
     if not (folder / TRACK_FILE).exists():
-        refuse_people(folder)
+        people = sorted(each.parent.name for each in folder.glob(f"person*/{TRACK_FILE}"))
+        if people:
+            raise InputError(f"{folder} holds several people; give one of them: {folder / people[0]}, ...")
         inside = sorted(each.parent for each in folder.glob(f"*/{TRACK_FILE}"))
         where = f"a run in it, such as {inside[0]}" if inside else "the --out folder of a finished gepf track"
         raise InputError(f"{folder} holds no {TRACK_FILE}; give {where}")

@@ -49,11 +49,6 @@ def has_suffix(suffix: str) -> Callable[[Path], bool]:
     return lambda path: path.is_file() and path.suffix.lower() == suffix
 
 
-def holds_clouds(path: Path) -> bool:
-    """Whether a folder holds point clouds."""
-    return path.is_dir() and any(f.suffix.lower() in SUFFIXES for f in path.iterdir())
-
-
 FORMATS = (
     Format("TUM RGB-D folder (depth.txt)", lambda path: (path / TUM_LIST).is_file(), own(TumFolder)),
     Format(
@@ -63,7 +58,11 @@ FORMATS = (
     ),
     Format("ROS bag, RealSense .bag", is_bag, RosBag),
     Format("Open3D folder (depth/000000.png)", holds_pictures, RecordedFolder),
-    Format("point clouds (.ply or .pcd)", holds_clouds, own(PointClouds)),
+    Format(
+        "point clouds (.ply or .pcd)",
+        lambda path: path.is_dir() and any(f.suffix.lower() in SUFFIXES for f in path.iterdir()),
+        own(PointClouds),
+    ),
     Format("Azure Kinect or Orbbec .mkv", has_suffix(".mkv"), open_azure_kinect),
     Format("numpy .npz (depth, intrinsics)", has_suffix(".npz"), read_array_source),
     Format("numpy .npy", has_suffix(".npy"), read_array),

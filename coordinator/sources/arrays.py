@@ -1,4 +1,4 @@
-"""Depth in numpy arrays: in memory for who uses this as a library, or as an `.npz` file."""
+"""Depth in numpy arrays: in memory when used as a library, or as an `.npz` file."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Header(NamedTuple):
 
 
 class LiveFrames:
-    """The newest frame whenever one is asked for; iterates until the stream ends.
+    """The newest frame at each request; iterates until the stream ends.
 
     All frames of a stream have one size, camera and depth scale, and their numbers and times increase. A
     frame that does not fit is rejected and counted. `NEW_STREAM_FRAMES` frames that fit each other, while

@@ -17,7 +17,7 @@ from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, CameraOptions
 
 
 class Source(Protocol):
-    """A recorded depth sequence. Frames are read one at a time, when they are asked for."""
+    """A recorded depth sequence. Frames are read one at a time, on request."""
 
     @property
     def name(self) -> str:

@@ -50,7 +50,8 @@ def add_noise(
 
 def as_a_kinect(depth_m: Image, camera: Intrinsics, rng: np.random.Generator) -> Image:
     """Depth (H, W) as a Kinect would measure it: noise and steps of inverse depth, frayed and lossy edges."""
-    kept = ~(beside_a_jump(depth_m) & (rng.random(depth_m.shape) < EDGE_LOSS))
+    beside_a_jump = maximum_filter(depth_m, 3) - minimum_filter(depth_m, 3) > JUMP_M
+    kept = ~(beside_a_jump & (rng.random(depth_m.shape) < EDGE_LOSS))
     kept &= facing(depth_m, camera) > GRAZING
     shift = np.indices(depth_m.shape) + KINECT_LATERAL * rng.standard_normal((2, *depth_m.shape))
     seen = read(depth_m * kept, shift)
@@ -58,12 +59,6 @@ def as_a_kinect(depth_m: Image, camera: Intrinsics, rng: np.random.Generator) ->
     steps = np.rint(steps + KINECT_DEVIATION * rng.standard_normal(steps.shape))
     measured = (seen > 0.0) & (steps > 0.0)
     return np.divide(1.0 / KINECT_STEP, steps, out=np.zeros_like(seen), where=measured)
-
-
-def beside_a_jump(depth_m: Image) -> NDArray[np.bool_]:
-    """Pixels (H, W) within one of a step in depth, or of nothing."""
-    jumps: NDArray[np.bool_] = maximum_filter(depth_m, 3) - minimum_filter(depth_m, 3) > JUMP_M
-    return jumps
 
 
 def facing(depth_m: Image, camera: Intrinsics) -> Image:

@@ -44,9 +44,9 @@ TRUNK_MOVES_S, TRUNK_RESTS_S = (0.4, 0.8), (0.0, 0.3)
 
 
 def person(seed: int = 0, frames: int = FRAMES) -> Scene:
-    """A scene of somebody; the same seed is the same person who moves in the same way."""
+    """A scene of a random person; the same seed is the same person who moves in the same way."""
     rng = np.random.default_rng([seed, 2])
-    model = somebody(rng)
+    model = random_person(rng)
     times = np.arange(frames) / FPS
     poses = np.zeros((frames, len(model.dof_names)))
     for side in "lr":
@@ -60,7 +60,7 @@ def person(seed: int = 0, frames: int = FRAMES) -> Scene:
     return Scene(model, CAMERA, FPS, poses, None)
 
 
-def somebody(rng: np.random.Generator) -> BodyModel:
+def random_person(rng: np.random.Generator) -> BodyModel:
     """A person whose lengths are off what stature implies, as people's are."""
     stature, girth = rng.uniform(*STATURE_M), rng.uniform(*GIRTH)
     off = 1.0 + LENGTH_DEVIATION * np.clip(rng.standard_normal(len(FRACTIONS_OF_STATURE)), -2.0, 2.0)

@@ -73,7 +73,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
 
 
 def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> Scene:
-    """The scene of a name, as long as asked for; InputError lists the choices."""
+    """The scene of a name, with the requested number of frames; InputError lists the choices."""
     if name == ROAM:
         if model is None:
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
@@ -93,7 +93,7 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
 
 
 def furnished(scene: Scene, name: str) -> Scene:
-    """The scene in a room; InputError where nobody stands on its floor."""
+    """The scene in a room; InputError where no person stands on its floor."""
     if name != PERSON:
         raise InputError(f"scene {name} has no floor to stand on; leave --room out, or give scene {PERSON}")
     return replace(scene, room=furnish(CAMERA_HEIGHT_M))
