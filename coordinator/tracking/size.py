@@ -99,7 +99,7 @@ def head_to_ankle(model: BodyModel) -> float:
 
 
 def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
-    """How far the person reaches beyond a joint (3,), metres; NaN where few points or something nearer is."""
+    """How far the person reaches beyond a joint (3,), metres; NaN where something hides it."""
     camera = subject.frame.intrinsics
     points = _points_near(subject, joint)
     offset = points - joint
@@ -110,6 +110,8 @@ def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
     if len(along) < 20 + stray:
         return float("nan")
     end = float(along[-1 - stray])
+    if end <= 0.0:  # the points end before the joint: something hides it
+        return float("nan")
     beyond = joint + (end + 0.05) * outwards  # where the person would go on if something hid them
     return float("nan") if _is_hidden(subject, beyond) else end
 
