@@ -30,6 +30,7 @@ UPRIGHT_SHARE = 0.97  # of the length at rest, below which a bent body does not 
 OUTLINE_SHARE = 0.992  # of the stature shows: an outline's last pixels are cut off (subjects 1 and 2)
 SEARCH_RADIUS_M = 0.3  # around head and ankle, in which their ends are sought
 AXIS_RADIUS_M = 0.14  # from the body's axis: the width of a head
+HIDDEN_END_M = 0.06  # before the joint of a body that is too large, points may end
 STRAY_AREA_M2 = 2.5e-4  # beyond an end: stray points
 
 
@@ -110,7 +111,7 @@ def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
     if len(along) < 20 + stray:
         return float("nan")
     end = float(along[-1 - stray])
-    if end <= 0.0:  # the points end before the joint: something hides it
+    if end < -HIDDEN_END_M:  # the points end well before the joint: something hides it
         return float("nan")
     beyond = joint + (end + 0.05) * outwards  # where the person would go on if something hid them
     return float("nan") if _is_hidden(subject, beyond) else end
