@@ -20,8 +20,8 @@ from coordinator.sources import Format, Source, find_format
 from coordinator.sources.camera import CameraOptions, doubt_camera, doubt_range
 
 if TYPE_CHECKING:
-    from coordinator.scene.people.candidates import Candidate
-    from coordinator.scene.view import SceneView
+    from coordinator.scene.candidates import Candidate
+    from coordinator.scene.room import SceneView
 
 logger = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ def look(source: Source) -> tuple[SceneView, list[Candidate]]:
 
     Where no frame shows a likely person, the frame with the likeliest; without any, the last.
     """
-    from coordinator.scene.people.candidates import candidates
+    from coordinator.scene.candidates import candidates
     from coordinator.scene.scene import Scene
 
     scene = Scene(up=None if source.gravity is None else -source.gravity)

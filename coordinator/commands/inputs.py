@@ -7,8 +7,6 @@ from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
 
-import numpy as np
-
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
@@ -21,7 +19,6 @@ from coordinator.commands.workers import Workers
 from coordinator.filters.methods import keep_up
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
 from coordinator.results.evaluation import read_truth
-from coordinator.scene.room.furniture import furniture
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.live import LiveFrames, from_first_seen
@@ -29,7 +26,6 @@ from coordinator.sources.source import select_frames
 from coordinator.tracking.observing.known_motion import KnownMotion
 from coordinator.tracking.state import read_start
 
-LOOKED_AT = 24  # frames before the first of several people is tracked, for furniture
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
 
 
@@ -66,10 +62,6 @@ class RecordedInput(Input):
         self.truth = read_truth(source.truth) if source.truth and job.people == 1 else None
         self.colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
         first = source.frame(numbers[0])
-        if job.people > 1 and self.scope.background is None:
-            chosen = np.unique(np.linspace(0, len(numbers) - 1, LOOKED_AT).astype(int)).tolist()
-            frames = (self.scope.limits.keep(source.frame(numbers[n])) for n in chosen)
-            self.scope = replace(self.scope, background=furniture(frames))
         self.configuration = run_configuration(job.sequence, first, numbers, self.asked(), job.given)
 
     def announce(self, done: int) -> str:

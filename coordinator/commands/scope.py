@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from common.errors import InputError
 from coordinator.commands.track_options import SceneOptions
-from coordinator.scene.limits import Limits
-from coordinator.scene.people.person import WAYS, Person
-from coordinator.scene.scope import Scope, up_in_picture
+from coordinator.scene.candidates import WAYS, Person
+from coordinator.scene.scope import Limits, Scope, up_in_picture
 from coordinator.sources import Source, open_source
 from coordinator.sources.picture_folders import read_depth
 

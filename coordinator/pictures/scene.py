@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from coordinator.pictures.shading import shade_depth
-from coordinator.scene.people.candidates import Candidate
-from coordinator.scene.room.marks import PLANE, mark_room
-from coordinator.scene.view import SceneView
+from coordinator.scene.candidates import Candidate
+from coordinator.scene.room import ON_PLANE, SceneView
 
 FLOOR, WALL = (70, 150, 90), (80, 110, 170)  # tints
 OUTLINES = ((255, 200, 60), (255, 120, 60), (200, 90, 200), (150, 150, 150))  # of candidates, best first
@@ -22,7 +21,7 @@ def draw_scene(view: SceneView, found: Sequence[Candidate]) -> Image.Image:
     picture = shade_depth(view.depth, view.camera)
     planes = view.planes.coefficients
     for n in range(len(planes)):
-        on = lies_on(view, planes[n : n + 1])
+        on = view.marks(planes[n : n + 1]) == ON_PLANE
         tint = FLOOR if n == 0 and view.planes.has_floor else WALL
         picture[on] = 0.5 * picture[on] + 0.5 * np.array(tint, dtype=np.float32)
     for n, candidate in reversed(list(enumerate(found))):
@@ -34,14 +33,6 @@ def draw_scene(view: SceneView, found: Sequence[Candidate]) -> Image.Image:
         top = int(rows.min())
         draw.text((int(columns[rows == top].mean()), max(0, top - 12)), str(n + 1), fill=(255, 255, 255))
     return image
-
-
-def lies_on(view: SceneView, plane: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Pixels (H, W) on a plane (1, 3) or beyond."""
-    marks = np.empty(view.depth.shape, dtype=np.uint8)
-    mark_room(view.depth, np.zeros_like(view.depth), view.lens, plane, view.noise.growth, marks)
-    on: NDArray[np.bool_] = marks == PLANE
-    return on
 
 
 def outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -26,7 +26,7 @@ from coordinator.pool.options import PoolStatistics
 from coordinator.results.angles import with_angles
 from coordinator.results.configuration import RunConfiguration
 from coordinator.results.track import Track
-from coordinator.scene.room.planes import Planes
+from coordinator.scene.planes import Planes
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate

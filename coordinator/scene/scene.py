@@ -5,24 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from common.frame import SUBJECT, DepthFrame
-from coordinator.scene.cutting import Cut
+from common.frame import DepthFrame
+from coordinator.scene.geometry import Array, Depth, Mask
 from coordinator.scene.noise import DepthNoise, fit_noise
-from coordinator.scene.people.candidates import somebodys, take_apart
-from coordinator.scene.room.background import Learned, given, learn, nothing_known
-from coordinator.scene.room.planes import NONE, Planes, find_planes, follow_planes, sample
-from coordinator.scene.view import SceneView
+from coordinator.scene.planes import NO_PLANES, Planes, find_planes, follow_planes, sample_rays
+from coordinator.scene.room import Background, Learned, SceneView
 
-Array = NDArray[np.float64]
-
-SPAN = 2.4  # metres between the measured points of a frame from which on it shows more than a person
-EXTREMES = (1.0, 99.0)  # per cent
+PERSON_SPAN_M = 2.4  # between the measured points of a frame from which on it shows more than a person
+EXTREMES = (1.0, 99.0)  # per cent of the points, between which a span is taken
 FILLED = 0.4  # of the picture, from which on so much is measured that it cannot be people alone
 MOVED = 0.5  # of what is measured, where so much is not as it was the camera moved: what is known is void
-EVERY = 30  # frames after which planes are sought again, where none were found
-NOTHING = nothing_known(0, 0).only(np.empty(0, np.uint32))
+PLANES_EVERY_FRAMES = 30  # planes are sought again, where none were found
+NOTHING = Background.of(np.zeros((0, 0), np.float32)).at(np.empty(0, np.uint32))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +26,7 @@ class SceneChange:
 
     seen: int = 0  # frames that show something
     growth: float = 0.0  # of the depth's noise; 0 before anything was measured
-    planes: Array = field(default_factory=lambda: NONE.coefficients)  # (P, 3)
+    planes: Array = field(default_factory=lambda: NO_PLANES.coefficients)  # (P, 3)
     has_floor: bool = False
     furnished: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none are known in the beginning
@@ -41,26 +36,29 @@ class SceneChange:
 class Scene:
     """What is known of a scene so far.
 
-    Each frame is given to `see`, and then, with what was cut out of it, to `learn`. From the same frames and
-    bodies the same follows, bit for bit; `recall` does it from the changes alone.
+    Each frame is given to `see`, and then to `learn`. From the same frames and people's pixels the same
+    follows, bit for bit; `recall` does it from the changes alone. A frame of another size than those before,
+    or than the background, is another camera's: the scene starts anew with it.
 
     Args:
         background: Depth (H, W) in metres where nobody is, 0 where that is not known; None to learn it all.
         up: Where the sky is about (3,), camera frame; None for a camera that is held as usual.
     """
 
-    def __init__(self, background: NDArray[np.float32] | None = None, up: Array | None = None) -> None:
-        self._seen = 0
+    def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
+        self._sky = NO_PLANES.sky if up is None else up
         self._noise: DepthNoise | None = None
-        self._planes = NONE if up is None else replace(NONE, sky=up)
-        self._furnished = background is not None
-        self._background = None if background is None else given(background)
-        self._void = False  # what was given is known no more
+        self._background: Background | None = None
+        self._size: tuple[int, ...] | None = None
+        self._begin(background)
 
-    def see(self, frame: DepthFrame, left_out: NDArray[np.bool_] | None = None) -> SceneView:
+    def see(self, frame: DepthFrame, left_out: Mask | None = None) -> SceneView:
         """A frame with what is known of its scene; `left_out` (H, W) are pixels that do not count."""
         depth = frame.metres()
-        self._look(depth, sample(depth, frame.intrinsics))
+        if self._size not in (None, depth.shape):
+            self._begin(None)
+        self._size = depth.shape
+        self._look(depth, sample_rays(depth, frame.intrinsics))
         known = self._background
         return SceneView(
             number=frame.number,
@@ -73,73 +71,68 @@ class Scene:
             left_out=left_out,
         )
 
-    def learn(
-        self,
-        view: SceneView,
-        cut: Cut | None,
-        somebody: NDArray[np.bool_] | None = None,
-        *,
-        patient: bool = False,
-        elsewhere: bool = False,
-    ) -> SceneChange:
+    def learn(self, view: SceneView, people: Mask | None = None) -> SceneChange:
         """Take in the frame that was seen last, and give what it changed.
 
         Args:
             view: The frame, as it was seen.
-            cut: The body that was cut out of it; None where nobody is found yet, or who was is lost: then
-                whoever may be a person is learned late.
-            somebody: Pixels (H, W) of whoever may be a person, if they are known.
-            patient: Learn what was cut out as late as whoever may be a person: not all are found yet.
-            elsewhere: The body may have left; so whoever may be a person is learned late.
+            people: Pixels (H, W) that are a person's, or may be: they are not learned.
         """
-        learned = NOTHING
-        if self._furnished:
-            near = cut.near if cut else None
-            doubtful = np.zeros(view.depth.shape, np.bool_) if cut is None else subject_in(view, cut)
-            if cut is None or elsewhere:
-                doubtful |= somebodys(view, take_apart(view)) if somebody is None else somebody
-            patient = patient or elsewhere
-            known = self._background or nothing_known(*view.depth.shape)
-            was_known = known.depth.ravel() > 0.0
-            learned = learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
-            changed = np.count_nonzero(was_known[learned.pixels])
-            if changed > MOVED * np.count_nonzero(view.depth):
-                known = nothing_known(*view.depth.shape)
-                learn(known, view.depth, view.lens, view.noise.growth, near, doubtful, patient=patient)
-                learned = known.only(np.arange(view.depth.size, dtype=np.uint32))
-                self._void = True
-            self._background = known
-        return self._change(learned)
+        if not self._furnished:
+            return self._change(NOTHING)
+        outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
+        known = self._background or Background.of(np.zeros_like(view.depth))
+        was_known = known.depth.ravel() > 0.0
+        pixels = known.learn(view.depth, view.noise.growth, outside)
+        if np.count_nonzero(was_known[pixels]) > MOVED * np.count_nonzero(view.depth):
+            known = Background.of(np.zeros_like(view.depth))
+            known.learn(view.depth, view.noise.growth, outside)
+            pixels = np.arange(view.depth.size, dtype=np.uint32)
+            self._given = False
+        self._background = known
+        return self._change(known.at(pixels))
 
     def recall(self, change: SceneChange) -> None:
         """Know what was known after the frame that made this change, if all before it were recalled, too."""
         self._seen, self._furnished = change.seen, change.furnished
         self._noise = DepthNoise(change.growth) if change.growth else None
-        self._planes = Planes(change.planes, change.has_floor, self._planes.sky)
-        if self._background is None and change.size != (0, 0):
-            self._background = nothing_known(*change.size)
-        if self._background is not None:
-            self._background.recall(change.learned)
-            self._void = self._void or len(change.learned.pixels) == self._background.depth.size
+        self._planes = Planes(change.planes, change.has_floor, self._sky)
+        if self._background is None or self._background.depth.shape != change.size:
+            self._background, self._given = Background.of(np.zeros(change.size, np.float32)), False
+        if change.size == (0, 0):
+            self._background = None
+            return
+        self._size = change.size
+        self._background.recall(change.learned)
+        self._given = self._given and len(change.learned.pixels) < self._background.depth.size
 
     def all(self) -> SceneChange:
         """The change that leads from nothing, or from the background that was given, to what is known now."""
-        if self._background is None:
-            return self._change(NOTHING)
         known = self._background
-        touched = (known.depth > 0.0) | (known.frames > 0) | self._void
-        return self._change(known.only(np.flatnonzero(touched).astype(np.uint32)))
+        if known is None:
+            return self._change(NOTHING)
+        touched = (known.depth > 0.0) | (known.frames > 0) | (not self._given)
+        return self._change(known.at(np.flatnonzero(touched).astype(np.uint32)))
 
-    def _look(self, depth: NDArray[np.float32], rays: Array) -> None:
-        if len(rays):
-            self._noise = self._noise or fit_noise(depth)
-            if len(self._planes.coefficients):
-                self._planes = follow_planes(self._planes, rays, self._noise)
-            elif self._seen % EVERY == 0 and shows_more_than_a_person(rays):
-                self._planes = find_planes(rays, self._noise, self._planes.sky)
-                filled = float(np.mean(depth > 0.0)) > FILLED
-                self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
-            self._seen += 1
+    def _begin(self, background: Depth | None) -> None:
+        self._seen = 0
+        self._noise = None
+        self._planes = replace(NO_PLANES, sky=self._sky)
+        self._furnished = self._given = background is not None  # given: what is known began with this
+        self._background = None if background is None else Background.of(background)
+        self._size = None if background is None else background.shape
+
+    def _look(self, depth: Depth, rays: Array) -> None:
+        if not len(rays):
+            return
+        self._noise = self._noise or fit_noise(depth)
+        if len(self._planes.coefficients):
+            self._planes = follow_planes(self._planes, rays, self._noise)
+        elif self._seen % PLANES_EVERY_FRAMES == 0 and shows_more_than_a_person(rays):
+            self._planes = find_planes(rays, self._noise, self._sky)
+            filled = float(np.mean(depth > 0.0)) > FILLED
+            self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
+        self._seen += 1
 
     def _change(self, learned: Learned) -> SceneChange:
         return SceneChange(
@@ -153,16 +146,8 @@ class Scene:
         )
 
 
-def subject_in(view: SceneView, cut: Cut) -> NDArray[np.bool_]:
-    """Pixels (H, W) of the subject that was cut out."""
-    found = np.zeros(view.depth.shape, dtype=np.bool_)
-    left, top, right, bottom = cut.window
-    found[top:bottom, left:right] = cut.kinds == SUBJECT
-    return found
-
-
 def shows_more_than_a_person(rays: Array) -> bool:
-    """Whether points (N, 3) of `sample` spread farther than one person can."""
-    z = 1.0 / rays[:, 2]
-    low, high = np.percentile(np.stack([rays[:, 0] * z, rays[:, 1] * z, z]), EXTREMES, axis=1)
-    return bool((high - low).max() > SPAN)
+    """Whether points (N, 3) of `sample_rays` spread farther than one person can."""
+    points = np.column_stack([rays[:, :2], np.ones(len(rays))]) / rays[:, 2:]
+    low, high = np.percentile(points, EXTREMES, axis=0)
+    return bool((high - low).max() > PERSON_SPAN_M)

@@ -22,7 +22,7 @@ from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
-from coordinator.scene.room.planes import Planes
+from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import (
     MISPLACED_FACTOR,
     NO_PERSON_FACTOR,

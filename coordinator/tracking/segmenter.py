@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.camera import Intrinsics
-from common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
+from common.frame import SUBJECT, DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
-from coordinator.scene.cutting import REACH, Cut, cut_mask, cut_out
-from coordinator.scene.extent import share_shown
-from coordinator.scene.nearness import Nearness, surround
-from coordinator.scene.people.candidates import likeliest, somebodys, take_apart
-from coordinator.scene.room.background import AWAY
+from coordinator.scene.candidates import candidates
+from coordinator.scene.distance_field import DistanceField
+from coordinator.scene.room import SceneView
 from coordinator.scene.scene import Scene, SceneChange
 from coordinator.scene.scope import Scope
-from coordinator.scene.sharing import share, within
-from coordinator.scene.view import SceneView
+from coordinator.scene.segmentation import (
+    Segmentation,
+    assign_pixels,
+    explained,
+    segment_body,
+    segment_mask,
+)
 from coordinator.tracking.observing.subject import isolate, subject_of
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-EXPLAINED_M = 0.12  # from a posed body, in which no other person is looked for
-LEAST_SHOWN = 0.2  # share of a posed body that is seen, from which on what is beside it is the room's
-NOWHERE = Nearness(np.zeros(3), np.empty((0, 0, 0), np.uint8))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +89,7 @@ class Segmenter:
             (body,) = bodies
             box = None if body is None else bounding_box(body.model, body.pose)
             subject = isolate(frame, box, self._points)
-            change = self._scene.learn(view, None)
+            change = self._scene.learn(view)
             found = () if body is not None or subject is None else (subject,)
             return Segmented(frame, (None if body is None else subject,), found, view, change)
         return self._segment_room(frame, view, bodies)
@@ -102,10 +100,9 @@ class Segmenter:
         if not view.furnished and len(segmented.subjects) == 1:
             subject = isolate(frame, None, self._points)
             return () if subject is None else (subject,)
-        near = [surround(body.surface) for body in tracked]
-        known = within(view, near, EXPLAINED_M) if near else None
-        found = self._scope.person.choose(view, likeliest(view, take_apart(view, known)))
-        return self._subjects(frame, [cut_mask(view, each.mask, known) for each in found])
+        known = explained(view, [DistanceField.around(body.surface) for body in tracked])
+        found = self._scope.person.choose(view, candidates(view, known))
+        return self._subjects(frame, [segment_mask(view, each.mask, known) for each in found])
 
     def _segment_room(
         self, frame: DepthFrame, view: SceneView, bodies: Sequence[PosedBody | None]
@@ -113,39 +110,39 @@ class Segmenter:
         """Where something else than people is measured, or several people are tracked."""
         placed = [n for n, body in enumerate(bodies) if body is not None]
         surfaces = [body.surface for body in bodies if body is not None]
-        near = [surround(surface) for surface in surfaces]
-        others, candidates, somebody = share(view, surfaces, near), list[Cut](), None
-        missing = len(placed) < len(bodies)
-        if missing:
-            known = within(view, near, EXPLAINED_M) if near else None
-            parts = take_apart(view, known)
-            found = self._scope.person.choose(view, likeliest(view, parts))
-            somebody = somebodys(view, parts)
+        fields = [DistanceField.around(surface) for surface in surfaces]
+        others, strangers = assign_pixels(view, fields), list[Segmentation]()
+        known = explained(view, fields)
+        people = known.copy()
+        if len(placed) < len(bodies):
+            possible = candidates(view, known)
+            found = self._scope.person.choose(view, possible)
             found = found[:1] if len(bodies) == 1 else found
-            candidates = [cut_mask(view, each.mask, known) for each in found]
-            others = [joined([mask, *(each.mask for each in found)]) for mask in others]
-        cuts = {
-            n: cut_out(view, surface, near[place], others[place], REACH)
+            strangers = [segment_mask(view, each.mask, known) for each in found]
+            theirs = np.logical_or.reduce([np.zeros_like(known), *(each.mask for each in found)])
+            others = [theirs if mask is None else mask | theirs for mask in others]
+            people = np.logical_or.reduce([people, *(each.mask for each in possible)])
+        segmented = {
+            n: segment_body(view, surface, fields[place], others[place])
             for place, (n, surface) in enumerate(zip(placed, surfaces, strict=True))
         }
-        gone = any(
-            not shows(view, cut, surface) for cut, surface in zip(cuts.values(), surfaces, strict=True)
-        )
-        everyone = joined_cuts(view, [*cuts.values(), *candidates]) if near else None
-        free = replace(view, depth=np.where(within(view, near, AWAY), np.float32(0.0), view.depth))
-        change = self._scene.learn(free, everyone, somebody, patient=missing, elsewhere=gone)
-        subjects = [self._subjects(frame, [cuts[n]] if n in cuts else []) for n in range(len(bodies))]
+        if not all(np.any(each.labels == SUBJECT) for each in segmented.values()):  # a body is elsewhere
+            people = np.logical_or.reduce([people, *(each.mask for each in candidates(view, known))])
+        change = self._scene.learn(view, people)
+        subjects = [
+            self._subjects(frame, [segmented[n]] if n in segmented else []) for n in range(len(bodies))
+        ]
         return Segmented(
             frame,
             tuple(found[0] if found else None for found in subjects),
-            self._subjects(frame, candidates),
+            self._subjects(frame, strangers),
             view,
             change,
         )
 
-    def _subjects(self, frame: DepthFrame, cuts: Sequence[Cut]) -> tuple[SubjectFrame, ...]:
-        """The people who were cut out of a frame, without those of whom nothing is measured."""
-        found = (subject_of(frame, cut, self._points) for cut in cuts)
+    def _subjects(self, frame: DepthFrame, people: Sequence[Segmentation]) -> tuple[SubjectFrame, ...]:
+        """The people of a frame that was segmented, without those of whom nothing is measured."""
+        found = (subject_of(frame, each, self._points) for each in people)
         return tuple(subject for subject in found if subject is not None)
 
 
@@ -154,26 +151,3 @@ def prepare() -> None:
     camera = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
     wall = np.full((camera.height, camera.width), 4000, dtype=np.uint16)
     Segmenter(1).segment(DepthFrame(0, 0.0, wall, 1000.0, camera), [None])
-
-
-def shows(view: SceneView, cut: Cut, surface: Array) -> bool:
-    """Whether so much of a posed surface (V, 3) is seen that what is beside it is the room's."""
-    left, top, _, _ = cut.window
-    fx, fy, cx, cy = view.lens
-    return share_shown(cut.kinds, (fx, fy, cx - left, cy - top), surface) > LEAST_SHOWN
-
-
-def joined(masks: Sequence[Mask | None]) -> Mask | None:
-    """Pixels that are in any of several masks (H, W); None if there is no mask."""
-    given = [mask for mask in masks if mask is not None]
-    return np.logical_or.reduce(given) if given else None
-
-
-def joined_cuts(view: SceneView, cuts: Sequence[Cut]) -> Cut:
-    """All bodies and people who were cut out, as one."""
-    height, width = view.depth.shape
-    labels = np.full((height, width), UNKNOWN, dtype=np.uint8)
-    for cut in cuts:
-        left, top, right, bottom = cut.window
-        labels[top:bottom, left:right][cut.kinds == SUBJECT] = SUBJECT
-    return Cut((0, 0, width, height), labels, NOWHERE)

@@ -23,7 +23,7 @@ from coordinator.bodies.tracked import Bodies, scaled
 from coordinator.filters.belief import Belief, Proposal
 from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method, pace_iterations
-from coordinator.scene.room.planes import Planes
+from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.detector import Candidates, Detection, Detector

@@ -18,7 +18,7 @@ from coordinator.commands.job import choose_settings
 from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Began, Entry, Record, append_records, read_log, read_records
-from coordinator.scene.room.planes import NONE
+from coordinator.scene.planes import NO_PLANES as NONE
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.observing.subject import isolate

@@ -17,7 +17,7 @@ from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
-from coordinator.scene.room.planes import NONE
+from coordinator.scene.planes import NO_PLANES as NONE
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.detector import Candidates, Detection, Detector, thin
 from coordinator.tracking.gating import Gate

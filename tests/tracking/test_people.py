@@ -9,15 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.frame import SUBJECT
 from common.settings import Settings
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies
-from coordinator.scene.cutting import cut_out
-from coordinator.scene.nearness import surround
+from coordinator.scene.distance_field import DistanceField
 from coordinator.scene.scene import Scene
-from coordinator.scene.sharing import share
+from coordinator.scene.segmentation import assign_pixels, segment_body
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
@@ -43,12 +41,9 @@ def test_people_who_touch_keep_their_own_pixels() -> None:
     masks = [each.mask & (each.frame.metres() <= depth) for each in seen]
     view = Scene().see(replace(seen[0].frame, depth=np.rint(1000.0 * depth).astype(np.uint16)))
     surfaces = [room.surface((x + 0.04, z)) for x, z in STOOD]  # a step behind
-    near = [surround(surface) for surface in surfaces]
-    for place, others in enumerate(share(view, surfaces, near)):
-        cut = cut_out(view, surfaces[place], near[place], others)
-        left, top, right, bottom = cut.window
-        mine = np.zeros(depth.shape, dtype=bool)
-        mine[top:bottom, left:right] = cut.kinds == SUBJECT
+    fields = [DistanceField.around(surface) for surface in surfaces]
+    for place, others in enumerate(assign_pixels(view, fields)):
+        mine = segment_body(view, surfaces[place], fields[place], others).subject(depth.shape)
         assert np.sum(mine & masks[place]) / masks[place].sum() > 0.93
         assert np.sum(mine & masks[1 - place]) / mine.sum() < 0.01
 
@@ -58,7 +53,7 @@ def test_a_person_far_from_all_others_is_cut_out_as_if_alone() -> None:
     room = Room()
     view = Scene().see(room.see(STOOD[0]).frame)
     surfaces = [room.surface(place) for place in (STOOD[0], (1.0, 3.0))]
-    assert share(view, surfaces, [surround(each) for each in surfaces]) == [None, None]
+    assert assign_pixels(view, [DistanceField.around(each) for each in surfaces]) == [None, None]
 
 
 def test_two_people_are_detected_and_tracked() -> None:

@@ -9,8 +9,7 @@ from common.frame import HIDDEN, SUBJECT
 from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.scene.limits import Limits
-from coordinator.scene.scope import Scope
+from coordinator.scene.scope import Limits, Scope
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.segmenter import PosedBody, Segmenter, prepare
 from tests.support.people import CAMERA, STANDING, frame_of

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from common.frame import SUBJECT, DepthFrame, SubjectFrame
-from coordinator.scene.cutting import Cut
+from coordinator.scene.segmentation import Segmentation
 
 Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]
@@ -51,10 +51,10 @@ def isolate(frame: DepthFrame, around: Array | None, points: int) -> SubjectFram
     )
 
 
-def subject_of(frame: DepthFrame, cut: Cut, points: int) -> SubjectFrame | None:
-    """The crop of a frame from which this was cut out, with its pixels' kinds; None without a subject."""
-    left, top, right, bottom = cut.window
-    mine = cut.kinds == SUBJECT
+def subject_of(frame: DepthFrame, segmentation: Segmentation, points: int) -> SubjectFrame | None:
+    """The crop of a frame that was segmented, with its pixels' labels; None without a subject."""
+    left, top, right, bottom = segmentation.window
+    mine = segmentation.labels == SUBJECT
     if not mine.any():
         return None
     camera = frame.intrinsics
@@ -69,8 +69,7 @@ def subject_of(frame: DepthFrame, cut: Cut, points: int) -> SubjectFrame | None:
         ),
         picked=pick(depth, points),
         view=(-left, -top, camera.width - left, camera.height - top),
-        kinds=cut.kinds,
-        emptiness=cut.emptiness,
+        kinds=segmentation.labels,
     )
 
 

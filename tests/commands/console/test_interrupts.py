@@ -19,7 +19,7 @@ from coordinator.cli import main
 from coordinator.commands.console import INTERRUPTS, ended_at_once, noted_interrupts
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
-from coordinator.scene.ransac import held_interrupts
+from coordinator.scene.geometry import held_interrupts
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start
 from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures

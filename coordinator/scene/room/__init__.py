@@ -1,1 +1,0 @@
-"""What stands still before the camera: floor, walls, background and furniture."""
