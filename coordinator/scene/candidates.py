@@ -7,7 +7,7 @@ area, and not flat as furniture is.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ AREA_M2 = (0.1, 1.6)  # that are seen of a person
 USUAL_HEIGHT_M, HEIGHT_SPREAD = 1.0, 0.3  # of a person above which is usual, and of its logarithm below
 USUALLY_FLAT, FLAT = 0.6, 0.8  # greatest share of a person in one plane, and what is furniture
 ASIDE = 0.5  # tangent of the angle from the middle of the picture to where people stand less often
+LEAST_PART_M2, SAME_SPOT_M = 0.008, 0.35  # of what else may be a part of a person, hidden in between
 SPREAD_M = 0.005  # off a plane, the noise aside
 EXTREMES = (1.0, 99.0)  # per cent of the points, between which an extent is taken
 SAMPLED = 800  # points that extents and planes are taken from
@@ -84,7 +85,28 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     large = np.flatnonzero((areas >= AREA_M2[0]) & (areas <= AREA_M2[1]))
     windows = find_objects(labels)
     found = [judge(view, labels == n, windows[n - 1], float(areas[n])) for n in large.tolist() if n > 0]
-    return sorted((each for each in found if each is not None), key=lambda each: -each.score)
+    best = sorted((each for each in found if each is not None), key=lambda each: -each.score)
+    small = [n for n in np.flatnonzero(areas >= LEAST_PART_M2).tolist() if n > 0]
+    return [join_hidden(view, each, [labels == n for n in small]) for each in best]
+
+
+def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Mask]) -> Candidate:
+    """The candidate with the parts (H, W) that stand on the same spot, where something nearer is between."""
+    turn, mask = directions(view.up).T, person.mask
+    for part in parts:
+        if (part & mask).any():
+            continue
+        points = back_project(view.depth, view.camera)[part]
+        mine, other = (np.median(each @ turn, axis=0) for each in (person.points, points))
+        tall = np.ptp(np.concatenate([person.points, points]) @ turn[:, 1])
+        if np.linalg.norm((mine - other)[[0, 2]]) < SAME_SPOT_M and tall < LENGTH_M[1]:
+            ends = [np.argwhere(each).mean(axis=0) for each in (mask, part)]
+            rows, columns = np.linspace(ends[0], ends[1], 64).round().astype(int).T
+            between = view.depth[rows, columns][~(mask | part)[rows, columns]]
+            nearest = min(float(np.percentile(each[:, 2], 5.0)) for each in (person.points, points))
+            if np.any((between > 0.0) & (between < nearest)):
+                mask = mask | part
+    return replace(person, mask=mask, points=back_project(view.depth, view.camera)[mask])
 
 
 def judge(view: SceneView, mask: Mask, window: tuple[slice, slice], area: float) -> Candidate | None:
