@@ -122,7 +122,7 @@ def without(name: str) -> Damage:
         ),
         (with_camera(width=9), "is 8x6, but camera_intrinsic.json says 9x6"),
         (with_camera(intrinsic_matrix=[float("nan"), 0, 0, 0, 10, 0, 4, 3, 1]), "NaN is not a number"),
-        (with_camera(intrinsic_matrix=[10, 0, 4, 0, 10, 3, 0, 0, 1]), "write it column by column"),
+        (with_camera(intrinsic_matrix=[10, 0, 4, 0, 10, 3, 0, 0, 1]), "read column by column"),
         (with_camera(depth_scale=0), "depth_scale"),
         (with_file("camera_intrinsic.json", "{"), "camera_intrinsic.json"),
         (
