@@ -39,7 +39,9 @@ def merge_by_covariance(
     rim = MERGE_VARIANCES * poses.shape[1]
 
     def is_near(n: int, steps: Array) -> NDArray[np.bool_]:
-        near: NDArray[np.bool_] = np.sum(solve_triangular(roots[n], steps.T, lower=True) ** 2, axis=0) < rim
+        with np.errstate(over="ignore"):  # far beyond the rim
+            squares = np.sum(solve_triangular(roots[n], steps.T, lower=True) ** 2, axis=0)
+        near: NDArray[np.bool_] = squares < rim
         return near
 
     return merge(model, poses, log_likelihood, is_near)

@@ -154,7 +154,8 @@ class Detector:
         )
         model = self._bodies.for_start(*size)
         start = detected_start(model, found.poses[0], size, self._bodies, noise)
-        candidates = self._refine_tracked(start, found.poses, settings)
+        settled = iterations(settings, FULL.iterations)
+        candidates = self._refine_tracked(start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
             gate = gate.against(is_no_person(observed_points(subject), size[0]), NO_PERSON_FACTOR)
@@ -183,7 +184,8 @@ class Detector:
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
         _, found = self._search(subject, settings, KNOWN_SIZE, size, ways, known)
-        candidates = self._refine_tracked(start, found.poses, rules)
+        settled = iterations(rules, KNOWN_SIZE.iterations)
+        candidates = self._refine_tracked(start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(start, candidates, gate)
 
