@@ -18,9 +18,9 @@ DOWN = 0.7  # radians by which the neck is bent in the end
 
 @pytest.mark.parametrize("turned", [0.0, np.pi])
 def test_a_head_goes_down_with_the_neck(turned: float) -> None:
-    """Seen from the front and from behind, within 4 cm; without the neck's joint more than 5 cm off."""
+    """Within 4 cm, from the front and from behind; without the neck's joint more than 5 cm off."""
     model = human(1.75)
-    bends = np.linspace(0.0, DOWN, 8)
+    bends = np.append(np.linspace(0.0, DOWN, 8), np.full(4, DOWN))
     poses = np.array([name_pose(model, {**STANDING, "root_ry": turned, "vc7_tilt": bend}) for bend in bends])
     with DepthRenderer(CAMERA) as renderer:
         pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
@@ -31,7 +31,7 @@ def test_a_head_goes_down_with_the_neck(turned: float) -> None:
     bent, straight = [[one.track(frame) for frame in frames][-1] for one in (following, stiff)]
     head = following.model.joint_names.index("head")
     assert np.linalg.norm(bent.joint_positions[head] - truth) < 0.04
-    assert bent.pose[following.model.dof("vc7_tilt")] == pytest.approx(DOWN, abs=0.3)
+    assert 0.5 * DOWN < bent.pose[following.model.dof("vc7_tilt")] < 1.2 * DOWN
     assert np.linalg.norm(straight.joint_positions[head] - truth) > 0.05
 
 
