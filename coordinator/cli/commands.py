@@ -14,7 +14,6 @@ from coordinator.commands.options import (
     CertificateOptions,
     ExportOptions,
     Force,
-    InitOptions,
     Model,
     PicturesOptions,
     PublishOptions,
@@ -95,17 +94,6 @@ def track(context: typer.Context, options: TrackOptions) -> None:
 
 @app.command(rich_help_panel=SEQUENCES)
 @grouped
-def init(context: typer.Context, options: InitOptions) -> None:
-    """Write a start file from joint values, drawn over the first frame and refined on it."""
-    show = on_stderr(quiet=options.quiet)
-    with loading(show, f"placing {options.model} in {options.sequence}; loading"):
-        from coordinator.commands.init import run_init
-
-    run_init(options, show, connect_of(context))
-
-
-@app.command(rich_help_panel=SEQUENCES)
-@grouped
 def info(
     sequence: Recording,
     camera: CameraOptions,
@@ -150,7 +138,7 @@ app.add_typer(model_app, name="model", rich_help_panel=SEQUENCES)
 
 @model_app.callback(invoke_without_command=True)
 def help_with_models(context: typer.Context) -> None:
-    """Draw a body, name what moves it, or write it as URDF."""
+    """Draw a body, or list its degrees of freedom."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -183,23 +171,6 @@ def dofs(model: Model = "human") -> None:
 
         names = load_body(choose_model(model)).dof_names
     sys.stdout.write("".join(f"{name}\n" for name in names))
-
-
-@model_app.command("export")
-def export_model(
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.urdf", help="File to write, meshes beside it.")],
-    model: Model = "human",
-    *,
-    force: Force = False,
-) -> None:
-    """Write a body as URDF, with a mesh for every link."""
-    from coordinator.files import require_new
-
-    require_new(out, force=force)
-    from coordinator.bodies.choice import choose_model, load_body
-    from coordinator.bodies.urdf_writing import write_urdf
-
-    write_urdf(load_body(choose_model(model)), out)
 
 
 @app.command(rich_help_panel=HOSTS)

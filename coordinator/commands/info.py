@@ -39,7 +39,7 @@ class Pictures:
 
 
 def run_info(sequence: Path, given: CameraOptions, pictures: Pictures, *, as_json: bool) -> None:
-    """Print facts about a sequence and its scene, and draw frames of it: into files, and on a terminal.
+    """Print facts about a sequence and its scene, and draw frames of it into files.
 
     What the recording says of itself is printed at once; to look at the scene takes longer.
     """
@@ -55,8 +55,6 @@ def run_info(sequence: Path, given: CameraOptions, pictures: Pictures, *, as_jso
         sys.stdout.write(msgspec.json.encode(facts | scene).decode() + "\n")
         return
     print_facts(scene)
-    if sys.stdout.isatty():
-        draw_in_terminal(thumbnail(middle))
 
 
 def describe_room(source: Source, picture: Path | None) -> dict[str, object]:
@@ -158,16 +156,6 @@ def save(picture: Image.Image, path: Path) -> None:
         picture.save(path, "PNG")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}; choose another file") from error
-
-
-def draw_in_terminal(picture: Image.Image) -> None:
-    """Draw a picture in characters."""
-    from rich.console import Console
-
-    from coordinator.pictures.shading import in_blocks
-
-    console = Console()
-    console.print(in_blocks(picture, console.width))
 
 
 def describe(form: Format, source: Source) -> tuple[dict[str, object], DepthFrame]:

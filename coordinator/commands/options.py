@@ -60,38 +60,6 @@ class SecurityOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class InitOptions:
-    """All options of `gepf init`."""
-
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="human, a URDF file, or measures.")]
-    sequence: Recording
-    out: Annotated[Path, typer.Option(metavar="FILE.json", help="Start file to write, for track --init.")]
-    values: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Degrees, of what slides metres; again for more."),
-    ] = None
-    init: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Values to begin with, radians and metres.")
-    ] = None
-    dof: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="What is refined; joints: all but the base.")
-    ] = None
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="The frame is the first of these (default: of all).")
-    ] = None
-    refine: Annotated[bool, typer.Option(help="Descend on the frame, or leave the values as given.")] = True
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Picture to draw (default: beside FILE.json).")
-    ] = None
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Lanes of the local worker (default: one per core).")
-    ] = None
-    camera: CameraOptions = RECORDED_CAMERA
-    quiet: Quiet = False
-
-
-@dataclass(frozen=True, slots=True)
 class PublishOptions:
     """All options of `gepf publish` but those of security."""
 

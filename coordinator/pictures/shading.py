@@ -1,13 +1,9 @@
-"""Depth images to look at: lit over the viewer's left shoulder, near things brighter; in a terminal, too."""
+"""Depth images to look at: lit over the viewer's left shoulder, near things brighter."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
-from rich.color import Color
-from rich.style import Style
-from rich.text import Text
 from scipy.ndimage import gaussian_filter
 
 from common.camera import Intrinsics
@@ -73,21 +69,3 @@ def contours(depth_m: Pixels, jump_m: float) -> NDArray[np.bool_]:
     edge[:-1] |= there[1:] > there[:-1] + jump_m
     edge[1:] |= there[:-1] > there[1:] + jump_m
     return edge
-
-
-COLUMNS, LINES = 60, 24  # at the most
-
-
-def in_blocks(picture: Image.Image, columns: int = COLUMNS) -> Text:
-    """An RGB picture for a terminal, made smaller to fit: half blocks, two pixels a character."""
-    small = picture.copy()
-    small.thumbnail((min(columns, COLUMNS), 2 * LINES))
-    pixels = np.asarray(small)[: small.height // 2 * 2].tolist()
-    lines = []
-    for upper, lower in zip(pixels[::2], pixels[1::2], strict=True):
-        styles = [
-            Style(color=Color.from_rgb(*up), bgcolor=Color.from_rgb(*low))
-            for up, low in zip(upper, lower, strict=True)
-        ]
-        lines.append(Text.assemble(*(("\u2580", style) for style in styles)))
-    return Text("\n").join(lines)

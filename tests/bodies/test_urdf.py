@@ -1,4 +1,4 @@
-"""Bodies from URDF files: their kinematics, their surface, what is refused, and the way back."""
+"""Bodies from URDF files: their kinematics, their surface, and what is refused."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
-from common.kinematics import joint_positions, link_transforms, pose_vertices
-from coordinator.bodies.human.template import human
+from common.kinematics import joint_positions, link_transforms
 from coordinator.bodies.urdf import REST_FROM_URDF, read_urdf
-from coordinator.bodies.urdf_writing import write_urdf
 from tests.support.refusals import refused
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -128,31 +126,6 @@ def test_a_thin_plate_keeps_both_sides(tmp_path: Path) -> None:
     model = read_urdf(path)
     up, down = model.vertices[:, 1] < 0.0, model.vertices[:, 1] > 0.0
     assert min(up.sum(), down.sum()) > 1000
-
-
-@pytest.mark.parametrize("name", ["arm", "crane", "human"])
-def test_a_body_survives_the_way_through_a_file(name: str, crane: Path, tmp_path: Path) -> None:
-    """Written and read again, it has the same joints, limits, named joints and surface to a micrometre."""
-    model = human() if name == "human" else read_urdf(ARM if name == "arm" else crane)
-    write_urdf(model, tmp_path / "body.urdf")
-    again = read_urdf(tmp_path / "body.urdf")
-    assert set(again.dof_names) == set(model.dof_names)
-    assert set(again.joint_names) >= set(model.joint_names)
-    order = [again.dof_names.index(n) for n in model.dof_names]
-    joints = [again.joint_names.index(n) for n in model.joint_names]
-    np.testing.assert_allclose(again.limits[order][6:], model.limits[6:], atol=1e-12)
-    poses = random_poses(model)
-    theirs = np.zeros_like(poses)
-    theirs[:, order] = poses
-    np.testing.assert_allclose(
-        joint_positions(again, theirs)[:, joints], joint_positions(model, poses), atol=1e-6
-    )
-    where = poses if name != "human" else np.zeros_like(poses[:1])  # blended skin has no place in a URDF
-    for mine, other in zip(pose_vertices(model, where), pose_vertices(again, theirs), strict=False):
-        if name == "human":
-            other = pose_vertices(again, np.zeros((1, len(again.dof_names))))[0]  # noqa: PLW2901
-        assert cKDTree(mine).query(other)[0].max() < 1e-6
-        assert cKDTree(other).query(mine)[0].max() < 1e-6
 
 
 def robot(joint: str = "", link: str = "", extra: str = "") -> str:

@@ -83,14 +83,13 @@ def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
     assert [len(read_track(tmp_path / "runs" / name).frame) for name in NAMES[:2]] == [4, 4]
 
 
-@pytest.mark.parametrize(("command", "name"), [("show", "body.png"), ("export", "body.urdf")])
-def test_a_drawn_or_written_body_replaces_nothing_unless_told(
-    tmp_path: Path, command: str, name: str, capsys: pytest.CaptureFixture[str]
+def test_a_drawn_body_replaces_nothing_unless_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`gepf model show` and `export`: exit code 2, the file untouched; --force replaces it."""
-    out = tmp_path / name
+    """`gepf model show`: exit code 2, the file untouched; --force replaces it."""
+    out = tmp_path / "body.png"
     out.write_text("mine")
-    line = ["model", command, str(ROOT / "examples" / "arm7.urdf"), "--out", str(out)]
+    line = ["model", "show", str(ROOT / "examples" / "arm7.urdf"), "--out", str(out)]
     assert main(line) == 2
     said = capsys.readouterr().err
     assert said == f"gepf: {out} is there already; replace it with --force, or choose another name\n"
