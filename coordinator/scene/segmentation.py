@@ -26,6 +26,7 @@ TOUCHING_M = 0.04  # between the posed surface and the room, where the two canno
 THICKNESS_M = 0.25  # of a person behind what is seen
 CLOSEST_M = 0.1  # to the camera's plane
 EXPLAINED_M = 0.12  # from the posed surface to what is surely no other person's, and no room's
+PRESENT_SHARE = 0.35  # of the posed surface in the frame on the subject's pixels: with less it may have left
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,6 +115,18 @@ def window_of(view: SceneView, surface: Array) -> Window:
     left, right = np.clip([(u - across).min(), (u + across).max() + 2.0], 0.0, width).astype(int).tolist()
     top, bottom = np.clip([(v - along).min(), (v + along).max() + 2.0], 0.0, height).astype(int).tolist()
     return left, top, right, bottom
+
+
+def is_present(view: SceneView, surface: Array, segmentation: Segmentation) -> bool:
+    """Whether enough of the points (V, 3) of a posed body fall on pixels that show it."""
+    fx, fy, cx, cy = view.lens
+    left, top, _, _ = segmentation.window
+    x, y, z = surface[surface[:, 2] > CLOSEST_M].T
+    u, v = np.rint(cx + fx * x / z).astype(int) - left, np.rint(cy + fy * y / z).astype(int) - top
+    rows, columns = segmentation.labels.shape
+    inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
+    shown = segmentation.labels[v[inside], u[inside]] == SUBJECT
+    return bool(np.count_nonzero(shown) > PRESENT_SHARE * len(shown))
 
 
 def assign_pixels(view: SceneView, fields: Sequence[DistanceField]) -> list[Mask | None]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.camera import Intrinsics
-from common.frame import SUBJECT, DepthFrame, SubjectFrame
+from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import bounding_box, pose_vertices
 from coordinator.scene.candidates import candidates
 from coordinator.scene.distance_field import DistanceField
@@ -21,6 +21,7 @@ from coordinator.scene.segmentation import (
     Segmentation,
     assign_pixels,
     explained,
+    is_present,
     segment_body,
     segment_mask,
 )
@@ -126,7 +127,8 @@ class Segmenter:
             n: segment_body(view, surface, fields[place], others[place])
             for place, (n, surface) in enumerate(zip(placed, surfaces, strict=True))
         }
-        if not all(np.any(each.labels == SUBJECT) for each in segmented.values()):  # a body is elsewhere
+        present = (is_present(view, each, segmented[n]) for n, each in zip(placed, surfaces, strict=True))
+        if not all(present):  # a body may be elsewhere: wherever it is, it is not learned as the room
             people = np.logical_or.reduce([people, *(each.mask for each in candidates(view, known))])
         change = self._scene.learn(view, people)
         subjects = [
