@@ -47,7 +47,6 @@ FIRST_ITERATIONS, FIRST_POINTS = 3, 1_000  # of the first stage
 MATCHED_POINTS = 4_000  # at most, which are compared with the library
 DISTINCT_M = 0.05  # in the mean joint: what is nearer is the same candidate
 ELSEWHERE_M = 0.2  # of a joint, between poses that are told apart
-EQUAL_LOG_LIKELIHOOD = 1.0  # difference up to which candidates explain a frame as well as each other
 FACING_LOG_LIKELIHOOD = 2.0  # by which a person facing one way explains it better than facing the other
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch below which an image has no upright
 
@@ -164,7 +163,7 @@ class Detector:
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]
                 misplaced = is_misplaced(float(trunk @ planes.up), float(planes.above(joints).min()))
                 gate = gate.against(misplaced, MISPLACED_FACTOR)
-        return Detection(start, candidates, gate.against(describe_rivals(candidates), 1.0))
+        return Detection(start, candidates, gate)
 
     def redetect(
         self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
@@ -327,14 +326,6 @@ def observed_points(subject: SubjectFrame) -> Array:
     depth = subject.frame.metres()
     points: Array = back_project(depth, subject.frame.intrinsics)[depth > 0]
     return points
-
-
-def describe_rivals(candidates: Candidates) -> str:
-    """In words, whether other poses explain the frame as well as the first; empty where none does."""
-    close = candidates.log_likelihood > candidates.log_likelihood[0] - EQUAL_LOG_LIKELIHOOD
-    apart = np.linalg.norm(candidates.joints - candidates.joints[0], axis=-1).max(axis=-1)
-    count = int(np.sum(close & (apart > ELSEWHERE_M)))
-    return f"{count + 1} poses look alike; the likeliest was taken" if count else ""
 
 
 def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:
