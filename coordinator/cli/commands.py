@@ -47,9 +47,9 @@ def on_stderr(*, quiet: bool = False) -> Show:
     """Progress for people, unless they want none."""
     from rich.console import Console
 
-    from coordinator.commands.progress import show_on
+    from coordinator.commands.progress import Show
 
-    return show_on(Console(stderr=True, quiet=quiet))
+    return Show(Console(stderr=True, quiet=quiet))
 
 
 def connect_of(context: typer.Context) -> Connect:

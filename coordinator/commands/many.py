@@ -6,6 +6,7 @@ Each run has a process of its own, forked from one that has loaded all libraries
 from __future__ import annotations
 
 import logging
+import math
 import multiprocessing
 import os
 import signal
@@ -36,7 +37,7 @@ from coordinator.commands.console import (
 )
 from coordinator.commands.evaluate import own_truth_file
 from coordinator.commands.job import Job, at_least, is_list
-from coordinator.commands.progress import Advance, Show
+from coordinator.commands.progress import Advance, FrameMeter, Show
 from coordinator.commands.track import track
 from coordinator.commands.track_options import TrackOptions
 from coordinator.commands.workers import connect_workers
@@ -280,7 +281,7 @@ class DistantShow(Show):
     """Lines that another process shows."""
 
     def __init__(self, pipe: Connection) -> None:
-        super().__init__(Console(quiet=True))
+        super().__init__(Console(quiet=True), quiet_seconds=math.inf)
         self._pipe = pipe
 
     def say(self, text: str) -> None:
@@ -289,6 +290,10 @@ class DistantShow(Show):
             self._pipe.send(text)
 
     warn = say
+
+    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
+        """A meter that shows nothing."""
+        return FrameMeter(total, done)
 
 
 def track_one(job: Job, pipe: Connection) -> None:

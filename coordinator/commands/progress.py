@@ -24,10 +24,13 @@ Advance = Callable[[int, int], None]
 
 
 class Show:
-    """Reports a run's progress as lines on a console; this one shows neither steps nor frames."""
+    """Reports a run's progress on a console: as bars on a terminal, elsewhere as lines, for logs.
 
-    def __init__(self, console: Console) -> None:
-        self.console = console
+    Lines of progress are at least `quiet_seconds` apart.
+    """
+
+    def __init__(self, console: Console, quiet_seconds: float = QUIET_S) -> None:
+        self.console, self.quiet_seconds = console, quiet_seconds
 
     def say(self, text: str) -> None:
         """One line, above a bar if there is one."""
@@ -39,29 +42,50 @@ class Show:
 
     @contextmanager
     def steps(self, text: str) -> Iterator[Advance]:
-        """A count of something that takes a while."""
-        del text
-        yield lambda *_: None
+        """A count of something that takes a while; a bar goes away at the end."""
+        last = time.monotonic()
+        with make_bar(self.console, transient=True) as bar:
+            task = bar.add_task(text, total=None)
+
+            def advance(done: int, total: int) -> None:
+                nonlocal last
+                INTERRUPTS.check()
+                bar.update(task, completed=done, total=total)
+                if not self.console.is_terminal and time.monotonic() - last > self.quiet_seconds:
+                    last = time.monotonic()
+                    self.say(f"{text}: {done} of {total}")
+
+            yield advance
 
     def frames(self, total: int | None, done: int = 0) -> FrameMeter:
         """A meter for the frames of a run, None if their number is unknown; a context manager.
 
         Some of them may be done before.
         """
-        return FrameMeter(total, done)
+        return FrameMeter(total, done, self)
 
 
 class FrameMeter:
-    """Frame rate, hypotheses, residual and status, frame by frame; subclasses show them."""
+    """Frame rate, hypotheses, residual and status, frame by frame; silent without a `show`."""
 
-    def __init__(self, total: int | None, done: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        total: int | None,
+        done: int = 0,
+        show: Show | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.total = total
         self.done = self._before = done
         self._clock = clock
         self._began = self._first = self._last = clock()
+        self._show, self._text, self._shown = show, "", time.monotonic()
+        self._bar = make_bar(show.console if show else Console(quiet=True), transient=False)
+        self._task = self._bar.add_task("starting", total=total, completed=done)
 
     def __enter__(self) -> Self:
         self._began = self._clock()
+        self._bar.start()
         return self
 
     def __exit__(
@@ -92,10 +116,23 @@ class FrameMeter:
         self.show(describe(estimate, rate) + note)
 
     def show(self, text: str) -> None:
-        """Make the state known."""
+        """Move the bar, or write a line if there was none for a while."""
+        self._bar.update(self._task, completed=self.done, description=text)
+        of_total = "" if self.total is None else f" of {self.total}"
+        self._text = f"frame {self.done}{of_total}: {text}"
+        if self._show is not None and time.monotonic() - self._shown > self._show.quiet_seconds:
+            self._write(self._show)
 
     def close(self) -> None:
-        """No more frames."""
+        """Leave the bar as it stands; write the last state, unless it was written."""
+        self._bar.stop()
+        if self._show is not None:
+            self._write(self._show)
+
+    def _write(self, show: Show) -> None:
+        if self._text and not show.console.is_terminal:
+            show.say(self._text)
+        self._text, self._shown = "", time.monotonic()
 
 
 def describe(estimate: Estimate, rate: float | None) -> str:
@@ -122,100 +159,13 @@ def describe_waiting(estimate: Estimate) -> str:
     return f"looking for the person{f': {estimate.why}' if estimate.why else ''}"
 
 
-class TerminalShow(Show):
-    """Bars that move."""
-
-    @contextmanager
-    def steps(self, text: str) -> Iterator[Advance]:
-        """A bar that goes away at the end."""
-        with make_bar(self.console, transient=True) as bar:
-            task = bar.add_task(text, total=None)
-
-            def advance(done: int, total: int) -> None:
-                INTERRUPTS.check()
-                bar.update(task, completed=done, total=total)
-
-            yield advance
-
-    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
-        """A bar with the run's state."""
-        return TerminalMeter(total, done, self.console)
-
-
-class PlainShow(Show):
-    """A line now and then, for logs: every `quiet_seconds` at the most."""
-
-    def __init__(self, console: Console, quiet_seconds: float = QUIET_S) -> None:
-        super().__init__(console)
-        self.quiet_seconds = quiet_seconds
-
-    @contextmanager
-    def steps(self, text: str) -> Iterator[Advance]:
-        """A line every few seconds."""
-        last = time.monotonic()
-
-        def advance(done: int, total: int) -> None:
-            nonlocal last
-            INTERRUPTS.check()
-            if time.monotonic() - last > self.quiet_seconds:
-                last = time.monotonic()
-                self.say(f"{text}: {done} of {total}")
-
-        yield advance
-
-    def frames(self, total: int | None, done: int = 0) -> FrameMeter:
-        """Lines with the run's state."""
-        return PlainMeter(total, done, self)
-
-
-class TerminalMeter(FrameMeter):
-    """Moves a bar."""
-
-    def __init__(self, total: int | None, done: int, console: Console) -> None:
-        super().__init__(total, done)
-        self._bar = make_bar(console, transient=False)
-        self._task = self._bar.add_task("starting", total=total, completed=done)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return super().__enter__()
-
-    def show(self, text: str) -> None:
-        """Move the bar."""
-        self._bar.update(self._task, completed=self.done, description=text)
-
-    def close(self) -> None:
-        """Leave the bar as it stands."""
-        self._bar.stop()
-
-
-class PlainMeter(FrameMeter):
-    """Writes a line now and then."""
-
-    def __init__(self, total: int | None, done: int, show: PlainShow) -> None:
-        super().__init__(total, done)
-        self._show, self._text, self._said = show, "", time.monotonic()
-
-    def show(self, text: str) -> None:
-        """Write a line if there was none for a while."""
-        of_total = "" if self.total is None else f" of {self.total}"
-        self._text = f"frame {self.done}{of_total}: {text}"
-        if time.monotonic() - self._said > self._show.quiet_seconds:
-            self.close()
-
-    def close(self) -> None:
-        """Write the last state, unless it was written."""
-        if self._text:
-            self._show.say(self._text)
-        self._text, self._said = "", time.monotonic()
-
-
-def show_on(console: Console) -> Show:
-    """Bars on a terminal, lines elsewhere."""
-    return TerminalShow(console) if console.is_terminal else PlainShow(console)
-
-
 def make_bar(console: Console, *, transient: bool) -> Progress:
-    """A bar with counts, a text, and the time that is left."""
+    """A bar with counts, a text, and the time that is left; shown on a terminal only."""
     columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("{task.description}"))
-    return Progress(*columns, TimeRemainingColumn(), console=console, transient=transient)
+    return Progress(
+        *columns,
+        TimeRemainingColumn(),
+        console=console,
+        transient=transient,
+        disable=console.quiet or not console.is_terminal,
+    )

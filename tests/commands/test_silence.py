@@ -15,7 +15,7 @@ from common.errors import SilentWorkers
 from common.protocol import keys
 from common.transport.opening import open_router, open_worker
 from coordinator.commands.job import Job, choose_settings
-from coordinator.commands.progress import Show, show_on
+from coordinator.commands.progress import Show
 from coordinator.commands.track import RECONNECTIONS, track
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
@@ -56,7 +56,7 @@ def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, tmp_path: Pa
         opened.append(1)
         return connect_workers(pool, show) if len(opened) > 1 else FallsSilent(pool, show, 3)
 
-    show = show_on(Console(file=written, width=300))
+    show = Show(Console(file=written, width=300))
     track(job(sequence, tmp_path / "broken"), show, connect)
     track(job(sequence, tmp_path / "calm"), show, connect_workers)
     broken, calm = (tmp_path / name / "track.npz" for name in ("broken", "calm"))
@@ -75,7 +75,7 @@ def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: P
         return FallsSilent(pool, show, 3 if len(opened) == 1 else 0)
 
     with pytest.raises(SilentWorkers):
-        track(job(sequence, tmp_path / "out"), show_on(Console(file=io.StringIO())), connect)
+        track(job(sequence, tmp_path / "out"), Show(Console(file=io.StringIO())), connect)
     assert len(opened) == RECONNECTIONS + 1
     assert len(read_track(tmp_path / "out").frame) > 0
 
@@ -92,7 +92,7 @@ def test_who_listens_hears_one_end(sequence: Path, endpoint: str, tmp_path: Path
     published = replace(job(sequence, tmp_path / "out"), results="robot/person", pool=pool)
     with open_router([endpoint]), open_worker([endpoint]) as bus:
         bus.subscribe("robot/person", lambda payload: heard.append(msgspec.msgpack.decode(payload)["kind"]))
-        track(published, show_on(Console(file=io.StringIO())), connect)
+        track(published, Show(Console(file=io.StringIO())), connect)
         wait_until(lambda: END in heard)
     assert len(opened) == 2
     assert heard.count(KIND) > 0

@@ -18,7 +18,7 @@ from common.errors import InputError
 from coordinator.cli import main
 from coordinator.commands.job import Job, choose_settings, is_several
 from coordinator.commands.many import choose_entries, gravest, track_many
-from coordinator.commands.progress import show_on
+from coordinator.commands.progress import Show
 from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.options import Pool
@@ -92,7 +92,7 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     (recordings[-1] / "depth" / "000000.png").write_bytes(b"no picture")
     jobs = [small_job(each, tmp_path / "runs" / each.name, seed) for seed, each in enumerate(recordings)]
     written = io.StringIO()
-    show = show_on(Console(file=written, width=300))
+    show = Show(Console(file=written, width=300))
     assert track_many(jobs, None, show) == 2
     lines = written.getvalue().splitlines()
     table = lines[[line.startswith("recording  ") for line in lines].index(True) :]

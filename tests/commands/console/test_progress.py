@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from coordinator.commands.progress import FrameMeter, PlainShow, counted, describe, show_on
+from coordinator.commands.progress import FrameMeter, Show, counted, describe
 from coordinator.tracking.estimate import Estimate
 
 
@@ -39,7 +39,7 @@ def test_the_rate_does_not_count_what_comes_before_the_first_frame() -> None:
 def test_a_terminal_shows_a_bar_and_lines_above_it() -> None:
     """The bar ends with the last state; what is said in between is not lost."""
     screen = io.StringIO()
-    show = show_on(Console(file=screen, force_terminal=True, width=120))
+    show = Show(Console(file=screen, force_terminal=True, width=120))
     with show.frames(2) as meter:
         show.say("worker [a] joined")
         meter.advance(estimate())
@@ -52,7 +52,7 @@ def test_a_terminal_shows_a_bar_and_lines_above_it() -> None:
 def test_a_log_gets_lines_now_and_then_and_the_last_state() -> None:
     """No control characters; one line for frames that come fast, one more for each few seconds."""
     log = io.StringIO()
-    show = show_on(Console(file=log, force_terminal=False, width=40))
+    show = Show(Console(file=log, force_terminal=False, width=40))
     with show.frames(9) as meter, show.steps("counting") as advance:
         for done in range(1, 10):
             meter.advance(estimate())
@@ -60,7 +60,7 @@ def test_a_log_gets_lines_now_and_then_and_the_last_state() -> None:
     lines = log.getvalue().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("frame 9 of 9: ")
-    show = PlainShow(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
+    show = Show(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
     with show.frames(2) as meter, show.steps("counting") as advance:
         meter.advance(estimate())
         advance(1, 2)
@@ -76,7 +76,7 @@ def test_a_log_gets_lines_now_and_then_and_the_last_state() -> None:
 def test_of_the_first_frame_alone_no_rate_is_told() -> None:
     """It took as long as workers needed to start."""
     log = io.StringIO()
-    show = PlainShow(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
+    show = Show(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
     with show.frames(2) as meter:
         meter.advance(estimate())
         meter.advance(estimate())

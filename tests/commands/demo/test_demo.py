@@ -25,7 +25,7 @@ from coordinator.commands.demo import (
     tabulate,
     tabulate_angles,
 )
-from coordinator.commands.progress import Show, show_on
+from coordinator.commands.progress import Show
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import Errors
@@ -72,7 +72,7 @@ def errors(angle_deg: float, best_deg: float, frames: int = 100) -> Errors:
 def test_the_demo_leaves_a_sequence_runs_and_pictures_and_makes_room_for_the_next(tmp_path: Path) -> None:
     """Both methods are tracked and drawn, the table has the four angles, and another demo can follow."""
     out, screen = tmp_path / "demo", io.StringIO()
-    demo_arm(out, show_on(Console(file=screen, width=150)), Pool(2), connect, frames=FRAMES)
+    demo_arm(out, Show(Console(file=screen, width=150)), Pool(2), connect, frames=FRAMES)
     assert {p.name for p in out.iterdir()} == {"sequence", "gradient", "gepf"}
     assert len(list((out / "sequence" / "depth").iterdir())) == FRAMES
     for method in ("gradient", "gepf"):
@@ -108,7 +108,7 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
 def test_people_are_tracked_in_both_ways_and_compared(tmp_path: Path) -> None:
     """Real processes over one pool: a run of each person and way, pictures of the first person's."""
     out, screen = tmp_path / "demo", io.StringIO()
-    demo_person(out, show_on(Console(file=screen, width=150)), Pool(2, worker_command=INSTANT), (0, 1), 2)
+    demo_person(out, Show(Console(file=screen, width=150)), Pool(2, worker_command=INSTANT), (0, 1), 2)
     runs = {f"{way}-{seed}" for way in (LONE, FILTER) for seed in (0, 1)}
     assert {p.name for p in out.iterdir()} == {"sequence-0", "sequence-1", *runs}
     assert all((out / run / "track.npz").exists() for run in runs)
