@@ -40,7 +40,7 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
         (("export", "run", "--out", "x"), "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
         (("synth", "--out", "x"), "Missing argument 'SCENE': arm, turn, person, or roam"),
         (("nonsense",), "No such command 'nonsense'; there are demo, track, info"),
-        (("model", "nonsense"), "No such command 'nonsense'; there are show, dofs, export"),
+        (("model", "nonsense"), "No such command 'nonsense'; there are show, dofs"),
         (("export", "run", "--to", "avi", "--out", "x"), "choose from bvh, c3d, csv"),
         (("track", "seq"), "Missing option '--out' DIR: New folder for the results."),
     ],
