@@ -17,7 +17,8 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import NEAR_M, positions
 from coordinator.results.summary import count_status
-from coordinator.tracking.tracker import Tracked, Tracker
+from coordinator.tracking.reporting import Tracked
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from worker.cli import load_kernel
 

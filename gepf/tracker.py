@@ -29,8 +29,8 @@ from coordinator.security.access import TlsFiles
 from coordinator.sources.arrays import whole_depth
 from coordinator.sources.camera import DEFAULT_FPS, pinhole
 from coordinator.tracking import tracker as tracking
+from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import given_start, read_start
-from coordinator.tracking.tracker import Tracked
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
 from gepf.refiners import Workers, open_refiner

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep, processor
 from common.settings import RefineSettings, preset
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.kernel import plain_path
 from worker.kernel.icp import refine
 

@@ -16,8 +16,8 @@ from common.settings import RefineSettings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.observing.sensor_noise import SensorNoise
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
+from coordinator.tracking.sensor_noise import SensorNoise
 from worker.kernel.observation import Observation, observe, pack_observation
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import update_visibility

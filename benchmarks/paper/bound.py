@@ -31,7 +31,7 @@ from scipy.ndimage import gaussian_filter
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, Scene
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
 from coordinator.synthesis.sequence import DEPTH_SCALE, render, to_units
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from worker.kernel.parameters import pack_parameters

@@ -37,7 +37,7 @@ from coordinator.results.track import read_track
 from coordinator.synthesis.person_scene import FPS
 from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.synthesis.sequence import PERSON, synthesise
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import SensorNoise
 
 SEEDS = range(4)
 FRAMES = 50  # of each, so that all takes little more than a minute on two cores

@@ -23,7 +23,7 @@ from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.source import select_frames
-from coordinator.tracking.observing.known_motion import KnownMotion
+from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.state import read_start
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"

@@ -31,7 +31,8 @@ from coordinator.results.summary import (
 )
 from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.sources.live import live_key
-from coordinator.tracking.tracker import Tracked, Tracker
+from coordinator.tracking.reporting import Tracked
+from coordinator.tracking.tracker import Tracker
 
 Frames = RecordedInput | LiveInput
 

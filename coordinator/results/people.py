@@ -27,8 +27,8 @@ from coordinator.results.summary import (
     find_summary,
     summarise,
 )
+from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.tracker import Tracked
 
 OF_ONE = (PERSON, "doubts", "rotate_deg", "noise_m")  # what differs from person to person
 

@@ -23,7 +23,7 @@ from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import CAMERA_HEIGHT_M, person
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, furnish, roam
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import SensorNoise
 
 ROAM, PERSON = "roam", "person"
 MOST_FRAMES = 100_000

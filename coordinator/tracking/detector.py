@@ -31,9 +31,9 @@ from coordinator.tracking.gating import (
     is_misplaced,
     is_no_person,
 )
-from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.state import Start, detected_start, way_up
 
 Array = NDArray[np.float64]

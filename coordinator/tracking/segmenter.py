@@ -25,7 +25,7 @@ from coordinator.scene.segmentation import (
     segment_body,
     segment_mask,
 )
-from coordinator.tracking.observing.subject import isolate, subject_of
+from coordinator.tracking.observation import isolate, subject_of
 
 Array = NDArray[np.float64]
 

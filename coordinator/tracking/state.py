@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,8 @@ from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.files import read_numbers
-from coordinator.filters.belief import Belief
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
 
@@ -126,23 +125,6 @@ class TrackerState:
 
     start: Start  # is recorded when it changes, which is hardly ever
     checkpoint: Checkpoint
-
-
-def take_checkpoint(
-    belief: Belief | None,
-    expected: NDArray[np.float64] | None,
-    time_s: float | None,
-    rng: np.random.Generator,
-    scene: SceneChange,
-    management: TrackManagement,
-    verdict: NDArray[np.float64] | None,
-    size: SizeEstimate | None,
-) -> Checkpoint:
-    """A belief, a pose (D,), a time, a generator and a scene as values that can be recorded."""
-    names = [] if belief is None else [field.name for field in fields(belief)]
-    arrays = {name: getattr(belief, name) for name in names}
-    generator = json.dumps(rng.bit_generator.state)
-    return Checkpoint(arrays, expected, time_s, generator, scene, management, verdict, size)
 
 
 def load_generator(state: str) -> np.random.Generator:

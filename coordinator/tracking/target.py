@@ -6,8 +6,9 @@ workers; `update` waits for them and updates the belief; `report` assesses it an
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -29,25 +30,23 @@ from coordinator.tracking.certainty.evidence import Sighted
 from coordinator.tracking.detector import Candidates, Detection, Detector
 from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
+from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Stopwatch
-from coordinator.tracking.observing.known_motion import KnownMotion
-from coordinator.tracking.observing.sensor_noise import SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.observing.sighting import distance_of, see
+from coordinator.tracking.observation import distance_of, see
 from coordinator.tracking.refiner import Pending, Refiner
-from coordinator.tracking.reporting import Reported, report
+from coordinator.tracking.reporting import Tracked, Updated, is_settled, report
 from coordinator.tracking.segmenter import PosedBody
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.size import MEAN_STATURE_M, SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import (
     USUAL_MEASURES,
+    Checkpoint,
     Start,
     TrackerState,
     given_start,
     load_generator,
     no_start,
-    take_checkpoint,
 )
-from coordinator.tracking.status import is_settled
-from coordinator.tracking.step import Updated
 from coordinator.tracking.track_management import GIVEN, TrackManagement
 
 Array = NDArray[np.float64]
@@ -136,8 +135,18 @@ class TargetTracker:
     @property
     def state(self) -> TrackerState:
         """All that the next frame goes on from."""
-        known = (self._belief, self._expected, self._time_s, self._rng, self.scene, self.management)
-        return TrackerState(self.start, take_checkpoint(*known, self._verdict, self._size))
+        belief = self._belief
+        checkpoint = Checkpoint(
+            {} if belief is None else {each.name: getattr(belief, each.name) for each in fields(belief)},
+            self._expected,
+            self._time_s,
+            json.dumps(self._rng.bit_generator.state),
+            self.scene,
+            self.management,
+            self._verdict,
+            self._size,
+        )
+        return TrackerState(self.start, checkpoint)
 
     @property
     def expected(self) -> PosedBody | None:
@@ -214,7 +223,7 @@ class TargetTracker:
             self._accept(belief, request, submitted.detection)
         return Updated(frame, self.state, self._belief, None, answered, request.observed, clock)
 
-    def report(self, updated: Updated) -> Reported:
+    def report(self, updated: Updated) -> Tracked:
         """Assess and report a frame that was updated; before the next one is."""
         reported = report(updated)
         self._verdict = reported.state.checkpoint.verdict

@@ -8,7 +8,7 @@ is reported and the next one is segmented.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,27 +19,18 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking import segmenter
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Lookahead, Stopwatch
-from coordinator.tracking.observing.known_motion import KnownMotion
-from coordinator.tracking.observing.sighting import some_points
+from coordinator.tracking.observation import some_points
 from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.reporting import Tracked, Updated
 from coordinator.tracking.segmenter import Segmented, Segmenter
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.step import Updated
 from coordinator.tracking.target import TargetTracker
 
 Array = NDArray[np.float64]
 
 STEP_M = 1.0  # that a body may go between two frames
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tracked:
-    """One person in one frame: what is reported, and all that is known after it."""
-
-    estimate: Estimate
-    state: TrackerState
 
 
 class Tracker:

@@ -18,7 +18,7 @@ from coordinator.sources import open_source
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.sequence import synthesise
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import SensorNoise
 
 
 def test_frames_are_those_of_synth(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from coordinator.results.log import Began, Entry, Record, append_records, read_l
 from coordinator.scene.planes import NO_PLANES as NONE
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.loop import Stopwatch
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner

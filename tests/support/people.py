@@ -22,7 +22,7 @@ from coordinator.scene.scope import Scope
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.observing.known_motion import KnownMotion
+from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.state import Start, TrackerState
 from coordinator.tracking.tracker import Tracker

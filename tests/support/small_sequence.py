@@ -16,7 +16,7 @@ def write_small_sequence(folder: Path, frames: int) -> None:
     from common.camera import Intrinsics
     from coordinator.synthesis.scenes import Scene, arm
     from coordinator.synthesis.sequence import write_camera, write_depth, write_start
-    from coordinator.tracking.observing.sensor_noise import SensorNoise
+    from coordinator.tracking.sensor_noise import SensorNoise
 
     whole = arm()
     there = np.arange(frames) % (2 * len(whole.poses) - 2)

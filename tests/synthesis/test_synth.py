@@ -21,7 +21,7 @@ from coordinator.synthesis.person_scene import CAMERA_HEIGHT_M, FPS, person
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
 from coordinator.synthesis.sequence import synthesise
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import SensorNoise
 
 CAMERA = Intrinsics(160, 120, 170.0, 180.0, 77.3, 61.8)
 RIGHT_ARM = ("r_upper_arm", "r_forearm", "r_hand", "r_thumb", "r_index", "r_middle", "r_ring", "r_pinky")

@@ -21,9 +21,9 @@ from coordinator.scene.planes import NO_PLANES as NONE
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.detector import Candidates, Detection, Detector, thin
 from coordinator.tracking.gating import Gate
-from coordinator.tracking.observing.sensor_noise import SensorNoise
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
 from coordinator.tracking.pose_library import draw_any
+from coordinator.tracking.sensor_noise import SensorNoise
 from coordinator.tracking.state import given_start
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, OnePerson, empty, frame_of, known, shown

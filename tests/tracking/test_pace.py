@@ -10,8 +10,7 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
 from coordinator.filters.methods import keep_up, pace_iterations
-from coordinator.tracking.observing.sighting import see
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate, see
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 

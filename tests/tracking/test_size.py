@@ -16,7 +16,7 @@ from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose, scaled
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, SITTING, STANDING, OnePerson, frame_of, shown

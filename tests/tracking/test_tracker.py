@@ -26,11 +26,11 @@ from coordinator.filters.methods import settings_for
 from coordinator.scene.scope import Scope
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
 from coordinator.tracking.refiner import Pending
+from coordinator.tracking.reporting import explain_leaps, find_leaps, judge
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.status import explain_leaps, find_leaps, judge
 from coordinator.tracking.track_management import TrackManagement
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked

@@ -12,7 +12,7 @@ from numba.core.dispatcher import Dispatcher
 
 from common.camera import Intrinsics
 from common.kinematics import retract
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
 from tests.support.bodies import person, puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import (

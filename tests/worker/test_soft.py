@@ -19,8 +19,8 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS
-from coordinator.tracking.observing.sensor_noise import SensorNoise
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
+from coordinator.tracking.sensor_noise import SensorNoise
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
 

@@ -17,7 +17,7 @@ from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
 from tests.support.bodies import person
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics.chain import contiguous
-from coordinator.tracking.observing.sighting import some_points
+from coordinator.tracking.observation import some_points
 
 Array = NDArray[np.float64]
 

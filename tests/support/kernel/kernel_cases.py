@@ -14,7 +14,7 @@ from common.camera import Intrinsics
 from common.frame import SubjectFrame
 from common.kinematics import retract
 from common.settings import RefineSettings, preset
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from worker.kernel.observation import observe, pack_observation

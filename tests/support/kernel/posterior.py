@@ -20,8 +20,8 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS
-from coordinator.tracking.observing.sensor_noise import SensorNoise
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
+from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
 from worker.kernel.parameters import FREE_SPACE_WEIGHT, pack_parameters

@@ -21,8 +21,8 @@ from coordinator.tracking.certainty.assessment import built_in, conclude, recall
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.certainty.evidence import CLUES, Sighted, weigh_evidence
 from coordinator.tracking.certainty.regions import regions_of
-from coordinator.tracking.observing.subject import isolate
-from coordinator.tracking.status import explain_doubt, judge
+from coordinator.tracking.observation import isolate
+from coordinator.tracking.reporting import explain_doubt, judge
 from coordinator.tracking.track_management import TrackManagement
 from tests.support.people import CAMERA, STANDING, frame_of
 

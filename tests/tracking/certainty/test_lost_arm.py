@@ -17,8 +17,8 @@ from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.certainty.assessment import built_in, conclude
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.certainty.evidence import Sighted, limbs_of, weigh_evidence
-from coordinator.tracking.observing.sensor_noise import SensorNoise
-from coordinator.tracking.observing.subject import isolate
+from coordinator.tracking.observation import isolate
+from coordinator.tracking.sensor_noise import SensorNoise
 
 Array = NDArray[np.float64]
 

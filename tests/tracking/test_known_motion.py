@@ -23,11 +23,11 @@ from coordinator.results.evaluation import read_truth
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.synthesis.scenes import Scene, roam
 from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth
-from coordinator.tracking.observing.known_motion import KnownMotion
-from coordinator.tracking.observing.sensor_noise import SensorNoise
+from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.stand_ins import Direct
 
-ARM = Path(__file__).parents[3] / "examples" / "arm7.urdf"
+ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"
 EVERY, FRAMES = 48, 16
 SEEDS = range(3)
 OFFSET_DEG = 5.0  # of every encoder

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from common.camera import Intrinsics, back_project
 from common.frame import DepthFrame
-from coordinator.tracking.observing.subject import first_from, isolate
+from coordinator.tracking.observation import first_from, isolate
 
 
 @settings(deadline=None, max_examples=30)

@@ -21,7 +21,7 @@ from coordinator.scene.noise import DepthNoise
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import arm
-from coordinator.tracking.observing.sensor_noise import (
+from coordinator.tracking.sensor_noise import (
     SensorNoise,
     assume_noise,
     measure_noise,
