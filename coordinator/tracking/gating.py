@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.settings import FAR_NOISIER, RefineSettings
+from coordinator.scene.candidates import RANSAC_ROUNDS
+from coordinator.scene.geometry import segment_plane
 
 Array = NDArray[np.float64]
 
@@ -60,25 +62,13 @@ def is_no_person(points: Array, stature: float) -> str:
     if not SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
         size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
         return f"what is seen is {size} from end to end, which is no person: is depth_scale right?"
-    flat = share_in_a_plane(points)
+    some = points[:: -(-len(points) // 1_000)]
+    flat = len(segment_plane(some, PLANE_M, RANSAC_ROUNDS, seed=0)[1]) / len(some)
     return (
         f"{100 * flat:.0f} % of what is seen lies in one plane: a thing, no person"
         if flat > FLAT_SHARE
         else ""
     )
-
-
-def share_in_a_plane(points: Array) -> float:
-    """The largest share of points (P, 3) that one plane holds, of planes through three points each."""
-    some = points[:: -(-len(points) // 1_000)]
-    best = 0.0
-    for corner in np.random.default_rng(0).integers(len(some), size=(40, 3)):
-        a, b, c = some[corner]
-        normal = np.cross(b - a, c - a)
-        length = np.linalg.norm(normal)
-        if length > 0.0:
-            best = max(best, float(np.mean(np.abs((some - a) @ normal) < PLANE_M * length)))
-    return best
 
 
 def is_misplaced(rises: float, lowest: float) -> str:
