@@ -15,7 +15,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 FORMATS = (
-    "Folder of PNG, TUM folder, stereo pairs, PLY or PCD clouds, Azure Kinect .mkv, ROS or RealSense bag, "
+    "Folder of PNG, TUM folder, PLY or PCD clouds, Azure Kinect .mkv, ROS or RealSense bag, "
     "numpy .npz or .npy, UTD-MHAD .mat"
 )
 

@@ -14,7 +14,6 @@ from coordinator.sources.picture_folders import TUM_LIST, RecordedFolder, TumFol
 from coordinator.sources.point_clouds import SUFFIXES, PointClouds
 from coordinator.sources.ros_bag import RosBag, is_bag
 from coordinator.sources.source import Source, with_options
-from coordinator.sources.stereo import LEFT, RIGHT, StereoFolder
 from coordinator.sources.utd_mhad import UtdMhadFile
 
 __all__ = ["ArraySource", "Format", "Source", "find_format", "open_source"]
@@ -51,11 +50,6 @@ def has_suffix(suffix: str) -> Callable[[Path], bool]:
 
 FORMATS = (
     Format("TUM RGB-D folder (depth.txt)", lambda path: (path / TUM_LIST).is_file(), own(TumFolder)),
-    Format(
-        "stereo pairs (left/, right/, calibration.yml)",
-        lambda path: (path / LEFT).is_dir() and (path / RIGHT).is_dir(),
-        own(StereoFolder),
-    ),
     Format("ROS bag, RealSense .bag", is_bag, RosBag),
     Format("Open3D folder (depth/000000.png)", holds_pictures, RecordedFolder),
     Format(

@@ -29,7 +29,7 @@ def installed(extra: str) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("extra", ["view", "stereo", "tables"])
+@pytest.mark.parametrize("extra", ["view", "tables"])
 def test_extras_of_a_coordinator_hold_a_coordinator(extra: str) -> None:
     """Whoever installs one of them has the command that it is for."""
     assert installed(extra) > set(EXTRAS["coordinator"])

@@ -178,9 +178,7 @@ def test_a_path_without_a_sequence_says_what_was_expected(tmp_path: Path) -> Non
     """No path and an empty folder each have their line."""
     with pytest.raises(InputError, match="no such file or folder"):
         open_source(tmp_path / "nowhere")
-    with pytest.raises(
-        InputError, match=r"holds no depth sequence .* TUM RGB-D folder \(depth\.txt\), stereo pairs"
-    ):
+    with pytest.raises(InputError, match=r"holds no depth sequence .* TUM RGB-D folder \(depth\.txt\), ROS"):
         open_source(tmp_path)
 
 
