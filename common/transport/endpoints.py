@@ -21,7 +21,6 @@ PATIENCE = 2.0  # seconds for each step
 ALERT_WAIT = 0.5  # seconds; a refusal follows the handshake by one way through the network
 NO_MESSAGE = b"\x01\x00\x00"  # one byte long, and of no kind that the bus has: it says goodbye
 TLS_ALERT = b"\x15"
-HOSTNAME_MISMATCH, ADDRESS_MISMATCH = 62, 64  # OpenSSL's codes
 
 
 def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
@@ -88,22 +87,22 @@ def probe_handshake(endpoint: str, address: tuple[str, int], credentials: Creden
             socket.create_connection(address, PATIENCE) as link,
             context_for(credentials).wrap_socket(link, server_hostname=address[0]) as encrypted,
         ):
-            await_alert(encrypted)
+            encrypted.settimeout(ALERT_WAIT)
+            with suppress(TimeoutError):
+                encrypted.recv(1)  # the alert that refuses our certificate comes after the handshake
     except ssl.SSLCertVerificationError as error:
-        return describe_distrust(endpoint, error, credentials)
+        mend = "give its authority with --tls-ca, or connect by a host name that it holds"
+        return f"{endpoint} shows a certificate that is not valid under ours: {error.verify_message}; {mend}"
     except ssl.SSLError as error:
-        return describe_alert(endpoint, error.reason or "", credentials)
+        if credentials is None:
+            return f"{endpoint} refuses us without a certificate; add {TLS_OPTIONS}"
+        reason = (error.reason or "no reason given").lower().replace("_", " ")
+        mend = "have one signed by the authority there"
+        return f"{endpoint} refuses {credentials.cert}: {reason}; {mend}, or {MEND}"
     except TimeoutError:
         if speaks_plainly(address):
             return f"{endpoint} is not encrypted on the other side; have that listen on tls/HOST:PORT"
     return None
-
-
-def await_alert(encrypted: ssl.SSLSocket) -> None:
-    """Wait for the alert that refuses our certificate, as an SSLError: it comes after the handshake."""
-    encrypted.settimeout(ALERT_WAIT)
-    with suppress(TimeoutError):
-        encrypted.recv(1)
 
 
 def context_for(credentials: Credentials | None) -> ssl.SSLContext:
@@ -116,28 +115,6 @@ def context_for(credentials: Credentials | None) -> ssl.SSLContext:
         context.load_verify_locations(credentials.ca)
         context.load_cert_chain(credentials.cert, credentials.key)
     return context
-
-
-def describe_distrust(
-    endpoint: str, error: ssl.SSLCertVerificationError, credentials: Credentials | None
-) -> str:
-    """One line on why we refuse the other side."""
-    if error.verify_code in (HOSTNAME_MISMATCH, ADDRESS_MISMATCH):
-        return f"{endpoint} shows a certificate for another host; connect by a host name or address in it"
-    ca = None if credentials is None else credentials.ca
-    return f"{endpoint} shows a certificate that is not valid under {ca}: {error.verify_message}; give its CA"
-
-
-def describe_alert(endpoint: str, reason: str, credentials: Credentials | None) -> str:
-    """One line on why the other side refuses us, from the reason of its alert."""
-    if credentials is None or "CERTIFICATE_REQUIRED" in reason:
-        return f"{endpoint} refuses us without a certificate; add {TLS_OPTIONS}"
-    cert = credentials.cert
-    if "EXPIRED" in reason:
-        return f"{endpoint} refuses {cert}: it has expired; {MEND}"
-    if any(word in reason for word in ("UNKNOWN_CA", "DECRYPT_ERROR", "BAD_CERTIFICATE")):
-        return f"{endpoint} refuses {cert}: another authority signed it; have it signed by the one there"
-    return f"{endpoint} refuses {cert}: {reason.lower().replace('_', ' ')}; {MEND}"
 
 
 def speaks_tls(address: tuple[str, int]) -> bool:

@@ -6,11 +6,13 @@ A worker's certificate is good for connecting only: no worker can pass for a coo
 from __future__ import annotations
 
 import datetime as dt
+import inspect
 import ipaddress
 import json
 import os
 import secrets
 import socket
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,88 +40,48 @@ ROUTER_ENDPOINT = "tls/0.0.0.0:7447"
 
 
 @dataclass(frozen=True, slots=True)
-class Signer:
-    """An authority with its key."""
+class Issued:
+    """A certificate with its key."""
 
     certificate: x509.Certificate
     key: ec.EllipticCurvePrivateKey
 
 
-@dataclass(frozen=True, slots=True)
-class Holder:
-    """Who a certificate is made out to; one with hosts may be listened on."""
+def issue(name: str, hosts: Sequence[str], authority: Issued | None, lifetime: dt.timedelta) -> Issued:
+    """A certificate for connecting, and with hosts also for listening; without an authority, one of its own.
 
-    name: str
-    hosts: tuple[str, ...] = ()
-
-
-def new_authority(lifetime: dt.timedelta) -> Signer:
-    """An authority that signs no other authorities; its name is its own."""
-    key = ec.generate_private_key(ec.SECP256R1())
-    name = common_name(f"gepf {secrets.token_hex(4)}")
-    may = x509.KeyUsage(
-        digital_signature=False,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
-        key_cert_sign=True,
-        crl_sign=True,
-        encipher_only=False,
-        decipher_only=False,
-    )
-    certificate = (
-        builder(name, name, key.public_key(), lifetime)
-        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .add_extension(may, critical=True)
-        .sign(key, hashes.SHA256())
-    )
-    return Signer(certificate, key)
-
-
-def issue(
-    holder: Holder, signer: Signer, lifetime: dt.timedelta
-) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
-    """A certificate and its key; for connecting, and with hosts also for listening."""
-    key = ec.generate_private_key(ec.SECP256R1())
-    uses = [ExtendedKeyUsageOID.CLIENT_AUTH] + [ExtendedKeyUsageOID.SERVER_AUTH] * bool(holder.hosts)
-    authority = x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.key.public_key())
+    An authority signs no other authorities.
+    """
+    key, now = ec.generate_private_key(ec.SECP256R1()), dt.datetime.now(dt.UTC)
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    may = dict.fromkeys(inspect.signature(x509.KeyUsage).parameters, False) | {
+        "key_cert_sign": authority is None,
+        "digital_signature": authority is not None,
+    }
     made = (
-        builder(common_name(holder.name), signer.certificate.subject, key.public_key(), lifetime)
-        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(x509.ExtendedKeyUsage(uses), critical=False)
-        .add_extension(authority, critical=False)
-    )
-    if holder.hosts:
-        made = made.add_extension(x509.SubjectAlternativeName(host_names(holder.hosts)), critical=False)
-    return made.sign(signer.key, hashes.SHA256()), key
-
-
-def builder(
-    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, lifetime: dt.timedelta
-) -> x509.CertificateBuilder:
-    """What all certificates have in common."""
-    now = dt.datetime.now(dt.UTC)
-    return (
         x509.CertificateBuilder()
         .subject_name(subject)
-        .issuer_name(issuer)
-        .public_key(key)
+        .issuer_name(subject if authority is None else authority.certificate.subject)
+        .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - CLOCK_SKEW)
         .not_valid_after(now + lifetime)
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+        .add_extension(x509.KeyUsage(**may), critical=True)
+        .add_extension(
+            x509.BasicConstraints(ca=authority is None, path_length=0 if authority is None else None),
+            critical=True,
+        )
     )
-
-
-def common_name(name: str) -> x509.Name:
-    """A subject of a name alone."""
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-
-
-def host_names(hosts: tuple[str, ...]) -> list[x509.GeneralName]:
-    """Host names and addresses, each once."""
-    return [host_name(host) for host in dict.fromkeys(hosts)]
+    if authority is not None:
+        uses = [ExtendedKeyUsageOID.CLIENT_AUTH] + [ExtendedKeyUsageOID.SERVER_AUTH] * bool(hosts)
+        signer = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority.key.public_key())
+        made = made.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+        made = made.add_extension(signer, critical=False)
+    if hosts:
+        names = [host_name(host) for host in dict.fromkeys(hosts)]
+        made = made.add_extension(x509.SubjectAlternativeName(names), critical=False)
+    return Issued(made.sign(key if authority is None else authority.key, hashes.SHA256()), key)
 
 
 def host_name(host: str) -> x509.GeneralName:
@@ -132,19 +94,6 @@ def host_name(host: str) -> x509.GeneralName:
         return x509.DNSName(host)
     except ValueError as error:
         raise InputError(f"'{host}' is no host name; give names or addresses between commas") from error
-
-
-def is_over(certificate: x509.Certificate) -> bool:
-    """Whether its time has passed."""
-    return certificate.not_valid_after_utc <= dt.datetime.now(dt.UTC)
-
-
-def hosts_of(certificate: x509.Certificate) -> set[x509.GeneralName]:
-    """The hosts that it may be listened with on."""
-    try:
-        return set(certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value)
-    except x509.ExtensionNotFound:
-        return set()
 
 
 def make_certificates(
@@ -160,40 +109,42 @@ def make_certificates(
     except OSError as error:
         raise InputError(f"cannot make folder {folder}: {error.strerror}; choose another --out") from error
     lifetime = dt.timedelta(days=days)
-    signer = find_authority(folder, lifetime)
+    authority = find_authority(folder, lifetime)
     hosts = (*USUAL_HOSTS, socket.gethostname(), *hosts)
     listed = tuple(dict.fromkeys((*list_workers(folder / ROSTER), *workers)))
-    holders = [Holder(COORDINATOR, hosts), Holder(ROUTER, hosts), *map(Holder, listed)]
-    new = [holder for holder in holders if not is_good(folder, holder, signer)]
-    for holder in new:
-        save(folder, holder.name, *issue(holder, signer, lifetime))
+    hosts_of = {COORDINATOR: hosts, ROUTER: hosts, **dict.fromkeys(listed, ())}
+    new = [name for name in hosts_of if not is_good(folder / f"{name}.pem", hosts_of[name], authority)]
+    for name in new:
+        save(folder, name, issue(name, hosts_of[name], authority, lifetime))
     write_roster(folder / ROSTER, listed)
     (folder / ROUTER_FILE).write_text(router_settings(mount or folder.absolute(), listed))
-    return [holder.name for holder in new]
+    return new
 
 
-def find_authority(folder: Path, lifetime: dt.timedelta) -> Signer:
+def find_authority(folder: Path, lifetime: dt.timedelta) -> Issued:
     """The folder's authority, or a new one if there is none or it is over."""
     certificate, key = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
     if certificate.exists() and not key.exists():
         raise InputError(f"{key} is missing, which {certificate} signs with; put it back or use a new folder")
     if certificate.exists():
-        signer = Signer(read_certificate(certificate), read_key(key))
-        if not is_over(signer.certificate):
-            return signer
-    signer = new_authority(lifetime)
-    save(folder, AUTHORITY, signer.certificate, signer.key)
-    return signer
+        authority = Issued(read_certificate(certificate), read_key(key))
+        if authority.certificate.not_valid_after_utc > dt.datetime.now(dt.UTC):
+            return authority
+    authority = issue(f"gepf {secrets.token_hex(4)}", (), None, lifetime)
+    save(folder, AUTHORITY, authority)
+    return authority
 
 
-def is_good(folder: Path, holder: Holder, signer: Signer) -> bool:
+def is_good(path: Path, hosts: Sequence[str], authority: Issued) -> bool:
     """Whether a certificate is there, is not over, is of this authority and holds all hosts."""
-    path = folder / f"{holder.name}.pem"
     if not path.exists() or not path.with_suffix(".key").exists():
         return False
     certificate = read_certificate(path)
-    ours = certificate.issuer == signer.certificate.subject
-    return ours and not is_over(certificate) and hosts_of(certificate) >= set(host_names(holder.hosts))
+    ours = certificate.issuer == authority.certificate.subject
+    if not ours or certificate.not_valid_after_utc <= dt.datetime.now(dt.UTC):
+        return False
+    held = [each.value for each in certificate.extensions if each.oid == x509.SubjectAlternativeName.oid]
+    return set(map(host_name, hosts)) <= {name for names in held for name in names}
 
 
 def read_certificate(path: Path) -> x509.Certificate:
@@ -215,13 +166,13 @@ def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
     return key
 
 
-def save(folder: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+def save(folder: Path, name: str, issued: Issued) -> None:
     """Write NAME.pem, and NAME.key that only we may read."""
     path = folder / f"{name}.key"
     path.unlink(missing_ok=True)
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
-    (folder / f"{name}.pem").write_bytes(certificate.public_bytes(Encoding.PEM))
+        file.write(issued.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    (folder / f"{name}.pem").write_bytes(issued.certificate.public_bytes(Encoding.PEM))
 
 
 def router_settings(mount: Path, workers: tuple[str, ...]) -> str:

@@ -29,8 +29,8 @@ def bare_settings(endpoint: str, credentials: Credentials | None) -> dict[str, A
 
 REFUSED = {
     "no certificate": "refuses us without a certificate; add --tls-ca, --tls-cert and --tls-key",
-    "foreign authority": "another authority signed it; have it signed by the one there",
-    "expired": "it has expired; make a new one with gepf certificates",
+    "foreign authority": "have one signed by the authority there",
+    "expired": "certificate expired; have one signed by the authority there, or make a new one",
     "plain tcp": "admits encrypted connections only; give tls/HOST:PORT with --tls-ca",
 }
 
@@ -65,7 +65,7 @@ def test_listener_refuses_and_the_refused_learns_why(
 
 def test_foreign_listener_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
     """A worker does not connect to a coordinator of another authority, and says whose fault it sees."""
-    why = pytest.raises(InputError, match=r"shows a certificate that is not valid under .*ours.*ca\.pem")
+    why = pytest.raises(InputError, match="shows a certificate that is not valid under ours")
     with open_coordinator([place], (), foreign.listening), why:
         open_worker([place], Security(ours.of("w0")))
 
@@ -82,7 +82,8 @@ def test_certificate_of_another_host_is_refused(ours: Folder) -> None:
     place = f"tls/127.0.0.2:{free_port()}"
     with open_coordinator([place], (), ours.listening):
         line = why_refused(place, ours.of("w0"))
-    assert line == f"{place} shows a certificate for another host; connect by a host name or address in it"
+    assert line is not None
+    assert "connect by a host name that it holds" in line
 
 
 def test_tls_towards_plain_tcp_is_reported(ours: Folder) -> None:
@@ -102,7 +103,7 @@ def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreig
         options = Pool(
             workers=0, connect=place, security=Security(foreign.of("coordinator", ca=ours.path / "ca.pem"))
         )
-        with pytest.raises(InputError, match="another authority signed it"):
+        with pytest.raises(InputError, match="have one signed by the authority there"):
             ZenohRefiner(options).__enter__()
 
 

@@ -16,7 +16,7 @@ from common.transport.session import COORDINATOR, ROUTER, Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.access import read_roster
-from coordinator.security.certificates import Holder, find_authority, issue, make_certificates, save
+from coordinator.security.certificates import find_authority, issue, make_certificates, save
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import running
 from worker.service import Service
@@ -56,8 +56,8 @@ def make_folder(path: Path) -> Folder:
     """A good set, and in it `stranger`, and `old`, a certificate of `w0` that is over."""
     make_certificates(path, WORKERS, (), 1, None)
     signer = find_authority(path, dt.timedelta(days=1))
-    save(path, STRANGER, *issue(Holder(STRANGER), signer, dt.timedelta(days=1)))
-    save(path, "old", *issue(Holder("w0"), signer, dt.timedelta(minutes=-1)))
+    save(path, STRANGER, issue(STRANGER, (), signer, dt.timedelta(days=1)))
+    save(path, "old", issue("w0", (), signer, dt.timedelta(minutes=-1)))
     return Folder(path)
 
 
