@@ -35,11 +35,10 @@ from coordinator.pool.dispatch.events import (
     WorkerJoined,
     WorkerLeft,
 )
-from coordinator.pool.dispatch.scheduler import REQUEST_TIMEOUT_S, Scheduler
+from coordinator.pool.dispatch.scheduler import REQUEST_TIMEOUT_S, TICK_S, Scheduler
 from coordinator.pool.local_workers import LocalWorkers
 from coordinator.pool.options import NoWorkerTimeout
 
-TICK_S = 0.1  # between looks at the clock and at the local workers
 NO_WORKER_ANSWERS = (
     f"workers are there, and none of them answers within {REQUEST_TIMEOUT_S:.0f} s: the way to them is "
     "broken, they hang, or they have too much to do at once, with so many particles or points"
@@ -52,7 +51,6 @@ class Reply:
 
     ticket: int
     payload: bytes
-    at: float  # when it came, by the monotonic clock
 
 
 @dataclass(slots=True, eq=False)
@@ -209,7 +207,7 @@ class RpcClient:
             self._report(f"worker {worker} joined")
 
     def _read(self, reply: Reply) -> Event:
-        ticket, replied = reply.ticket, Replied(reply.ticket, reply.at)
+        ticket, replied = reply.ticket, Replied(reply.ticket)
         flight = self.scheduler.in_flight.get(ticket)
         if flight is None or self._refinement is None or not self.scheduler.is_current(ticket):
             return replied
@@ -245,7 +243,7 @@ class RpcClient:
     def _send(self, send: Send, request: RefineRequest) -> None:
         self._senders[send.worker].send(
             encode_request(request.batch(send.start, send.stop)),
-            on_reply=lambda payload: self._inbox.put(Reply(send.ticket, payload, time.monotonic())),
+            on_reply=lambda payload: self._inbox.put(Reply(send.ticket, payload)),
             on_refusal=lambda payload: self._inbox.put(read_refusal(send.ticket, payload)),
             on_end=lambda: self._inbox.put(Ended(send.ticket)),
         )

@@ -33,15 +33,13 @@ def write(file: Path, text: str) -> None:
             },
             1,
         ),
-        ({"groups/cpu/cpu.cfs_quota_us": "-1\n", "groups/cpu/cpu.cfs_period_us": "100000\n"}, ALLOWED),
-        ({"groups/cpu/cpu.cfs_quota_us": "80000\n", "groups/cpu/cpu.cfs_period_us": "100000\n"}, 1),
     ],
-    ids=["none", "whole", "part", "damaged", "of a group above", "version 1, none", "version 1"],
+    ids=["none", "whole", "part", "damaged", "of a group above"],
 )
 def test_quotas_of_control_groups_limit_the_affinity(
     tmp_path: Path, files: dict[str, str], cores: int
 ) -> None:
-    """Of either version and of any group that holds the process; what cannot be read limits nothing."""
+    """Of any group that holds the process; what cannot be read limits nothing."""
     for name, text in files.items():
         write(tmp_path / name, text)
     assert usable_cores(tmp_path / "groups", tmp_path / "membership") == cores

@@ -6,10 +6,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from queue import SimpleQueue
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from common.protocol.wire import PROTOCOL
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus
-from common.transport.channels import WAITING_REQUESTS, IncomingRequest, RequestReceiver
+from common.transport.channels import IncomingRequest
 from common.transport.opening import open_coordinator, open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -42,7 +41,6 @@ from tests.support.processes.serving import (
 )
 from worker.kernel.icp import refine as real_refine
 from worker.kernel.observation import observe as real_observe
-from worker.memory import Memory, Recent
 from worker.service import Kernel
 
 
@@ -213,14 +211,6 @@ def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
         assert refined_bytes(refiner, 1) == expected(1)
         timer.join()
     assert said == ["worker w joined"]
-
-
-def test_worker_leaves_and_comes_back(endpoint: str) -> None:
-    """A worker that ends and starts again under the same name goes on serving."""
-    with pool(endpoint) as refiner:
-        for number in range(3):
-            with serving(endpoint, "w"):
-                assert refined_bytes(refiner, number) == expected(number)
 
 
 def test_frame_is_observed_once_by_a_worker(endpoint: str) -> None:
@@ -463,68 +453,3 @@ def test_names_that_cannot_be_keys(name: str) -> None:
     """Names that would break or widen a key are refused before they are used."""
     with pytest.raises(InputError, match="cannot be used"):
         keys.check_name("run", name)
-
-
-def test_recent_forgets_what_was_used_longest_ago() -> None:
-    """The store is bounded, and use keeps a value alive."""
-    recent: Recent[int, str] = Recent(2)
-    recent.put(1, "one")
-    recent.put(2, "two")
-    assert recent.find(1, lambda: "other") == "one"
-    recent.put(3, "three")
-    assert (recent.get(1), recent.get(2), recent.get(3), len(recent)) == ("one", None, "three", 2)
-
-
-def test_arrivals_are_bounded_and_wake_who_waits() -> None:
-    """Old frames and old runs are forgotten; a frame that comes while it is waited for is found."""
-    arrivals: Memory[float] = Memory()
-    for run in range(100):
-        for number in range(10):
-            arrivals.put_frame(f"run{run}", number, b"x")
-    kept = [(r, n) for r in range(100) for n in range(10) if arrivals.wait_for_frame(f"run{r}", n, 0.0)]
-    assert kept == [(r, n) for r in range(84, 100) for n in (8, 9)]
-    threading.Timer(0.05, lambda: arrivals.put_frame("new", 1, b"y")).start()
-    assert arrivals.wait_for_frame("new", 1, 5.0) == b"y"
-
-
-def test_frames_that_come_do_not_crowd_requests_out() -> None:
-    """However often a busy worker is woken, as many requests wait for it as may, in their order."""
-    arrivals, requests = RequestReceiver(), [SimpleNamespace(payload=None) for _ in range(WAITING_REQUESTS)]
-    for request in requests:
-        for _ in range(10):
-            arrivals.wake()
-        arrivals.put(request)  # type: ignore[arg-type]
-    taken: list[Any] = []
-    while len(taken) < WAITING_REQUESTS:
-        some = arrivals.receive(wait=False)
-        assert some
-        taken += [request._query for request in some]
-    assert taken == requests
-    assert arrivals.receive(wait=False) == []
-
-
-def test_only_the_newest_frame_of_a_run_that_asks_is_made_ready() -> None:
-    """Once, and not if it has been looked at; other runs' frames wait until somebody asks for them."""
-    memory: Memory[float] = Memory()
-    memory.put_frame("silent", 1, b"x")
-    memory.of("asking").models.put("hash", MODEL)
-    for number in (1, 2):
-        memory.put_frame("asking", number, b"y")
-    assert memory.take_unread() == (memory.of("asking"), 2, b"y")
-    assert memory.take_unread() is None
-    memory.put_frame("asking", 3, b"z")
-    memory.of("asking").observations.put(3, 0.5)
-    assert memory.take_unread() is None
-
-
-def test_contexts_are_what_they_say(endpoint: str) -> None:
-    """A refiner is a context manager that leaves no thread behind."""
-    before = threading.active_count()
-    refiner = pool(endpoint)
-    assert isinstance(refiner, AbstractContextManager)
-    with refiner, serving(endpoint, "w"):
-        refined_bytes(refiner, 1)
-    deadline = time.monotonic() + 60.0
-    while threading.active_count() > before and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert threading.active_count() <= before

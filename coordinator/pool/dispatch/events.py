@@ -43,7 +43,6 @@ class Replied:
     """A request has brought a result that makes sense."""
 
     ticket: int
-    at: float | None = None  # when it came, which may be before it is handled
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,10 @@
 """Who refines what: events in, instructions out; no clock, no socket.
 
-The particles are split into one batch for each worker, larger ones for those with more lanes and for faster
-ones; or, where what is refined by a deadline counts, into several of them. A worker has at most
+The particles are split into one batch for each worker, larger ones for those with more lanes; or, where what
+is refined by a deadline counts, into several of them. A worker has at most
 `MAX_IN_FLIGHT` of them in flight. A batch that ends without a result is split among the workers that are
 left. When nothing waits, stragglers are sent again to idle workers. The first result of a batch counts, later
-ones are ignored. A worker that fails rests, each time in a row for twice as long; a batch that every worker
-refuses fails the refinement.
+ones are ignored. A worker that fails rests; a batch that every worker refuses fails the refinement.
 
 Every request has a ticket. It stays in flight until it is answered or over, even when its refinement is done:
 a worker that is still busy with it cannot do other work.
@@ -22,9 +21,7 @@ from coordinator.pool.dispatch.batches import (
     InFlight,
     Worker,
     batches_of,
-    speeds_of,
     split,
-    usual_pace,
 )
 from coordinator.pool.dispatch.events import (
     Accept,
@@ -45,12 +42,11 @@ from coordinator.pool.dispatch.events import (
 )
 
 MAX_IN_FLIGHT = 2  # requests at one worker: it finds the next one there when it is done with one
+TICK_S = 0.1  # between looks at the clock; nothing is a straggler sooner
 LATE_FACTOR = 3.0  # times the worker's pace, from which on a request is a straggler
-LATE_LEAST_S = 0.05
-FIRST_REST_S, LONGEST_REST_S = 0.1, 30.0  # of a worker that failed: it may just have gone, or come
+REST_S = 0.5  # of a worker that failed: it may just have gone, or come
 REFUSALS_LEAST = 3  # of a batch, before it fails the refinement
 REQUEST_TIMEOUT_S = 30.0  # only a worker that lives and hangs takes so long
-NO_ANSWER_S = REQUEST_TIMEOUT_S * 2.0 / 3.0  # a request that ends later without a result met that timeout
 
 
 @dataclass(slots=True)
@@ -86,14 +82,14 @@ class Scheduler:
                 workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
                 self.batches = batches_of(particles, workers, largest_batch, by_deadline=by_deadline)
                 outcome = [] if self.batches else [Done()]
-            case Replied(ticket, at):
-                outcome = self._accept(ticket, now if at is None else at)
+            case Replied(ticket):
+                outcome = self._accept(ticket, now)
             case Refused(ticket, reason):
                 outcome = self._refuse(ticket, reason, now)
             case Unavailable(ticket) | Ended(ticket):
                 ended = self._land(ticket)
                 if ended is not None:
-                    rest(ended.worker, now)
+                    ended.worker.rests_until = now + REST_S
             case WorkerJoined() | LanesCounted() | WorkerLeft():
                 self._update_workers(event)
         outcome += [*self._assign(now), *self._assign_stragglers(now)]
@@ -129,13 +125,12 @@ class Scheduler:
             flight.batch.came_back |= came_back
         return flight
 
-    def _accept(self, ticket: int, at: float) -> list[Instruction]:
+    def _accept(self, ticket: int, now: float) -> list[Instruction]:
         current = self.is_current(ticket)
         flight = self._land(ticket, came_back=False)
         if flight is None:
             return []
-        flight.worker.failures = 0
-        flight.learn_pace(at)
+        flight.worker.pace = (now - flight.sent_at) / flight.load
         if not current:
             return []
         flight.batch.done = True
@@ -151,7 +146,7 @@ class Scheduler:
         if flight is None:
             return []
         self.counts.batches_refused += 1
-        rest(flight.worker, now)
+        flight.worker.rests_until = now + REST_S
         refusals = flight.batch.refusals
         refusals.append((flight.worker.name, reason))
         by_all = {worker for worker, _ in refusals} >= self.workers.keys()
@@ -186,7 +181,7 @@ class Scheduler:
         workers = sorted(awake, key=lambda worker: len(worker.in_flight))
         for batch in [batch for batch in self.batches if batch.waits and batch.came_back]:
             if workers and not batch.refusals:
-                ranges = split(batch.stop - batch.start, speeds_of(workers))
+                ranges = split(batch.stop - batch.start, [worker.lanes for worker in workers])
                 parts = [Batch(batch.start + a, batch.start + b, sent=batch.sent) for a, b in ranges]
                 place = self.batches.index(batch)
                 self.batches[place : place + 1] = parts
@@ -194,10 +189,11 @@ class Scheduler:
     def _assign_stragglers(self, now: float) -> list[Instruction]:
         """Send what takes much longer than usual again, once, to workers that have nothing to do."""
         oldest = next(iter(self.in_flight.values()), None)
-        if oldest is None or now < oldest.sent_at + LATE_LEAST_S:
+        if oldest is None or now < oldest.sent_at + TICK_S:
             return []
         sends: list[Instruction] = []
-        usual = usual_pace([*self.workers.values()])
+        paces = [worker.pace for worker in self.workers.values() if worker.pace is not None]
+        usual = median(paces) if paces else math.inf
         for idle in [w for w in self.workers.values() if not w.in_flight and w.rests_until <= now]:
             for ticket, flight in self.in_flight.items():
                 batch = flight.batch
@@ -219,21 +215,14 @@ class Scheduler:
 
     def _check_answers(self, ended: InFlight, now: float) -> list[Instruction]:
         """Whether a request that ended without an answer did so because no worker answers any longer."""
-        if now < ended.sent_at + NO_ANSWER_S or self.answered_at > ended.sent_at:
+        if now < ended.sent_at + REQUEST_TIMEOUT_S or self.answered_at > ended.sent_at:
             return []
         again = self.unanswered_at is not None and ended.sent_at >= self.unanswered_at
         self.unanswered_at = self.unanswered_at or now
         return [NoAnswer(ended.worker.name, again)]
 
 
-def rest(worker: Worker, now: float) -> None:
-    """Have a worker that failed rest, each time in a row for twice as long."""
-    seconds = min(LONGEST_REST_S, FIRST_REST_S * 2.0 ** min(worker.failures, 10))
-    worker.failures += 1
-    worker.rests_until = now + seconds
-
-
-def is_late(flight: InFlight, usual: float | None, now: float) -> bool:
+def is_late(flight: InFlight, usual: float, now: float) -> bool:
     """Whether a request takes much longer than its worker's pace lets expect, or the usual one (seconds)."""
-    pace = median(flight.worker.paces) if flight.worker.paces else usual
-    return pace is not None and now >= flight.sent_at + max(LATE_LEAST_S, LATE_FACTOR * pace * flight.load)
+    pace = usual if flight.worker.pace is None else flight.worker.pace
+    return now >= flight.sent_at + max(TICK_S, LATE_FACTOR * pace * flight.load)
