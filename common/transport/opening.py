@@ -19,10 +19,6 @@ ATTEMPT_MS = 2_000  # to connect, until we ask why we are not let in
 UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time
 
 
-def ignore(_: float) -> None:
-    """Do nothing about silence."""
-
-
 def open_coordinator(
     listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None
 ) -> Bus:
@@ -30,19 +26,18 @@ def open_coordinator(
 
     InputError if a router refuses us; one that is not there yet is tried in the background.
     """
-    return open_peer(listen, connect, security, shared_pool_bytes=4 * 2**20)
+    return open_linked("peer", listen, connect, security, shared_pool_bytes=4 * 2**20)
 
 
-def open_peer(
-    listen: Sequence[str], connect: Sequence[str], security: Security | None, shared_pool_bytes: int
+def open_linked(
+    mode: str,
+    listen: Sequence[str],
+    connect: Sequence[str],
+    security: Security | None,
+    shared_pool_bytes: int = 2**20,
 ) -> Bus:
     """A session with links to all its endpoints. InputError if one refuses us before any lets us in."""
-    bus = open_session(session_settings("peer", listen, connect, security), shared_pool_bytes)
-    return unless_refused(bus, connect, security)
-
-
-def unless_refused(bus: Bus, connect: Sequence[str], security: Security | None) -> Bus:
-    """The session, which is closed with InputError if an endpoint refuses us before any lets us in."""
+    bus = open_session(session_settings(mode, listen, connect, security), shared_pool_bytes)
     if connect and not bus.is_linked(within=ATTEMPT_MS / 1000):
         try:
             check_refusals(connect, security)
@@ -53,7 +48,9 @@ def unless_refused(bus: Bus, connect: Sequence[str], security: Security | None) 
 
 
 def open_worker(
-    connect: Sequence[str], security: Security | None = None, on_silence: Callable[[float], None] = ignore
+    connect: Sequence[str],
+    security: Security | None = None,
+    on_silence: Callable[[float], None] = lambda _: None,
 ) -> Bus:
     """A session of a worker, which tries to connect for ever, unless it is refused; that is an InputError.
 
@@ -62,7 +59,7 @@ def open_worker(
     the session is on all of them as they come.
     """
     if len(connect) > 1:  # a client would be on one of them only
-        return open_peer((), connect, security, shared_pool_bytes=2**20)
+        return open_linked("peer", (), connect, security)
     settings = session_settings("client", (), connect, security)
     settings["connect"] |= {"timeout_ms": ATTEMPT_MS, "exit_on_failure": True}
     began = time.monotonic()
@@ -78,8 +75,7 @@ def open_worker(
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
     """A session that coordinators and workers meet at. InputError if a router that it joins refuses us."""
-    bus = open_session(session_settings("router", listen, connect, security), shared_pool_bytes=2**20)
-    return unless_refused(bus, connect, security)
+    return open_linked("router", listen, connect, security)
 
 
 def check_refusals(connect: Sequence[str], security: Security | None) -> None:
@@ -100,12 +96,9 @@ def open_session(settings: dict[str, Any], shared_pool_bytes: int) -> Bus:
     try:
         return Bus(zenoh.open(zenoh.Config.from_json5(config)))
     except zenoh.ZError as error:
-        check_in_use(settings["listen"]["endpoints"], str(error))
+        if "Address already in use" in str(error):
+            listen = settings["listen"]["endpoints"]
+            taken = [endpoint for endpoint in listen if f"{endpoint}:" in str(error)] or listen
+            message = f"{taken[0]} is in use by another program; end that, or choose another port"
+            raise InputError(message) from error
         raise bus_error("opening " + ", ".join(endpoints), error) from error
-
-
-def check_in_use(listen: Sequence[str], error: str) -> None:
-    """InputError if it is somebody else who listens at one of these endpoints."""
-    if "Address already in use" in error:
-        taken = [endpoint for endpoint in listen if f"{endpoint}:" in error] or listen
-        raise InputError(f"{taken[0]} is in use by another program; end that, or choose another port")

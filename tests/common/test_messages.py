@@ -236,22 +236,6 @@ def test_every_truncation_is_refused(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_mutations_end_in_our_error_or_pass(kind: str) -> None:
-    """Random changes of bytes never raise anything but ProtocolError."""
-    rng = np.random.default_rng(1)
-    refused = 0
-    for _ in range(500):
-        payload = np.frombuffer(KINDS[kind].payload, dtype=np.uint8).copy()
-        where = rng.integers(0, min(len(payload), 400), size=rng.integers(1, 4))
-        payload[where] = rng.integers(0, 256, size=len(where))
-        try:
-            KINDS[kind].decode(payload.tobytes())
-        except ProtocolError:
-            refused += 1
-    assert refused > 30
-
-
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     "payload",
     [
@@ -278,23 +262,17 @@ def test_too_large_is_refused_unread() -> None:
 BAD = {
     "bytes": ("request", set_to("poses", 2, value=b"123"), "has 3 bytes, expected 144"),
     "negative": ("request", set_to("poses", 1, value=[-3, -6]), "Expected `int` >= 0"),
-    "rank": ("request", set_to("poses", 1, value=[18]), r"has shape \(18,\), expected \(N, D\)"),
-    "dims": ("request", set_to("poses", 1, value=[1] * 9), "length <= 4"),
     "dtype": ("request", set_to("poses", 0, value="|O"), "Invalid enum value '|O'"),
-    "other dtype": ("request", set_to("poses", 0, value="<i8"), "has dtype <i8, expected <f8"),
     "nan pose": ("request", set_to("poses", value=packed(POSES * np.nan)), "poses holds values that are not"),
     "no pose": ("request", set_to("poses", value=packed(POSES[:0])), "a batch has 1 to"),
     "run": ("request", set_to("run", value="a/**"), "matching regex"),
-    "run line": ("request", set_to("run", value="a\n"), "matching regex"),
     "hash": ("request", set_to("model", value="abc"), "matching regex"),
-    "frame": ("request", set_to("frame", value=-1), ">= 0"),
     "iterations": (
         "request",
         set_to("settings", "icp_iterations", value=10**9),
         "icp_iterations is 1000000000",
     ),
     "nan setting": ("request", set_to("settings", "damping", value=float("nan")), "setting damping"),
-    "setting": ("request", set_to("settings", "magic", value=1), "magic"),
     "choice": ("request", set_to("settings", "descent", value="fast"), "Invalid enum value 'fast'"),
     "picked range": (
         "frame",
@@ -304,20 +282,13 @@ BAD = {
     "picked order": ("frame", set_to("picked", value=packed(np.array([5, 5], np.uint32))), "ascending order"),
     "depth size": ("frame", set_to("intrinsics", "width", value=31), r"expected \(32, 31\)"),
     "focal": ("frame", set_to("intrinsics", "fx", value=0.0), "a focal length is 0, expected"),
-    "nan camera": ("frame", set_to("intrinsics", "cy", value=float("nan")), "centre is nan"),
     "scale": ("frame", set_to("depth_scale", value=-1.0), "depth scale is -1, expected"),
-    "time": ("frame", set_to("time_s", value=float("inf")), "time holds values"),
     "kinds range": (
         "frame",
         set_to("kinds", value=packed(np.full((32, 32), UNMEASURED + 1, np.uint8))),
         "kinds go up",
     ),
     "kinds": ("frame", set_to("kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))), "kinds and depth"),
-    "kinds size": (
-        "frame",
-        set_to("kinds", value=packed(np.zeros((32, 31), np.uint8))),
-        r"kinds has shape \(32, 31\)",
-    ),
     "view": ("frame", set_to("view", value=[3, 0, 2, 9]), "ends before it begins"),
     "vertex": (
         "model",
@@ -331,24 +302,14 @@ BAD = {
         set_to("arrays", "parents", value=packed(np.arange(6))),
         "contradicts itself: .*parent",
     ),
-    "axes": ("model", set_to("arrays", "axes", value=packed(np.ones((6, 2)))), r"expected \(6, 3\)"),
-    "nan vertex": (
-        "model",
-        set_to("arrays", "vertices", value=packed(np.full((4, 3), np.nan))),
-        "vertices holds values that are not",
-    ),
     "huge vertex": ("model", set_to("arrays", "vertices", value=packed(np.full((4, 3), 1e9))), "above 1000"),
     "content": ("model", set_to("arrays", "vertices", value=packed(np.ones((4, 3)))), "names the hash"),
     "lost field": ("model", lambda content: content["arrays"].pop("axes"), r"lacks fields \['axes'\]"),
-    "misplaced": ("model", set_to("texts", "kinds", value="x"), "has a field twice"),
     "no pixels": (
         "frame",
         lambda content: (content["intrinsics"].update(width=0), content.update(depth=["<u2", [32, 0], b""])),
         "a frame has 1 to 8388608 pixels, this one 0 by 32",
     ),
-    "tiny focal": ("frame", set_to("intrinsics", "fx", value=1e-300), "a focal length is 1e-300"),
-    "far centre": ("frame", set_to("intrinsics", "cx", value=1e300), "the camera's centre is 1e\\+300"),
-    "picked nothing": ("frame", set_to("picked", value=packed(np.array([0], np.uint32))), "without depth"),
     "many fields": (
         "model",
         set_to("texts", value={str(k): "" for k in range(51)}),
@@ -356,22 +317,14 @@ BAD = {
     ),
     "far pose": ("request", set_to("poses", value=packed(POSES * 1e9)), "poses holds values above 100000"),
     "no noise": ("request", set_to("settings", "noise_depth", value=0.0), "noise_depth is 0, expected 1e-06"),
-    "negative setting": ("request", set_to("settings", "damping", value=-1.0), "damping is -1, expected 0"),
     "limits": ("model", set_to("arrays", "limits", value=packed(np.tile([1.0, -1.0], (6, 1)))), "no room"),
-    "far limits": ("model", set_to("arrays", "limits", value=packed(np.full((6, 2), np.inf))), "no room"),
     "reply likelihood": (
         "reply",
         set_to("values", value=reply(log_likelihood=np.inf)),
         "log_likelihood holds values that are not finite",
     ),
     "reply count": ("reply", set_to("values", value=packed(np.zeros(16))), r"expected \(24\)"),
-    "reply field": ("reply", set_to("more", value=packed(POSES)), "unknown field `more`"),
     "reply pose": ("reply", set_to("values", value=reply(pose=1e9)), "poses holds values above"),
-    "reply unlikelihood": (
-        "reply",
-        set_to("values", value=reply(log_likelihood=-1e300)),
-        "log_likelihood holds values above 1e\\+100",
-    ),
     "reply residual": (
         "reply",
         set_to("values", value=reply(residual=-1.0)),
@@ -388,17 +341,6 @@ BAD = {
         set_to("covariance_roots", value=roots(0.1, 3.0)),
         "of 3.00167, expected 1",
     ),
-    "roots count": (
-        "sure-reply",
-        set_to("covariance_roots", value=packed(np.ones((3, 20), np.float32))),
-        r"expected \(3, 21\)",
-    ),
-    "roots type": (
-        "sure-reply",
-        set_to("covariance_roots", value=packed(np.ones((3, 21)))),
-        "dtype <f8, expected <f4",
-    ),
-    "reply nan": ("reply", set_to("values", value=reply(residual=np.nan)), "are not numbers"),
 }
 
 
