@@ -45,7 +45,7 @@ def process_pool(workers: int, shape: tuple[int, int], seconds: float) -> Iterat
             now = next(turns)
             futures = [
                 pool.submit(read_and_return, memories[now].name, shape, poses[start:stop], seconds)
-                for start, stop in split(len(poses), [1.0] * workers)
+                for start, stop in split(len(poses), [1] * workers)
             ]
             places[1 - now][:] = depth
             return np.concatenate([future.result() for future in futures])
@@ -92,7 +92,7 @@ def ray_tasks(workers: int, shape: tuple[int, int], seconds: float) -> Iterator[
 
         def frame(depth: Depth, poses: Array) -> Array:
             now = coming.pop()
-            tasks = [task.remote(now, poses[a:b], seconds) for a, b in split(len(poses), [1.0] * workers)]
+            tasks = [task.remote(now, poses[a:b], seconds) for a, b in split(len(poses), [1] * workers)]
             coming.append(ray.put(depth))
             return np.concatenate(ray.get(tasks))
 
