@@ -23,7 +23,7 @@ from common.transport.channels import (
     number_of,
 )
 
-FRAMES_KEPT = 2  # for late joiners
+FRAMES_KEPT = 2  # the current one and the next, for workers that join late
 HEARTBEAT_S = 0.5
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
 from typing import TypeVar
 
 from common.body import BodyModel
@@ -11,21 +10,12 @@ from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.models import encode_model
-from common.transport.bus import Bus
+from common.transport.bus import FRAMES_KEPT, Bus
 
 K = TypeVar("K")
 V = TypeVar("V")
 
-FRAMES_KEPT = 2
 MODELS_KEPT = 16  # a start tries several sizes of a body at once
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sent:
-    """A frame, and the message that it went out in."""
-
-    subject: SubjectFrame
-    payload: bytes
 
 
 class Publication:
@@ -35,7 +25,8 @@ class Publication:
         self.current = -1  # number of the frame that is to be refined on
         self._number = -1  # of the frame that was sent last
         self._lock = threading.Lock()
-        self._frames: dict[int, Sent] = {}  # by number, the one that was of use last comes last
+        # By number, each with its message; the one that was used last comes last.
+        self._frames: dict[int, tuple[SubjectFrame, bytes]] = {}
         self._models: dict[str, bytes] = {}  # by hash
         bus.serve(keys.run_frame(run, "*"), self._find_frame)
         bus.serve(keys.run_model(run, "*"), self._find_model)
@@ -44,28 +35,22 @@ class Publication:
 
     def put(self, subject: SubjectFrame) -> None:
         """Make a frame the current one; send it, unless it was one of the last to be sent."""
-        number = self._number_of(subject)
+        number = next((n for n, (sent, _) in self._frames.items() if sent is subject), None)
         if number is None:
             self.put_ahead(subject)
             number = self._number
         else:
-            self._keep(number, self._frames[number])
+            with self._lock:
+                keep(self._frames, number, self._frames[number], FRAMES_KEPT)
         self.current = number
 
     def put_ahead(self, subject: SubjectFrame) -> None:
         """Send a frame under its number, or under the next one if that has been used."""
         self._number = max(subject.frame.number, self._number + 1)
-        sent = Sent(subject, encode_frame(subject))
-        self._keep(self._number, sent)
-        self._publisher.put(self._number, sent.payload)
-
-    def _number_of(self, subject: SubjectFrame) -> int | None:
-        """Under which a frame was sent, if it is kept."""
-        return next((number for number, sent in self._frames.items() if sent.subject is subject), None)
-
-    def _keep(self, number: int, sent: Sent) -> None:
+        payload = encode_frame(subject)
         with self._lock:
-            keep(self._frames, number, sent, FRAMES_KEPT)
+            keep(self._frames, self._number, (subject, payload), FRAMES_KEPT)
+        self._publisher.put(self._number, payload)
 
     def offer(self, model: BodyModel) -> None:
         """Have a model ready for workers that fetch it."""
@@ -76,7 +61,7 @@ class Publication:
     def _find_frame(self, key: str) -> bytes | None:
         with self._lock:
             number = keys.last_of(key)
-            return next((sent.payload for n, sent in self._frames.items() if str(n) == number), None)
+            return next((payload for n, (_, payload) in self._frames.items() if str(n) == number), None)
 
     def _find_model(self, key: str) -> bytes | None:
         with self._lock:
