@@ -112,8 +112,9 @@ def record(
         facts = {"complete": complete, "pool": describe_pool(job.pool), **given.facts()}
         recorded = recorders.finish(facts, meter.rate)
         if recorded and not complete and given.total is not None:
+            kept = max(len(each.estimates) for each in recorded.values())  # as in the log, whenever it ended
             show.say(
-                f"ended early with {recorders.frames} of {given.total} frames in {job.out}; "
+                f"ended early with {kept} of {given.total} frames in {job.out}; "
                 "the same command with --resume goes on"
             )
     return recorded
