@@ -45,8 +45,8 @@ def test_commands_refuse_to_listen_openly(tmp_path: Path, capsys: pytest.Capture
     """`gepf track` and `gepf router` end with 2 and one line before they open anything."""
     for command in (["track", "nowhere", "--out", str(tmp_path / "run")], ["router"]):
         assert main([*command, "--listen", "tcp/0.0.0.0:7447"]) == 2
-        error = capsys.readouterr().err
-        assert error.count("\n") == 1
+        lines = capsys.readouterr().err.splitlines()
+        (error,) = (line for line in lines if "; loading" not in line)  # where libraries load slowly
         assert "--insecure" in error
     assert not (tmp_path / "run").exists()
 
