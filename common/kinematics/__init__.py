@@ -1,9 +1,8 @@
 """Kinematics of an articulated body, batched over particles.
 
-`chain` holds forward kinematics (Eq. 1) and the axes of relative motion (Eq. 2), `skinning` what follows
-for points of the body, `manifold` the steps from pose to pose, `limits` its angles within those of the
-joints, `rotations` what they all stand on. The functions that take a `BodyModel` are imported from here,
-compiled kernels from their modules.
+`chain` holds forward kinematics (Eq. 1), the axes of relative motion (Eq. 2) and what follows for points of
+the body, `manifold` the steps from pose to pose and the limits of joints, `rotations` what both stand on. The
+functions that take a `BodyModel` are imported from here, compiled kernels from their modules.
 """
 
 from common.kinematics.chain import (

@@ -26,7 +26,7 @@ PREDICTED_SHARE, DATA_DRIVEN_SHARE = 0.15, 0.35  # of the particles
 VERTICES = 400  # of the body, that are compared with the observed points
 NEAR_M = 0.08  # from a vertex, within which a point is explained
 LEAST_UNEXPLAINED = 0.01  # share of the points
-DRAWS = 160  # ways to hold a limb
+DRAWS = 80  # ways to hold a limb: twice as many take longer and explain no more
 
 
 class Limb(NamedTuple):
