@@ -16,6 +16,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from matplotlib.figure import Figure
 from rich.table import Table
 
 from benchmarks.recordings import Array, Recording, choose, find_people, find_skinned
@@ -35,7 +36,7 @@ from benchmarks.running import (
 from benchmarks.tracking import Outcome, near_percent, prepare, track
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.pictures.plots import new_figure, styled
+from coordinator.pictures.plots import styled
 from coordinator.sources.utd_mhad import FPS
 
 COLOURS = {30.0: "#1b1f27", 15.0: "#2f9e44", 10.0: "#3b82c4", 6.0: "#e8590c"}  # by frames a second
@@ -270,7 +271,7 @@ def draw(scores: Sequence[Score], file: Path) -> None:
     """Draw joints within 10 cm over the number of particles, a line for each frame rate, into a PNG."""
     particles = {row.name: row.particles for row in ROWS if row.particles and not row.changes}
     with styled():
-        figure = new_figure(6.0, 3.4)
+        figure = Figure(figsize=(6.0, 3.4))
         axes = figure.subplots()
         for rate in dict.fromkeys(score.frames_per_second for score in scores):
             points = sorted(

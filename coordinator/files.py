@@ -22,7 +22,7 @@ TRUTH_FILE = "truth.npz"
 START_FILE = "init.json"
 
 LOG_FILE = "frames.log"
-ANIMATION_FILE, SHEET_FILE, FILM_FILE = "overlay.gif", "sheet.png", "overlay.mp4"
+FILM_FILE, SHEET_FILE = "overlay.mp4", "sheet.png"
 HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from benchmarks.paper.runs import Run
 from benchmarks.paper.scores import RowScore
-from coordinator.pictures.plots import new_figure, styled
+from coordinator.pictures.plots import styled
 
 COLOURS = ("#e8590c", "#3b82c4", "#2f9e44", "#9c36b5", "#1b1f27")
 DEGREES = (1, 2, 5, 10, 20, 50)
@@ -44,7 +46,7 @@ def draw(runs: Mapping[str, Run | None], rows: Sequence[RowScore], folder: Path)
 
 def draw_noise(panels: Sequence[tuple[Run, str]], file: Path) -> None:
     """As the paper's Fig. 5: each angle's error of the best hypothesis, one seed; and the gradient's."""
-    figure = new_figure(8.5, 9.4)
+    figure = Figure(figsize=(8.5, 9.4))
     axes_of = figure.subplots(len(panels), 1, sharex=True, sharey=True)
     for axes, (run, title) in zip(axes_of, panels, strict=True):
         for a, angle in enumerate(run.angles):
@@ -61,7 +63,7 @@ def draw_noise(panels: Sequence[tuple[Run, str]], file: Path) -> None:
 
 def draw_curves(rows: Sequence[RowScore], file: Path) -> None:
     """Error against evaluations a frame, and against processor time a frame."""
-    figure = new_figure(8.5, 3.8)
+    figure = Figure(figsize=(8.5, 3.8))
     left, right = figure.subplots(1, 2, sharey=True)
     for colour, kind in zip(COLOURS, dict.fromkeys(kind_of(row) for row in rows), strict=False):
         of_kind = [row for row in rows if kind_of(row) == kind]

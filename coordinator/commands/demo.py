@@ -29,7 +29,7 @@ from coordinator.commands.many import run_pool
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
 from coordinator.commands.workers import Connect, connect_workers
-from coordinator.files import ANIMATION_FILE, TRUTH_FILE
+from coordinator.files import FILM_FILE, TRUTH_FILE
 from coordinator.filters.methods import LONE_POINTS
 from coordinator.pool.options import Pool
 from coordinator.results.evaluation import NEAR_M, Errors, compare, lost_from, overall, read_truth
@@ -117,7 +117,7 @@ def demo_person(
     scores = {method: [score(out, method, seed) for seed in seeds] for method in (LONE, FILTER)}
     for line in tabulate(scores):
         show.say(line)
-    drawn = [out / f"{method}-{seeds[0]}" / ANIMATION_FILE for method in (FILTER, LONE)]
+    drawn = [out / f"{method}-{seeds[0]}" / FILM_FILE for method in (FILTER, LONE)]
     show.say(f"look at {drawn[0]} and {drawn[1]}")
 
 
@@ -188,7 +188,7 @@ def demo_arm(
     truth = read_truth(out / "sequence" / TRUTH_FILE)
     for line in tabulate_angles({method: compare(read_track(out / method), truth) for method in COMPARED}):
         show.say(line)
-    show.say(f"look at {out / 'gepf' / 'overlay.gif'} and the other pictures beside it")
+    show.say(f"look at {out / 'gepf' / FILM_FILE} and the other pictures beside it")
 
 
 def tabulate_angles(errors: dict[str, Errors]) -> list[str]:

@@ -80,14 +80,8 @@ def find_sequence(run: Path, moved_to: Path | None) -> Source | None:
 def run_report(run: Path, out: Path | None, show: Show) -> None:
     """Write the page. Raises InputError if the folder holds no finished run."""
     page = out or run / "report.html"
-    people = people_in(run)
-    if people:
-        with loading(show, f"writing {page}"):
-            from coordinator.report.page import write_people_report
-        write_people_report(run, people, page)
-        show.say(f"the report is in {page}, with one of each person in its folder")
-        return
-    read_track(run)
+    if not people_in(run):
+        read_track(run)
     with loading(show, f"writing {page}"):
         from coordinator.report import write_report
     write_report(run, page)

@@ -194,4 +194,4 @@ def thumbnail(frame: DepthFrame) -> Image.Image:
     """A frame as a person likes to see depth."""
     from coordinator.pictures.shading import shade_depth
 
-    return Image.fromarray(shade_depth(frame.metres(), frame.intrinsics).astype(np.uint8))
+    return shade_depth(frame.metres(), frame.intrinsics)

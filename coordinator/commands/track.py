@@ -213,12 +213,15 @@ def draw(given: Frames, recorded: Mapping[int, Recorded], show: Show) -> None:
     """Pictures of a finished run; of live input, whose frames were not kept, of the hypotheses alone."""
     job = given.job
     for number, each in recorded.items():
-        out, status = folder_of(job.out, job.people, number), describe_status(each.estimates)
+        out, status = (
+            folder_of(job.out, job.people, number),
+            describe_status(e.status for e in each.estimates),
+        )
         frames = counted(len(each.estimates), "frame")
         if isinstance(given, LiveInput):
             frames = f"{len(each.estimates)} of {given.received.counts.received} frames"
             if job.pictures:
-                from coordinator.pictures.hypotheses import draw_hypotheses
+                from coordinator.pictures.plots import draw_hypotheses
 
                 track = filled(read_track(out))
                 draw_hypotheses(track, read_tracked_body(out), None, out / HYPOTHESES_FILE)

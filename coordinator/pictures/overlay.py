@@ -3,47 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from typing import Any
 
 import numpy as np
-from matplotlib import font_manager
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
-from scipy.ndimage import binary_dilation
+from PIL import Image, ImageDraw
 
 from common.body import BodyModel
 from common.camera import Intrinsics, project
-from common.frame import DepthFrame
-from common.kinematics import joint_positions, pose_vertices
+from common.kinematics import joint_positions
 from coordinator.pictures.plots import STATUS
-from coordinator.pictures.shading import contours, lambert, shade_depth
+from coordinator.pictures.shading import BACKGROUND, Colour, draw_body
 from coordinator.results.track import Track
-from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.certainty.certainty import FLAGGED
 
-SMALLEST = 2  # pixels of a window's side
+Array = NDArray[np.float64]
+
+FINER = 2  # the picture is drawn at this multiple and averaged
+MODEL_OPACITY = 0.4
 MARGIN_M = 0.25  # around the joints: half a torso, a hand, the top of the head
+SKELETON_COLOUR: Colour = (255, 255, 255)
+OTHERS_COLOUR: Colour = (92, 214, 255)
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A window of a camera's image, `scale` picture pixels for one of the image's."""
+    """A window of a camera's image, in pixels of that image, and the size in which it is drawn."""
 
     camera: Intrinsics  # of the whole image
-    left: int
-    top: int
-    columns: int
-    rows: int
-    scale: float
-
-    @property
-    def width(self) -> int:
-        """Of the picture, pixels."""
-        return max(1, round(self.columns * self.scale))
-
-    @property
-    def height(self) -> int:
-        """Of the picture, pixels."""
-        return max(1, round(self.rows * self.scale))
+    left: float
+    top: float
+    scale: float  # pixels of the picture for one of the image
+    width: int  # of the picture
+    height: int
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -52,36 +44,34 @@ class View:
         cx, cy = ((c + 0.5) * s - 0.5 for c in (whole.cx - self.left, whole.cy - self.top))
         return Intrinsics(self.width, self.height, whole.fx * s, whole.fy * s, cx, cy)
 
-    @property
-    def window(self) -> Intrinsics:
-        """The camera whose image is the window, at the image's own size."""
-        return self.camera.crop(self.left, self.top, self.columns, self.rows)
-
-    def crop(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The window (rows, columns) of an image (H, W)."""
-        return image[self.top : self.top + self.rows, self.left : self.left + self.columns]
-
-    def resized(self, factor: float) -> View:
-        """The same window at another size."""
-        return View(self.camera, self.left, self.top, self.columns, self.rows, self.scale * factor)
+    def cut(self, image: Image.Image) -> Image.Image:
+        """The window of the camera's image, which may come in another resolution, as a picture."""
+        x, y = image.width / self.camera.width, image.height / self.camera.height
+        right, bottom = self.left + self.width / self.scale, self.top + self.height / self.scale
+        box = (self.left * x, self.top * y, min(right * x, image.width), min(bottom * y, image.height))
+        return image.resize((self.width, self.height), Image.Resampling.BILINEAR, box)
 
 
-def around(track: Track, camera: Intrinsics, width: int, height: int) -> View:
+def view_around(track: Track, camera: Intrinsics, width: int, height: int) -> View:
     """The view that shows all joints of all frames, and fits into width x height pixels.
 
-    Where a lost body is said to be does not count, unless it is lost all the time.
+    Its picture, which is `FINER` times smaller, has an even size, as films must.
+
+    Frames whose pose is not known do not count, unless there is no other.
     """
     kept = ~track.unknown
     points = track.joint_positions[kept if kept.any() else ...].reshape(-1, 3)
     points = points[np.all(np.isfinite(points), axis=1) & (points[:, 2] > MARGIN_M)]
     size = np.array([camera.width, camera.height])
-    low, high = np.zeros(2, dtype=int), size
+    low, high = np.zeros(2), size
     if len(points):
         pixels, reach = project(points, camera), camera.fx * MARGIN_M / points[:, 2:]
-        low = np.clip(np.floor((pixels - reach).min(axis=0)), 0, size - SMALLEST).astype(int)
-        high = np.clip(np.ceil((pixels + reach).max(axis=0)), low + SMALLEST, size).astype(int)
-    (left, top), (columns, rows) = low.tolist(), (high - low).tolist()
-    return View(camera, left, top, columns, rows, min(width / columns, height / rows))
+        low = np.clip((pixels - reach).min(axis=0), 0, size - 2)
+        high = np.clip((pixels + reach).max(axis=0), low + 2, size)
+    scale = float(np.min((width, height) / (high - low)))
+    even = 2 * FINER
+    columns, rows = np.maximum(scale * (high - low) // even * even, even).astype(int).tolist()
+    return View(camera, float(low[0]), float(low[1]), scale, columns, rows)
 
 
 TRUNK = (("pelvis", "neck"), ("neck", "head"))
@@ -102,151 +92,62 @@ def bones(joint_names: tuple[str, ...]) -> list[tuple[int, int]]:
     return [(at[a], at[b]) for a, b in LINES if a in at and b in at]
 
 
-Array = NDArray[np.float64]
-Colours = NDArray[np.float32]  # (H, W, 3), 0-255
+def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int) -> Image.Image:
+    """The picture, RGB, of frame number `f` of a track over its depth or colour image.
 
-FINER = 2  # the picture is drawn at this multiple and averaged
-BACKGROUND = np.array([19.0, 23.0, 31.0], dtype=np.float32)
-MODEL_COLOUR = np.array([255.0, 122.0, 28.0], dtype=np.float32)
-MODEL_OPACITY, CONTOUR_OPACITY, CONTOUR_JUMP_M = 0.38, 0.9, 0.06
-FARTHEST = 1e4  # pixels outside the picture that a line may go
-SKELETON_COLOUR, OTHERS_COLOUR = (255, 255, 255), (92, 214, 255)
-TITLE_COLOUR, EDGE = (235, 238, 243), (19, 23, 31)
-WHOLE = ((0.0, 1.0),)  # parts of a line
-DASHES = tuple((k / 5.0 + 0.05, k / 5.0 + 0.15) for k in range(5))
-FAINTEST = 0.15  # opacity of a hypothesis without weight; the likeliest is opaque
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shown:
-    """What the tracker said about a frame: the reported pose (D,), all hypotheses (M, D), the status.
-
-    The hypotheses' weights (M,) are NaN where there are fewer than M. Joints (J,) that may well be off are
-    `flagged`: they are drawn hollow, and what leads to them dashed.
+    Nothing is drawn before the body was found, and while it is absent. Hypotheses are the fainter the less
+    their weight. Joints that may well be off are hollow.
     """
+    picture, camera, status = view.cut(image), view.intrinsics, str(track.status[f])
+    if track.placed[f] and status != "absent":
+        picture = draw_body(picture, model, track.pose[f], camera, MODEL_OPACITY)
+        draw, width = ImageDraw.Draw(picture, "RGBA"), max(FINER, picture.height // 160)
+        weights = track.hypothesis_weight[f]
+        order = np.argsort(weights)[: np.isfinite(weights).sum()]  # the likely over the unlikely
+        skeletons = project_joints(model, track.hypothesis_pose[f, order], camera)
+        strengths = np.sqrt(weights[order] / weights[order].max(initial=np.finfo(float).tiny))
+        for pixels, strength in zip(skeletons, strengths, strict=True):
+            draw_skeleton(draw, model, pixels, (*OTHERS_COLOUR, round(255 * strength)), width // 2)
+        chance, (pixels,) = track.joint_off_probability, project_joints(model, track.pose[f][None], camera)
+        hollow = None if chance is None else chance[f] > FLAGGED
+        draw_skeleton(draw, model, pixels, (0, 0, 0), width + 2, hollow)
+        draw_skeleton(draw, model, pixels, SKELETON_COLOUR, width, hollow)
+    picture = picture.reduce(FINER)
+    write_caption(picture, str(track.frame[f]), status)
+    return picture
 
-    pose: Array
-    hypotheses: Array
-    weights: Array
-    status: str
-    flagged: NDArray[np.bool_] | None = None
 
-    @property
-    def there(self) -> bool:
-        """Whether there is a body to draw: it was found by then, and is in the picture."""
-        return bool(np.isfinite(self.pose).all()) and self.status != "absent"
+def project_joints(model: BodyModel, poses: Array, camera: Intrinsics) -> Array:
+    """Pixels (N, J, 2) of the joints in poses (N, D); far outside the picture, at its edges' distance."""
+    joints = joint_positions(model, poses)
+    joints[..., 2] = np.maximum(joints[..., 2], MARGIN_M)
+    size = np.array([camera.width, camera.height])
+    pixels: Array = np.clip(project(joints, camera), -size, 2 * size)
+    return pixels
 
 
-class Painter:
-    """Paints frames of one run in one view; without OpenGL the model is drawn as its vertices."""
-
-    def __init__(self, model: BodyModel, view: View, opengl: bool = True, finer: int = FINER) -> None:
-        self.model, self.view, self._finer = model, view, finer
-        self._fine = view.resized(finer)
-        self._renderer = DepthRenderer(self._fine.intrinsics) if opengl else None
-
-    def paint(
-        self, frame: DepthFrame, shown: Shown, title: str | None = None, colour: Image.Image | None = None
-    ) -> Image.Image:
-        """The picture of a frame, RGB, of the view's size; over its colour image, if there is one."""
-        canvas = self._paint_depth(frame) if colour is None else self._paint_colour(colour)
-        if shown.there:
-            canvas = self._paint_model(canvas, shown.pose)
-        picture = Image.fromarray(canvas.astype(np.uint8))
-        if shown.there:
-            self._draw_skeletons(picture, shown)
-        picture = picture.resize((self.view.width, self.view.height), Image.Resampling.BOX)
-        write_caption(picture, title or f"{frame.number}", shown.status)
-        return picture
-
-    def close(self) -> None:
-        """Release the OpenGL context."""
-        if self._renderer is not None:
-            self._renderer.close()
-
-    def _paint_depth(self, frame: DepthFrame) -> Colours:
-        depth = self.view.crop(frame.metres())
-        colours = np.where((depth > 0.0)[..., None], shade_depth(depth, self.view.window), BACKGROUND)
-        size = (self._fine.width, self._fine.height)
-        picture = Image.fromarray(colours.astype(np.uint8)).resize(size, Image.Resampling.BILINEAR)
-        return np.asarray(picture, dtype=np.float32)
-
-    def _paint_colour(self, colour: Image.Image) -> Colours:
-        view = self.view
-        x, y = colour.width / view.camera.width, colour.height / view.camera.height
-        box = (view.left * x, view.top * y, (view.left + view.columns) * x, (view.top + view.rows) * y)
-        size = (self._fine.width, self._fine.height)
-        return np.asarray(colour.resize(size, Image.Resampling.BILINEAR, box=box), dtype=np.float32)
-
-    def _paint_model(self, canvas: Colours, pose: Array) -> Colours:
-        vertices = pose_vertices(self.model, pose[None])[0]
-        if self._renderer is None:
-            return self._paint_vertices(canvas, vertices)
-        depth = self._renderer.depth(vertices, self.model.triangles)
-        light = 0.45 + 0.55 * lambert(depth, self._fine.intrinsics)
-        lines = binary_dilation(contours(depth, CONTOUR_JUMP_M))
-        opacity = np.where(lines, CONTOUR_OPACITY, MODEL_OPACITY * (depth > 0.0))[..., None]
-        colour = MODEL_COLOUR * np.where(lines, 1.0, light)[..., None]
-        painted: Colours = canvas + (colour - canvas) * opacity.astype(np.float32)
-        return painted
-
-    def _paint_vertices(self, canvas: Colours, vertices: Array) -> Colours:
-        dots = np.floor(project(vertices[vertices[:, 2] > 0.0], self._fine.intrinsics)).astype(int)
-        square = np.indices((self._finer, self._finer)).reshape(2, -1).T  # one pixel of the picture
-        pixels = (dots[:, None] + square).reshape(-1, 2)
-        inside = np.all((pixels >= 0) & (pixels < (canvas.shape[1], canvas.shape[0])), axis=1)
-        columns, rows = pixels[inside].T
-        painted = canvas.copy()
-        painted[rows, columns] = MODEL_COLOUR
-        return painted
-
-    def _draw_skeletons(self, picture: Image.Image, shown: Shown) -> None:
-        draw = ImageDraw.Draw(picture, "RGBA")
-        width = max(2, picture.height // 160)
-        order = np.argsort(shown.weights)[: np.isfinite(shown.weights).sum()]  # the likely over the unlikely
-        strengths = shown.weights[order] / shown.weights[order].max(initial=np.finfo(float).tiny)
-        skeletons = joint_positions(self.model, shown.hypotheses[order])
-        for joints, opacity in zip(skeletons, FAINTEST + (1.0 - FAINTEST) * strengths, strict=True):
-            self._draw_skeleton(draw, joints, (*OTHERS_COLOUR, round(255 * opacity)), width // 2, None)
-        reported = joint_positions(self.model, shown.pose[None])[0]
-        self._draw_skeleton(draw, reported, (0, 0, 0), width + 2, shown.flagged)
-        self._draw_skeleton(draw, reported, SKELETON_COLOUR, width, shown.flagged)
-
-    def _draw_skeleton(
-        self,
-        draw: ImageDraw.ImageDraw,
-        joints: Array,
-        colour: tuple[int, ...],
-        width: int,
-        flagged: NDArray[np.bool_] | None,
-    ) -> None:
-        if np.any(joints[:, 2] <= 0.0):
-            return
-        doubted = np.zeros(len(joints), dtype=bool) if flagged is None else flagged
-        pixels = np.clip(project(joints, self._fine.intrinsics), -FARTHEST, FARTHEST)
-        for a, b in bones(self.model.joint_names):
-            for start, end in DASHES if doubted[a] or doubted[b] else WHOLE:
-                ends = pixels[a] + np.array([[start], [end]]) * (pixels[b] - pixels[a])
-                draw.line(ends.ravel().tolist(), fill=colour, width=width)
-        for (x, y), hollow in zip(pixels, doubted, strict=True):
-            size = 2 * width if hollow else width
-            ring = {"outline": colour, "width": max(1, width // 2)} if hollow else {"fill": colour}
-            draw.ellipse([x - size, y - size, x + size, y + size], **ring)
+def draw_skeleton(
+    draw: ImageDraw.ImageDraw,
+    model: BodyModel,
+    pixels: Array,
+    colour: tuple[int, ...],
+    width: int,
+    hollow: NDArray[np.bool_] | None = None,
+) -> None:
+    """Draw joints at pixels (J, 2) as dots, or as rings where they are `hollow` (J,), and lines between."""
+    for a, b in bones(model.joint_names):
+        draw.line([*pixels[a], *pixels[b]], fill=colour, width=width)
+    for j, place in enumerate(pixels.tolist()):
+        if hollow is None or not hollow[j]:
+            draw.circle(place, width, fill=colour)
+        else:
+            draw.circle(place, 2 * width, outline=colour, width=max(1, width // 2))
 
 
 def write_caption(picture: Image.Image, title: str, status: str) -> None:
     """Write the title and the status at the top, in place."""
-    draw = ImageDraw.Draw(picture)
-    size = max(11, picture.height // 22)
-    left, right = (size // 2, size // 3), (picture.width - size // 2, size // 3)
-    for text, place, colour, anchor in (
-        (title, left, TITLE_COLOUR, "la"),
-        (status, right, STATUS[status], "ra"),
-    ):
-        draw.text(place, text, colour, font(size), anchor, stroke_width=max(1, size // 10), stroke_fill=EDGE)
-
-
-@cache
-def font(size: int) -> ImageFont.FreeTypeFont:
-    """The typeface that matplotlib brings along."""
-    return ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size)
+    draw, size = ImageDraw.Draw(picture), max(11, picture.height // 22)
+    edge = size // 3
+    style: dict[str, Any] = {"font_size": size, "stroke_width": 1, "stroke_fill": BACKGROUND}
+    draw.text((edge, edge), title, SKELETON_COLOUR, anchor="la", **style)
+    draw.text((picture.width - edge, edge), status, STATUS[status], anchor="ra", **style)

@@ -1,9 +1,10 @@
-"""Plots over time: their look, angles and sliding joints, and errors where the truth is known."""
+"""Plots over time: angles, sliding joints, the hypotheses about them, and errors where the truth is known."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,9 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from coordinator.results.angles import Slides
-from coordinator.results.evaluation import LOST_M, NEAR_M, Errors, Truth, compare, known_mean
-from coordinator.results.track import Track
+from common.body import ROOT_DOFS
+from coordinator.bodies.angles import angles_of
+from coordinator.results.angles import Slides, ensure_angles, hypotheses_near, slides_of
+from coordinator.results.evaluation import Truth, compare, known_mean
+from coordinator.results.track import Track, TrackedBody
 
 Array = NDArray[np.float64]
 
@@ -29,23 +32,22 @@ STATUS = {
     "absent": "#969696",
 }
 SIDES = ("right_", "left_")
+WIDTH_IN, ROW_IN = 11.0, 1.7  # of a figure, and of a row of plots in it
+FAINT = 0.25  # opacity of what lies behind a curve
+MOST_ANGLES = 6  # whose hypotheses are shown
 
 STYLE: Mapping[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.titlelocation": "left",
+    "axes.titlesize": "medium",
     "axes.grid": True,
     "axes.grid.axis": "y",
-    "grid.color": "#e4e7ec",
+    "figure.constrained_layout.use": True,
     "legend.frameon": False,
     "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "gepf",  # equal drawings give equal text
 }
-
-
-def new_figure(width_in: float, height_in: float) -> Figure:
-    """An empty figure that needs no display."""
-    return Figure(figsize=(width_in, height_in), dpi=120, layout="constrained")
 
 
 def styled() -> Any:
@@ -53,32 +55,43 @@ def styled() -> Any:
     return mpl.rc_context(cast("Any", STYLE))
 
 
-def plain(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names as a person writes them."""
-    return tuple(name.replace("_", " ") for name in names)
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """What one plot shows over F frames: an angle in degrees, or a sliding joint in centimetres."""
+
+    name: str
+    unit: str  # as it follows a number
+    reported: Array  # (F,)
+    deviation: Array | None = None  # (F,) one standard deviation
+    hypotheses: Array | None = None  # (F, M)
+    true: Array | None = None  # (F,) NaN where it is not known
+
+    def draw(self, axes: Axes, track: Track) -> None:
+        """Draw what there is: a line, a band for the deviation, dots for hypotheses, dashes for the truth."""
+        time_s = track.time_s
+        if self.deviation is not None:
+            low, high = self.reported - self.deviation, self.reported + self.deviation
+            axes.fill_between(time_s, low, high, color=HYPOTHESIS, alpha=FAINT, linewidth=0)
+        if self.hypotheses is not None:
+            times = np.broadcast_to(time_s[:, None], self.hypotheses.shape)
+            opacity = cast("Any", np.sqrt(np.nan_to_num(track.hypothesis_weight)))
+            axes.scatter(times, self.hypotheses, s=8, c=HYPOTHESIS, alpha=opacity, label="hypotheses")
+        axes.plot(time_s, self.reported, color=REPORTED, label="reported")
+        if self.true is not None and np.isfinite(self.true).any():
+            axes.plot(time_s, self.true, "--", color=TRUE, label="truth")
+        shade_status(axes, track)
+        axes.set(title=self.name.replace("_", " "))
+        axes.yaxis.set_major_formatter(f"{{x:g}}{self.unit}")
+        axes.margins(x=0)
 
 
-def edges(time_s: Array) -> Array:
-    """Where each frame's share of a time axis begins, and the last one's ends (F + 1,), seconds."""
-    steps = np.diff(time_s)
-    half = 0.5 * float(np.median(steps)) if len(steps) else 0.5
-    between = time_s[:-1] + 0.5 * steps
-    return np.concatenate([[time_s[0] - half], between, [time_s[-1] + half]])
-
-
-def draw_status(axes: Axes, time_s: Array, status: NDArray[np.str_]) -> None:
-    """Fill a strip with the colour of each frame's status, and name those that occur."""
-    ends = edges(time_s)
-    for name, colour in STATUS.items():
-        spans = [(ends[f], ends[f + 1] - ends[f]) for f in np.flatnonzero(status == name)]
-        axes.broken_barh(spans, (0, 1), color=colour, linewidth=0, antialiased=False)
-    axes.set(ylim=(0, 1), yticks=[], ylabel="status", xlim=(ends[0], ends[-1]), xlabel="seconds")
-    axes.yaxis.label.set(rotation=0, ha="right", va="center")
-    axes.grid(visible=False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_visible(False)
-    seen = [Patch(color=colour, label=name) for name, colour in STATUS.items() if np.any(status == name)]
-    axes.legend(handles=seen, loc="upper left", bbox_to_anchor=(0.0, -0.9), ncols=len(STATUS))
+def shade_status(axes: Axes, track: Track) -> None:
+    """Colour the background of the frames that are not plainly tracked."""
+    half = 0.5 * float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else 0.5
+    for status, first, last in track.stretches():
+        if status != "tracked":
+            ends = track.time_s[first] - half, track.time_s[last] + half
+            axes.axvspan(*ends, color=STATUS[status], alpha=FAINT, linewidth=0)
 
 
 def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
@@ -87,130 +100,115 @@ def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
         raise ValueError("this track has no angles")
     at = [track.angle_names.index(name) for name in names]
     value, deviation = np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
-    return plot_values(track, names, value, deviation, "{x:g}°")
+    curves = [Curve(*each) for each in zip(names, "°" * len(names), value.T, deviation.T, strict=True)]
+    paired = all(name.startswith(SIDES) for name in names)
+    return plot_curves(track, curves, 2 if paired else 3, paired=paired)
 
 
 def plot_slides(track: Track, slides: Slides) -> Figure:
     """The same for sliding joints, in centimetres."""
-    return plot_values(track, slides.names, 100.0 * slides.value, 100.0 * slides.deviation, "{x:g} cm")
+    values = zip(slides.names, 100.0 * slides.value.T, 100.0 * slides.deviation.T, strict=True)
+    return plot_curves(track, [Curve(name, " cm", *each) for name, *each in values], 3)
 
 
-def plot_values(track: Track, names: tuple[str, ...], value: Array, deviation: Array, form: str) -> Figure:
-    """A plot for each value (F, N), with one standard deviation (F, N) to either side.
-
-    Frames in which the pose is not known are shaded. `form` is how a number is written.
-    """
-    sided = all(name.startswith(SIDES) for name in names)
-    columns = max(1, min(2 if sided else 3, len(names)))
-    rows = max(1, -(-len(names) // columns))
-    low, high = value - deviation, value + deviation
+def plot_curves(track: Track, curves: Sequence[Curve], columns: int, *, paired: bool = False) -> Figure:
+    """A figure with a plot for each curve; `paired`: those of a row on one scale."""
+    columns = max(1, min(columns, len(curves)))
+    rows = max(1, -(-len(curves) // columns))
     with styled():
-        figure = new_figure(11.0, 1.6 * rows)
-        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="row" if sided else False)
-        for n, at in enumerate(axes.ravel()[: len(names)]):
-            band = {"color": HYPOTHESIS, "alpha": 0.22, "linewidth": 0, "rasterized": True}
-            at.fill_between(track.time_s, low[:, n], high[:, n], **band)
-            at.plot(track.time_s, value[:, n], color=REPORTED, linewidth=1.3)
-            shade = {"color": STATUS["lost"], "alpha": 0.25, "linewidth": 0, "step": "mid"}
-            whole = at.get_xaxis_transform()
-            at.fill_between(track.time_s, 0, 1, where=track.unknown, transform=whole, **shade)
-            at.set_title(plain(names)[n], fontsize=9)
-            at.yaxis.set_major_formatter(form)
-            at.margins(x=0)
-        for at in axes.ravel()[len(names) :]:
-            at.set_visible(False)
+        figure = Figure(figsize=(WIDTH_IN, ROW_IN * rows))
+        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="row" if paired else "none")
+        for at, curve in zip_longest(axes.ravel(), curves):
+            if curve is None:
+                at.set_axis_off()
+            else:
+                curve.draw(at, track)
         for at in axes[-1]:
             at.set_xlabel("seconds")
     return figure
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ErrorColumn:
-    """Errors of one kind: their mean over all names above, and a row of colour for each name below."""
-
-    title: str  # with the mean's value
-    unit: str
-    names: tuple[str, ...]  # (N,)
-    errors: Array  # (F, N)
-    darkest: float  # error that has the darkest colour
-    least_top: float  # of the mean's axis
-    best: Array | None = None  # (F, N) of the best hypothesis
-    limit: float | None = None  # where errors count as large
-
-    def draw(self, figure: Figure, above: Axes, below: Axes, time_s: Array) -> None:
-        """Draw both parts."""
-        mean = known_mean(self.errors, axis=1)
-        if self.best is not None:
-            best = known_mean(self.best, axis=1)
-            label = f"best hypothesis, mean {np.nanmean(best):.1f}"
-            above.plot(time_s, best, color=HYPOTHESIS, linewidth=1.3, label=label)
-        label = f"reported, mean {np.nanmean(mean):.1f}"
-        above.plot(time_s, mean, color=REPORTED, linewidth=1.6, label=label)
-        if self.best is not None:
-            above.legend(loc="upper right")
-        if self.limit is not None:
-            above.axhline(self.limit, color="#8a919e", linewidth=0.9, linestyle=(0, (4, 3)))
-        above.set(title=self.title.format(np.nanmean(mean)), ylabel=self.unit)
-        above.set_ylim(0.0, 1.1 * max(self.least_top, float(np.nanmax(mean, initial=0.0))))
-        rows = np.arange(len(self.names) + 1)
-        image = below.pcolormesh(
-            edges(time_s), rows, self.errors.T, cmap="magma_r", vmin=0.0, vmax=self.darkest
-        )
-        below.set_yticks(rows[:-1] + 0.5, self.names, fontsize=8)
-        below.tick_params(axis="y", length=0)
-        below.invert_yaxis()
-        below.grid(visible=False)
-        figure.colorbar(image, ax=below, label=self.unit, extend="max", pad=0.01, fraction=0.04)
-
-
-def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with errors of joints, and of angles and sliding joints where they are known."""
-    errors = compare(track, truth)
-    columns = error_columns(errors, tuple(name for name in track.joint_names if name in truth.joint_names))
-    time_s = track.time_s[np.isin(track.frame, errors.frame)]
-    most = max(len(column.names) for column in columns)
+def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: Path) -> None:
+    """Write a PNG: the angles that vary most and the sliding joints, with all hypotheses."""
+    figure = plot_curves(track, curves_of(track, body, truth), 1)
+    name_colours(figure, track)
     with styled():
-        figure = new_figure(6.2 * len(columns) + 0.8, 4.2 + 0.22 * most)
-        heights = [2.6, 0.22 * max(most, 4), 0.16]
-        axes = figure.subplots(3, len(columns), sharex=True, squeeze=False, height_ratios=heights)
-        for column, (above, below, strip) in zip(columns, axes.T, strict=True):
-            column.draw(figure, above, below, time_s)
-            draw_status(strip, track.time_s, track.status)
         figure.savefig(file)
 
 
-DARKEST_ANGLE_DEG, DARKEST_SLIDE_CM = 45.0, 5.0  # errors with the darkest colour
-LEAST_TOP_DEG, LEAST_TOP_SLIDE_CM = 1.0, 0.1  # so that tiny errors look tiny
+def name_colours(figure: Figure, track: Track) -> None:
+    """Say below a figure what its lines, its dots and the colours behind them are."""
+    handles = [*figure.axes[0].get_legend_handles_labels()[0]]
+    seen = set(track.status.tolist()) - {"tracked"}
+    handles += [Patch(color=STATUS[name], alpha=FAINT, label=name) for name in STATUS if name in seen]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
 
 
-def error_columns(errors: Errors, joints: tuple[str, ...]) -> list[ErrorColumn]:
-    """A column for joints, angles and sliding joints each, where there are any."""
-    columns = [
-        ErrorColumn(
-            title="joint error, mean {:.1f} cm",
-            unit="cm",
-            names=plain(joints),
-            errors=100.0 * errors.joint_m,
-            darkest=100.0 * LOST_M,
-            least_top=100.0 * NEAR_M,
-            limit=100.0 * NEAR_M,
-        ),
-        ErrorColumn(
-            title="angle error",
-            unit="degrees",
-            names=errors.dof_names,
-            errors=errors.angle_deg,
-            darkest=DARKEST_ANGLE_DEG,
-            least_top=LEAST_TOP_DEG,
-            best=errors.best_angle_deg,
-        ),
-        ErrorColumn(
-            title="sliding joints, mean error {:.2f} cm",
-            unit="cm",
-            names=plain(errors.slide_names),
-            errors=100.0 * errors.slide_m,
-            darkest=DARKEST_SLIDE_CM,
-            least_top=LEAST_TOP_SLIDE_CM,
-        ),
+def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curve]:
+    """The angles that vary most, in the body's order and without the whole body's turn; the sliding joints.
+
+    The truth is shown where it has all degrees of freedom of the track.
+    """
+    angles = angles_of(body.model, body.held, track.up)
+    reported = ensure_angles(track, angles).angle
+    assert reported is not None
+    true_pose = true_poses(track, truth)
+    true, known = np.full(reported.shape, np.nan), np.isfinite(true_pose).all(axis=1)
+    if known.any():
+        true[known] = angles.near(angles.measure(true_pose[known]), reported[known])
+    others = hypotheses_near(track, angles, reported)
+    first = 3 if angles.spherical and angles.spherical[0].dofs[0].name in ROOT_DOFS else 0
+    curves = []
+    for a in sorted(first + np.argsort(-np.nanstd(reported[:, first:], axis=0), kind="stable")[:MOST_ANGLES]):
+        line, dots, dashes = (np.degrees(each[..., a]) for each in (reported, others, true))
+        curves.append(Curve(angles.names[a], "°", line, hypotheses=dots, true=dashes))
+    for name in slides_of(track, body.model).names:
+        at = track.dof_names.index(name)
+        line, dots, dashes = (
+            100.0 * each[..., at] for each in (track.pose, track.hypothesis_pose, true_pose)
+        )
+        curves.append(Curve(name, " cm", line, hypotheses=dots, true=dashes))
+    return curves
+
+
+def true_poses(track: Track, truth: Truth | None) -> Array:
+    """True poses (F, D) of the track's frames; NaN where they are not known."""
+    poses = np.full(track.pose.shape, np.nan)
+    if truth is not None and set(track.dof_names) <= set(truth.dof_names):
+        _, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
+        poses[mine] = truth.pose[theirs][:, [truth.dof_names.index(name) for name in track.dof_names]]
+    return poses
+
+
+def draw_errors(track: Track, truth: Truth, file: Path) -> None:
+    """Write a PNG with the errors of joints, angles and sliding joints: their mean, and each by its name."""
+    errors = compare(track, truth)
+    joints = tuple(name for name in track.joint_names if name in truth.joint_names)
+    time_s = track.time_s[np.isin(track.frame, errors.frame)]
+    kinds: list[tuple[str, str, tuple[str, ...], Array, Array | None]] = [
+        ("joints", "cm", joints, 100.0 * errors.joint_m, None),
+        ("angles", "degrees", errors.dof_names, errors.angle_deg, errors.best_angle_deg),
+        ("sliding joints", "cm", errors.slide_names, 100.0 * errors.slide_m, None),
     ]
-    return [column for column in columns if column.names]
+    kinds = [kind for kind in kinds if kind[2]]
+    with styled():
+        figure = Figure(figsize=(WIDTH_IN * len(kinds) / 2, 5.0 * ROW_IN))
+        axes = figure.subplots(2, len(kinds), sharex=True, squeeze=False, height_ratios=(1, 2))
+        for (above, below), (kind, unit, names, values, best) in zip(axes.T, kinds, strict=True):
+            for label, each, colour in (
+                ("reported", values, REPORTED),
+                ("best hypothesis", best, HYPOTHESIS),
+            ):
+                if each is not None:
+                    mean = known_mean(each, axis=1)
+                    above.plot(time_s, mean, color=colour, label=f"{label}, mean {np.nanmean(mean):.1f}")
+            shade_status(above, track)
+            above.set(title=f"error of {kind}", ylabel=unit, ylim=(0.0, None))
+            above.legend()
+            shown = below.pcolormesh(time_s, np.arange(len(names)), values.T, cmap="magma_r", vmin=0.0)
+            below.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize="small")
+            below.invert_yaxis()
+            below.grid(visible=False)
+            below.set_xlabel("seconds")
+            figure.colorbar(shown, ax=below, label=unit)
+        figure.savefig(file)

@@ -1,71 +1,61 @@
-"""Depth images to look at: lit over the viewer's left shoulder, near things brighter."""
+"""Depth images and bodies as pictures, lit from the upper left."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.colors import LightSource
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
-from common.camera import Intrinsics
+from common.body import BodyModel
+from common.camera import Intrinsics, project
+from common.kinematics import pose_vertices
 
-Pixels = NDArray[np.float32]
+Colour = tuple[int, int, int]
 
-LIGHT = (-0.35, -0.55, -0.76)  # towards the light, camera frame
-FAR_COLOUR = np.array([118.0, 132.0, 154.0], dtype=np.float32)
-NEAR_COLOUR = np.array([250.0, 250.0, 250.0], dtype=np.float32)
-AMBIENT = 0.3
-NOISY_M, SMOOTHEST = 0.01, 6.0  # noise for which one pixel of averaging does; most pixels ever
+BACKGROUND: Colour = (19, 23, 31)
+DEPTH_COLOUR: Colour = (225, 230, 238)
+MODEL_COLOUR: Colour = (255, 122, 28)
+SMOOTHING_PX = 1.5  # standard deviation, so that noise of depth is no relief
+LIGHT = LightSource()
 
 
-def shade_depth(depth_m: Pixels, camera: Intrinsics) -> Pixels:
-    """Colours (H, W, 3), 0-255, of observed depth (H, W); black where nothing was measured."""
+def shade_depth(depth_m: NDArray[np.float32], camera: Intrinsics) -> Image.Image:
+    """A picture of observed depth (H, W); where nothing was measured it has the background's colour."""
     seen = depth_m > 0.0
-    if not seen.any():
-        return np.zeros((*depth_m.shape, 3), dtype=np.float32)
-    near, far = np.percentile(depth_m[seen], [2, 98])
-    nearness = np.clip((far - depth_m) / max(far - near, 1e-6), 0.0, 1.0)[..., None]
-    light = AMBIENT + (1.0 - AMBIENT) * lambert(blur(depth_m, smoothing(depth_m)), camera)
-    colours: Pixels = (FAR_COLOUR + (NEAR_COLOUR - FAR_COLOUR) * nearness) * (light * seen)[..., None]
-    return colours
+    near, distance = np.percentile(depth_m[seen], [2, 50]) if seen.any() else (1.0, 1.0)
+    weight = gaussian_filter(seen.astype(np.float32), SMOOTHING_PX)
+    smooth = np.where(seen, gaussian_filter(depth_m, SMOOTHING_PX) / np.maximum(weight, 1e-6), distance)
+    light = LIGHT.hillshade(-smooth, dx=distance / camera.fx, dy=distance / camera.fy)
+    light *= np.sqrt(np.minimum(near / smooth, 1.0))  # far things are darker
+    colours = np.where(seen[..., None], light[..., None] * DEPTH_COLOUR, BACKGROUND)
+    return Image.fromarray(colours.astype(np.uint8))
 
 
-def lambert(depth_m: Pixels, camera: Intrinsics) -> Pixels:
-    """How much light (H, W), 0-1, falls on a surface given by its depth; 0 where there is none.
+def draw_body(
+    picture: Image.Image, model: BodyModel, pose: NDArray[np.float64], camera: Intrinsics, opacity: float
+) -> Image.Image:
+    """The picture with the body's surface in a pose (D,) laid over it, and a line around what is nearer.
 
-    The normal of z(u, v) is (fx z_u, fy z_v, -(z + (u - cx) z_u + (v - cy) z_v)), towards the camera.
+    Triangles that face the camera are drawn from far to near; an edge is a line where the triangle beyond it
+    faces away.
     """
-    z_v, z_u = np.gradient(depth_m)
-    v, u = np.ogrid[: depth_m.shape[0], : depth_m.shape[1]]
-    u, v = (u - camera.cx).astype(np.float32), (v - camera.cy).astype(np.float32)
-    x, y, z = camera.fx * z_u, camera.fy * z_v, -(depth_m + u * z_u + v * z_v)
-    length = np.sqrt(x * x + y * y + z * z)
-    cosine = (LIGHT[0] * x + LIGHT[1] * y + LIGHT[2] * z) / np.maximum(length, np.float32(1e-9))
-    light: Pixels = np.where(depth_m > 0.0, np.clip(cosine, 0.0, 1.0), 0.0).astype(np.float32)
-    return light
-
-
-def smoothing(depth_m: Pixels) -> float:
-    """Standard deviation in pixels over which depth as noisy as this is to be averaged before lighting."""
-    before, here, after = depth_m[:, :-2], depth_m[:, 1:-1], depth_m[:, 2:]
-    bend = (before - 2.0 * here + after)[(before > 0.0) & (here > 0.0) & (after > 0.0)]
-    noise = float(np.median(np.abs(bend))) / (0.6745 * np.sqrt(6.0)) if bend.size else 0.0
-    return float(np.clip(noise / NOISY_M, 1.0, SMOOTHEST))
-
-
-def blur(depth_m: Pixels, sigma: float) -> Pixels:
-    """Gaussian average over measured depth only; 0 stays 0."""
-    seen = depth_m > 0.0
-    weight = gaussian_filter(seen.astype(np.float32), sigma)
-    total = gaussian_filter(depth_m, sigma)
-    return np.where(seen, total / np.maximum(weight, np.float32(1e-6)), np.float32(0.0))
-
-
-def contours(depth_m: Pixels, jump_m: float) -> NDArray[np.bool_]:
-    """Pixels (H, W) of the surface at its outline, and on the near side of steps in depth."""
-    there = np.where(depth_m > 0.0, depth_m, np.float32(np.inf))
-    edge = np.zeros(depth_m.shape, dtype=bool)
-    edge[:, :-1] |= there[:, 1:] > there[:, :-1] + jump_m
-    edge[:, 1:] |= there[:, :-1] > there[:, 1:] + jump_m
-    edge[:-1] |= there[1:] > there[:-1] + jump_m
-    edge[1:] |= there[:-1] > there[1:] + jump_m
-    return edge
+    corners = pose_vertices(model, pose[None])[0][model.triangles]  # (T, 3, 3)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = (np.sum(normals * corners[:, 0], axis=1) < 0.0) & np.all(corners[..., 2] > 0.0, axis=1)
+    triangles, corners, normals = model.triangles[facing], corners[facing], normals[facing]
+    normals = normals * (1.0, -1.0, -1.0) / np.linalg.norm(normals, axis=1, keepdims=True)  # y up, z back
+    light = 0.5 + 0.5 * np.clip(normals @ LIGHT.direction, 0.0, 1.0)
+    fills = np.column_stack([light[:, None] * MODEL_COLOUR, np.full(len(light), 255.0 * opacity)]).astype(int)
+    edges = {edge for a, b, c in triangles.tolist() for edge in ((a, b), (b, c), (c, a))}
+    pixels = project(corners, camera)
+    layer = Image.new("RGBA", picture.size)
+    draw = ImageDraw.Draw(layer)
+    for t in np.argsort(-corners[..., 2].mean(axis=1)).tolist():
+        ends, places = triangles[t].tolist(), pixels[t].tolist()
+        draw.polygon([*map(tuple, places)], fill=tuple(fills[t].tolist()))
+        for k in range(3):
+            if (ends[(k + 1) % 3], ends[k]) not in edges:
+                draw.line([*places[k], *places[(k + 1) % 3]], fill=MODEL_COLOUR, width=3)
+    return Image.alpha_composite(picture.convert("RGBA"), layer).convert("RGB")

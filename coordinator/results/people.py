@@ -5,7 +5,6 @@ The results of one person alone are in the run's own folder; each of several peo
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -135,13 +134,13 @@ def summarise_all(
     """What the runs of those who were found, by number, have in common, and who they are."""
     first = next(iter(found.values()))
     common = {name: value for name, value in summarise(first).items() if name not in OF_ONE}
-    status = sum((Counter(count_status(each.estimates)) for each in found.values()), Counter[str]())
+    status = [estimate.status for each in found.values() for estimate in each.estimates]
     return {
         **facts,
         **common,
         "model": first.configuration["model"],
         PEOPLE: people,
-        "status": {name: status[name] for name in count_status(())},
+        "status": count_status(status),
         FOUND: [describe_person(number, each) for number, each in found.items()],
     }
 
@@ -155,6 +154,6 @@ def describe_person(number: int, recorded: Recorded) -> dict[str, object]:
         "first_frame_tracked": seen[0] if seen else None,
         "stature_m": start.stature if start.found else None,
         "girth": start.girth if start.found else None,
-        "status": count_status(estimates),
+        "status": count_status(e.status for e in estimates),
         "doubts": count_doubts(estimates),
     }

@@ -30,7 +30,7 @@ from coordinator.results.log import (
     read_log,
     up_of,
 )
-from coordinator.results.summary import STATUSES, SUMMARY_FILE
+from coordinator.results.summary import SUMMARY_FILE, count_status
 from coordinator.results.track import (
     MODEL_FILE,
     TRACK_FILE,
@@ -247,7 +247,7 @@ def summary_of(folder: Path, track: Track, body: TrackedBody, settings: Settings
         "settings": msgspec.to_builtins(settings),
         "versions": versions(),
         "frames": len(track.frame),
-        "status": {status: int((track.status == status).sum()) for status in STATUSES},
+        "status": count_status(track.status),
         "particles": settings.filter.particles,
         "complete": True,
     }

@@ -55,7 +55,7 @@ def summarise(recorded: Recorded) -> dict[str, object]:
         "batches_refused": statistics.batches_refused,
         "replies_malformed": statistics.replies_malformed,
         "frames": len(recorded.estimates),
-        "status": count_status(recorded.estimates),
+        "status": count_status(e.status for e in recorded.estimates),
         "doubts": count_doubts(recorded.estimates),
         "rotate_deg": round(np.degrees(start.way_up)),
         "particles": particles,
@@ -65,9 +65,9 @@ def summarise(recorded: Recorded) -> dict[str, object]:
     }
 
 
-def count_status(estimates: Iterable[Estimate]) -> dict[str, int]:
+def count_status(statuses: Iterable[str]) -> dict[str, int]:
     """Frames by status."""
-    counts = Counter[str](estimate.status for estimate in estimates)
+    counts = Counter(statuses)
     return {status: counts[status] for status in STATUSES}
 
 
@@ -82,16 +82,16 @@ def mostly_tracked(estimates: Sequence[Estimate]) -> bool:
     return 2 * sum(e.status in UNKNOWN for e in estimates) <= len(estimates)
 
 
-def describe_status(estimates: Sequence[Estimate]) -> str:
+def describe_status(statuses: Iterable[str]) -> str:
     """How many frames have each status that occurs, in words."""
-    return ", ".join(f"{n} {status}" for status, n in count_status(estimates).items() if n)
+    return ", ".join(f"{n} {status}" for status, n in count_status(statuses).items() if n)
 
 
 def describe_failure(estimates: Sequence[Estimate]) -> str:
     """What to say of a run of which most frames are not tracked, and why, where that is known."""
     doubts = count_doubts(estimates)
     why = f": {next(iter(doubts))}" if doubts else ""
-    return f"most frames are not tracked ({describe_status(estimates)}){why}"
+    return f"most frames are not tracked ({describe_status(e.status for e in estimates)}){why}"
 
 
 def find_summary(run: Path) -> dict[str, Any] | None:

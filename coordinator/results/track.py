@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -58,6 +59,15 @@ class Track:
     def placed(self) -> NDArray[np.bool_]:
         """Frames (F,) that have a pose, be it the last that was known: all but those before the body came."""
         return np.asarray(np.isfinite(self.pose).all(axis=1))
+
+    def stretches(self) -> list[tuple[str, int, int]]:
+        """All stretches of frames of one status, in order: the status, first and last position."""
+        found, first = [], 0
+        for status, members in groupby(self.status.tolist()):
+            count = len(list(members))
+            found.append((status, first, first + count - 1))
+            first += count
+        return found
 
 
 def filled(track: Track) -> Track:

@@ -2,36 +2,40 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image, ImageColor
+from scipy.ndimage import binary_dilation
 
 from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import DepthFrame
-from common.kinematics import joint_positions
+from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.angles import angles_of
-from coordinator.pictures.film import encode_gif, spread, tile
-from coordinator.pictures.hypotheses import curves_of
-from coordinator.pictures.overlay import MODEL_COLOUR, Painter, around
-from coordinator.pictures.plots import STATUS, draw_status, new_figure, styled
-from coordinator.pictures.run import draw_run, shown_at
-from coordinator.pictures.shading import contours, lambert, shade_depth
+from coordinator.pictures.film import spread, tile, write_film
+from coordinator.pictures.overlay import View, paint, view_around
+from coordinator.pictures.plots import STATUS, curves_of, draw_errors, plot_angles
+from coordinator.pictures.portrait import draw_portrait
+from coordinator.pictures.run import draw_run
+from coordinator.pictures.shading import draw_body, shade_depth
 from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.track import Track, TrackedBody
 from coordinator.sources import Source, open_source
+from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from tests.support.bodies import person
 from tests.support.runs import swing, write_run
+
+Array = NDArray[np.float64]
 
 FRAMES = 4
 
@@ -78,41 +82,42 @@ def track(model: BodyModel, truth: Truth) -> Track:
     )
 
 
-def pixels(file: Path) -> NDArray[np.float64]:
+@pytest.fixture(scope="module")
+def view(track: Track, source: Source) -> View:
+    """The body, 300 pixels high."""
+    return view_around(track, source.intrinsics, 600, 600)
+
+
+def painted(source: Source, view: View, model: BodyModel, track: Track, f: int) -> Array:
+    """The picture (H, W, 3) of a frame."""
+    image = shade_depth(source.frame(f).metres(), source.intrinsics)
+    return np.asarray(paint(image, view, model, track, f), dtype=np.float64)
+
+
+def joint_pixel(view: View, track: Track, f: int, name: str) -> Array:
+    """Column and row (2,) of a joint in the picture, which is drawn at twice the size and averaged."""
+    pixel = project(track.joint_positions[f, track.joint_names.index(name)], view.intrinsics)
+    return np.asarray(pixel) / 2.0
+
+
+def pixels(file: Path) -> Array:
     """A picture's colours (H, W, 3)."""
     with Image.open(file) as image:
         return np.asarray(image.convert("RGB"), dtype=np.float64)
 
 
-def test_a_run_gets_its_five_pictures_and_none_is_blank(
+def test_a_run_gets_its_four_pictures_and_none_is_blank(
     source: Source, model: BodyModel, track: Track, truth: Truth, tmp_path: Path
 ) -> None:
     """All are there, of a size to be looked at, with light and dark, and small enough to be sent."""
     files = draw_run(source, TrackedBody(model, {}), track, tmp_path, truth)
-    assert {f.name for f in files} == {
-        "overlay.gif",
-        "overlay.mp4",
-        "sheet.png",
-        "hypotheses.png",
-        "errors.png",
-    }
+    assert [f.name for f in files] == ["overlay.mp4", "sheet.png", "hypotheses.png", "errors.png"]
     assert set(files) == set(tmp_path.iterdir())
-    for file in (file for file in files if file.suffix != ".mp4"):
+    for file in files[1:]:
         colours = pixels(file)
         assert min(colours.shape[:2]) >= 250
         assert colours.std() > 15.0
         assert file.stat().st_size < 5_000_000
-    with Image.open(tmp_path / "overlay.gif") as animation:
-        assert getattr(animation, "n_frames") == FRAMES  # noqa: B009 only some formats have it
-        assert animation.info["duration"] == 40
-
-
-def test_without_truth_there_is_no_picture_of_errors(
-    source: Source, model: BodyModel, track: Track, tmp_path: Path
-) -> None:
-    """Four pictures remain."""
-    assert len(draw_run(source, TrackedBody(model, {}), track, tmp_path)) == 4
-    assert not (tmp_path / "errors.png").exists()
 
 
 def test_truth_of_something_else_is_reported_and_the_other_pictures_are_drawn(
@@ -125,135 +130,147 @@ def test_truth_of_something_else_is_reported_and_the_other_pictures_are_drawn(
 ) -> None:
     """A run that is done does not fail because its truth cannot be compared."""
     elsewhere = replace(truth, frame=truth.frame + 1000)
-    assert len(draw_run(source, TrackedBody(model, {}), track, tmp_path, elsewhere)) == 4
+    assert len(draw_run(source, TrackedBody(model, {}), track, tmp_path, elsewhere)) == 3
     assert "no picture of the errors" in caplog.text
 
 
-def test_without_opengl_the_body_is_dots_and_one_line_says_so(
-    source: Source,
-    model: BodyModel,
-    track: Track,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    """Pictures degrade, the run goes on, and the warning names the packages once."""
-    monkeypatch.setenv("EGL_DEVICE_ID", "99")
-    files = draw_run(source, TrackedBody(model, {}), track, tmp_path)
-    assert [record.levelname for record in caplog.records] == ["WARNING"]
-    assert "libegl1" in caplog.text
-    assert pixels(files[1]).std() > 15.0
+def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path, track: Track) -> None:
+    """A run of a single frame of a coarse camera has all its pictures."""
+    coarse = Intrinsics(40, 40, 60.0, 60.0, 19.5, 19.5)
+    depth = np.full((40, 40), 3000, dtype=np.uint16)
+
+    class OneFrame:
+        name, intrinsics, fps, numbers, truth, init = "one", coarse, 30.0, range(1), None, None
+
+        def frame(self, number: int) -> DepthFrame:
+            """The one."""
+            return DepthFrame(number, 0.0, depth, 1000.0, coarse)
+
+    one = replace(
+        track,
+        **{name: getattr(track, name)[:1] for name in ("frame", "time_s", "pose", "joint_positions")},
+        **{name: getattr(track, name)[:1] for name in ("hypothesis_pose", "hypothesis_weight", "status")},
+    )
+    files = draw_run(OneFrame(), TrackedBody(model, {}), one, tmp_path)  # type: ignore[arg-type]
+    assert all(file.suffix == ".mp4" or pixels(file).std() > 5.0 for file in files)
 
 
-@pytest.mark.parametrize("opengl", [True, False])
+def test_a_film_plays_in_real_time(tmp_path: Path) -> None:
+    """Every picture is there at its own time, gaps too, of its own size."""
+    times, greys = np.array([5.0, 5.033, 5.1, 5.4]), (20, 90, 160, 230)
+    pictures = [Image.new("RGB", (64, 48), (grey, grey, grey)) for grey in greys]
+    write_film(iter(pictures), (64, 48), times, tmp_path / "overlay.mp4")
+    with av.open(str(tmp_path / "overlay.mp4")) as film:
+        stream = film.streams.video[0]
+        assert (stream.width, stream.height, stream.codec_context.name) == (64, 48, "h264")
+        shown = [(frame.time, frame.to_ndarray(format="rgb24").mean()) for frame in film.decode(video=0)]
+    assert np.allclose([time for time, _ in shown], times - 5.0, atol=1e-3)
+    assert np.allclose([grey for _, grey in shown], greys, atol=6.0)
+
+
 def test_the_body_is_drawn_where_the_tracker_says_it_is(
-    opengl: bool, source: Source, model: BodyModel, track: Track
+    source: Source, view: View, model: BodyModel, track: Track
 ) -> None:
     """Where the arm is reported 46 degrees off, the picture differs around that arm and nowhere else."""
-    view = around(track, source.intrinsics, 300, 300)
-    painter = Painter(model, view, opengl=opengl)
-    right, wrong = (painter.paint(source.frame(f), shown_at(track, f)) for f in (FRAMES - 3, FRAMES - 1))
-    painter.close()
-    moved = np.abs(np.asarray(right, dtype=float) - np.asarray(wrong, dtype=float)).sum(axis=-1) > 60.0
-    arm = project(joint_positions(model, track.pose[-1:])[0], view.intrinsics)[
-        [model.joint_names.index("right_elbow"), model.joint_names.index("right_wrist")]
-    ]
-    rows, columns = np.nonzero(moved[30:])
+    right, wrong = (painted(source, view, model, track, f) for f in (FRAMES - 3, FRAMES - 1))
+    rows, columns = np.nonzero(np.abs(right - wrong)[30:].sum(axis=-1) > 60.0)
     low, high = np.array([columns.min(), rows.min() + 30]), np.array([columns.max(), rows.max() + 30])
-    assert np.all((arm > low - 1) & (arm < high + 1))
-    head = project(track.joint_positions[0], view.intrinsics)[model.joint_names.index("head")]
-    assert high[0] < head[0]
+    for name in ("right_elbow", "right_wrist"):
+        place = joint_pixel(view, track, FRAMES - 1, name)
+        assert np.all((place > low - 1) & (place < high + 1))
+    assert high[0] < joint_pixel(view, track, 0, "head")[0]
+
+
+def test_the_surface_covers_what_opengl_says(view: View, model: BodyModel, track: Track) -> None:
+    """Opaque, it hides the picture where a renderer that is not ours has depth, and beyond by a line."""
+    camera = view.intrinsics
+    base = Image.new("RGB", (camera.width, camera.height), (0, 0, 255))
+    drawn = np.asarray(draw_body(base, model, track.pose[0], camera, 1.0))[..., 2] < 255
+    with DepthRenderer(camera) as renderer:
+        seen = renderer.depth(pose_vertices(model, track.pose[:1])[0], model.triangles) > 0.0
+    assert seen.sum() > 10_000
+    assert drawn[seen].mean() > 0.99
+    assert np.sum(drawn & ~binary_dilation(seen, iterations=3)) < 0.001 * seen.sum()
 
 
 def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
-    source: Source, model: BodyModel, track: Track
+    source: Source, view: View, model: BodyModel, track: Track
 ) -> None:
-    """Orange surrounds the body, white joins its joints, and the status has its colour in the corner."""
-    view = around(track, source.intrinsics, 300, 300)
-    painter = Painter(model, view)
-    picture = np.asarray(painter.paint(source.frame(3), shown_at(track, 3)), dtype=float)
-    painter.close()
-    assert picture.shape == (view.height, view.width, 3)
-    assert max(view.width, view.height) == 300
-    near = np.abs(picture - MODEL_COLOUR).sum(axis=-1) < 60.0
-    assert np.sum(near) > 300
-    knee = project(track.joint_positions[3], view.intrinsics)[model.joint_names.index("left_knee")]
-    column, row = np.rint(knee).astype(int)
+    """It is warm where the body is, white joins its joints, and the status has its colour in the corner."""
+    picture = painted(source, view, model, track, 3)
+    assert picture.shape == (view.height // 2, view.width // 2, 3)
+    assert max(picture.shape) == 300
+    assert np.sum(picture[..., 0] - picture[..., 2] > 30.0) > 300
+    column, row = np.rint(joint_pixel(view, track, 3, "left_knee")).astype(int)
     assert picture[row, column].min() > 230.0
-    corner = picture[:30, view.width // 2 :]
+    corner = picture[:30, picture.shape[1] // 2 :]
     assert np.sum(np.abs(corner - ImageColor.getrgb(STATUS["lost"])).sum(axis=-1) < 40.0) > 10
 
 
-def test_a_flagged_joint_is_hollow_and_its_lines_are_dashed(
-    source: Source, model: BodyModel, track: Track
-) -> None:
-    """White in the middle of a joint that is sure, not of one that is not; less of the line is white."""
-    view = around(track, source.intrinsics, 600, 600)
-    painter, shown = Painter(model, view), replace(shown_at(track, 0), weights=np.full(2, np.nan))
-    knee = model.joint_names.index("left_knee")
-    flagged = np.arange(len(model.joint_names)) == knee
+def test_a_flagged_joint_is_hollow(source: Source, view: View, model: BodyModel, track: Track) -> None:
+    """White in the middle of a joint that is sure, not of one that is not."""
+    chance = np.zeros((FRAMES, len(model.joint_names)))
+    chance[:, model.joint_names.index("left_wrist")] = 1.0
+    alone = replace(track, hypothesis_weight=np.full((FRAMES, 2), np.nan))
+    column, row = np.rint(joint_pixel(view, track, 0, "left_wrist")).astype(int)
     sure, doubted = (
-        np.asarray(painter.paint(source.frame(0), replace(shown, flagged=flags)), dtype=float)
-        for flags in (~flagged & False, flagged)
+        painted(source, view, model, replace(alone, joint_off_probability=chances), 0)
+        for chances in (0.0 * chance, chance)
     )
-    painter.close()
-    column, row = np.rint(project(track.joint_positions[0], view.intrinsics)[knee]).astype(int)
-    assert sure[row, column].min() > 230.0
-    assert doubted[row, column].min() < 200.0
-    assert np.any(sure != doubted)
+    near = (slice(row - 4, row + 5), slice(column - 4, column + 5))
+    assert np.sum(sure[near].min(axis=-1) > 230.0) != np.sum(doubted[near].min(axis=-1) > 230.0)
 
 
 def test_a_hypothesis_is_the_fainter_the_less_its_weight(
-    source: Source, model: BodyModel, track: Track
+    source: Source, view: View, model: BodyModel, track: Track
 ) -> None:
     """The other one of two changes the picture, and less so where it hardly counts."""
-    painter = Painter(model, around(track, source.intrinsics, 300, 300))
     alone, faint, strong = (
-        np.asarray(
-            painter.paint(source.frame(0), replace(shown_at(track, 0), weights=np.array(weights))), float
-        )
-        for weights in ([1.0, np.nan], [1.0, 0.0], [1.0, 1.0])
+        painted(source, view, model, replace(track, hypothesis_weight=np.tile(weights, (FRAMES, 1))), 0)
+        for weights in ([1.0, np.nan], [1.0, 0.01], [1.0, 1.0])
     )
-    painter.close()
     assert 0.0 < np.abs(faint - alone).sum() < 0.4 * np.abs(strong - alone).sum()
 
 
-def test_a_frame_without_depth_and_a_pose_behind_the_camera_can_be_drawn(
-    source: Source, track: Track
-) -> None:
-    """What a lost run may contain does not stop its pictures."""
-    empty = replace(source.frame(0), depth=np.zeros_like(source.frame(0).depth))
-    view = around(replace(track, joint_positions=track.joint_positions * np.nan), source.intrinsics, 200, 200)
-    assert (view.left, view.top, view.columns, view.rows) == (0, 0, 512, 512)
-    scene = SCENES["arm"]()
+def test_what_a_lost_run_may_contain_can_be_drawn(source: Source, track: Track) -> None:
+    """A frame without depth, no joint that is known, and poses at and behind the camera."""
+    view = view_around(
+        replace(track, joint_positions=track.joint_positions * np.nan), source.intrinsics, 200, 200
+    )
+    assert (view.left, view.top, view.width, view.height) == (0, 0, 200, 200)
+    empty = shade_depth(np.zeros((512, 512), dtype=np.float32), source.intrinsics)
+    whole = SCENES["arm"]()
     for depth in (-1.0, 0.05):
-        painter = Painter(scene.model, view)
-        pose = scene.poses[0].copy()
-        pose[2] = depth
-        shown = replace(shown_at(track, 3), pose=pose, hypotheses=pose[None], weights=np.ones(1))
-        assert painter.paint(empty, shown).size == (200, 200)
-        painter.close()
+        pose = whole.poses[:FRAMES].copy()
+        pose[:, 2] = depth
+        away = replace(track, dof_names=whole.model.dof_names, pose=pose, hypothesis_pose=pose[:, None])
+        away = replace(away, hypothesis_weight=np.ones((FRAMES, 1)))
+        assert paint(empty, view, whole.model, away, 3).size == (100, 100)
 
 
-def test_a_view_shows_a_point_where_its_camera_says(track: Track, source: Source) -> None:
-    """The picture's camera and the crop and scale of the image agree."""
-    view = around(track, source.intrinsics, 300, 200)
+def test_a_view_shows_a_point_where_its_camera_says(view: View, track: Track, source: Source) -> None:
+    """The picture's camera and the window of the image agree, whatever the image's resolution."""
     points = track.joint_positions[0]
     in_window = project(points, source.intrinsics) - (view.left, view.top)
     assert np.allclose(project(points, view.intrinsics), (in_window + 0.5) * view.scale - 0.5)
-    assert np.all((in_window > 0) & (in_window < (view.columns, view.rows)))
-    assert view.crop(source.frame(0).metres()).shape == (view.rows, view.columns)
+    assert np.all((in_window > 0) & (in_window * view.scale < (view.width, view.height)))
+    window = View(Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5), 22, 8, 4.0, 80, 80)
+    for scale in (1, 2):
+        picture = Image.new("RGB", (64 * scale, 48 * scale), (0, 200, 0))
+        picture.paste((200, 0, 0), (0, 0, 32 * scale, 48 * scale))
+        shown = np.asarray(window.cut(picture))
+        assert shown.shape == (80, 80, 3)
+        assert shown[40, [5, 35, 45, 75], 0].tolist() == [200, 200, 0, 0]
 
 
-def test_a_lost_body_does_not_widen_the_view(track: Track, source: Source) -> None:
+def test_a_lost_body_does_not_widen_the_view(view: View, track: Track, source: Source) -> None:
     """Joints of the lost frame far outside leave the view as it was; if all are lost, they count."""
     away = track.joint_positions.copy()
     away[3] += (0.5, 0.0, -1.0)
     once = replace(track, joint_positions=away)
     always = replace(once, status=np.array(["lost"] * FRAMES))
-    view = around(track, source.intrinsics, 300, 300)
-    assert around(once, source.intrinsics, 300, 300) == view
-    assert around(always, source.intrinsics, 300, 300).columns > view.columns
+    assert view_around(once, source.intrinsics, 600, 600) == view
+    assert view_around(always, source.intrinsics, 600, 600).scale < view.scale
 
 
 @given(st.integers(1, 500), st.integers(1, 100))
@@ -275,39 +292,23 @@ def test_a_sheet_holds_every_picture_once() -> None:
         assert np.sum(np.all(sheet == colour, axis=-1)) == 200
 
 
-def test_an_animation_is_shrunk_until_it_is_small_enough() -> None:
-    """Noise, which does not compress, comes out below the limit, all frames there."""
-    rng = np.random.default_rng(0)
-    pictures = [Image.fromarray(rng.integers(0, 255, (200, 160, 3), dtype=np.uint8)) for _ in range(5)]
-    data = encode_gif(pictures, 0.1, largest=60_000)
-    assert len(data) <= 60_000
-    with Image.open(io.BytesIO(data)) as animation:
-        assert getattr(animation, "n_frames") == 5  # noqa: B009 only some formats have it
-        assert animation.width < 160
-
-
-def test_a_surface_is_brightest_where_it_faces_the_light() -> None:
-    """A sphere is brighter towards the upper left than towards the lower right, and dark outside."""
+def test_depth_is_brightest_where_it_faces_the_light() -> None:
+    """A sphere is brighter towards the upper left than towards the lower right, and has a background."""
     camera = Intrinsics(101, 101, 200.0, 200.0, 50.0, 50.0)
     v, u = np.indices((101, 101)) - 50.0
     inside = np.hypot(u, v) < 40
     bulge = np.sqrt(np.maximum(1600.0 - u**2 - v**2, 0.0)) / 200.0
-    light = lambert(np.where(inside, 1.0 - bulge, 0.0).astype(np.float32), camera)
-    assert light[35, 40] > 0.95 > light[50, 50] > light[65, 70] > 0.0
-    assert not light[~inside].any()
-    assert not shade_depth(np.zeros((20, 20), dtype=np.float32), camera).any()
+    shown = np.asarray(shade_depth(np.where(inside, 1.0 - bulge, 0.0).astype(np.float32), camera), float)
+    assert shown[35, 40, 0] > shown[50, 50, 0] > shown[65, 70, 0]
+    assert len(np.unique(shown[~inside], axis=0)) == 1
 
 
-def test_contours_run_around_a_surface_and_along_its_steps() -> None:
-    """A plate in front of a wall has a line around it, the wall one around itself, and slopes none."""
-    depth = np.zeros((30, 40), dtype=np.float32)
-    depth[5:25, 5:35] = 2.0 + 0.01 * np.arange(30, dtype=np.float32)
-    depth[10:20, 10:20] = 1.5
-    edge = contours(depth, 0.06)
-    assert edge[10, 10:20].all()
-    assert edge[5, 5:35].all()
-    for plain in (edge[12:18, 12:18], edge[7:9, 7:33], edge[depth == 0.0]):
-        assert not plain.any()
+def test_a_portrait_shows_the_body_from_three_sides(tmp_path: Path) -> None:
+    """Each third holds the model's colour, the front the widest."""
+    draw_portrait(person(), tmp_path / "person.png")
+    sides = np.split(pixels(tmp_path / "person.png"), 3, axis=1)
+    warm = [np.any(side[..., 0] - side[..., 2] > 60.0, axis=0).sum() for side in sides]
+    assert warm[0] > warm[1] > warm[2] > 30
 
 
 def test_the_angles_that_vary_most_are_shown_and_the_whole_bodys_turn_is_not(tmp_path: Path) -> None:
@@ -324,43 +325,26 @@ def test_the_angles_that_vary_most_are_shown_and_the_whole_bodys_turn_is_not(tmp
     assert sorted(curve.name for curve in curves) == sorted(turning)
 
 
-def test_a_frame_of_another_status_is_seen_in_the_strip(tmp_path: Path) -> None:
-    """One ambiguous frame among tracked ones has its own share of the strip, and so has every other."""
+def test_a_frame_of_another_status_is_seen_behind_the_curves(tmp_path: Path) -> None:
+    """One ambiguous frame among tracked ones has its own share of the width."""
+    model = person()
+    track = write_run(tmp_path / "run", model, np.tile(swing(model, 1), (20, 1)))
     status = np.array(["tracked"] * 10 + ["ambiguous"] + ["tracked"] * 9)
-    with styled():
-        figure = new_figure(4.0, 3.0)
-        axes = figure.subplots()
-        draw_status(axes, np.arange(20) / 25.0, status)
-        axes.set_axis_off()
-        figure.savefig(tmp_path / "strip.png")
-    row = pixels(tmp_path / "strip.png")[60]  # above the names
-    amber = np.all(np.abs(row - [0xF5, 0xBE, 0x46]) < 8, axis=1).sum()
-    green = np.all(np.abs(row - [0x5C, 0xC8, 0x78]) < 8, axis=1).sum()
-    assert green > 0
-    assert amber / green == pytest.approx(1 / 19, rel=0.25)
+    zeros = np.zeros((20, 1))
+    track = replace(track, status=status, angle_names=("a",), angle=zeros, angle_deviation=zeros)
+    plot_angles(track, ("a",)).savefig(tmp_path / "plot.png")
+    row = pixels(tmp_path / "plot.png")[60]
+    amber = np.all(np.abs(row - [0xFC, 0xEF, 0xD1]) < 8, axis=1).sum()
+    assert amber / len(row) == pytest.approx(1 / 20, rel=0.25)
 
 
-def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path, track: Track) -> None:
-    """A run of a single frame of a coarse camera has all its pictures."""
-    scene = SCENES["arm"]()
-    coarse = Intrinsics(40, 40, 60.0, 60.0, 19.5, 19.5)
-    frame = DepthFrame(0, 0.0, np.full((40, 40), 3000, dtype=np.uint16), 1000.0, coarse)
-
-    class OneFrame:
-        name, intrinsics, fps, numbers, truth, init = "one", coarse, 30.0, range(1), None, None
-
-        def frame(self, number: int) -> DepthFrame:
-            """The one."""
-            assert number == 0
-            return frame
-
-    one = replace(
-        track,
-        **{name: getattr(track, name)[:1] for name in ("frame", "time_s", "pose", "joint_positions")},
-        **{name: getattr(track, name)[:1] for name in ("hypothesis_pose", "hypothesis_weight", "status")},
-    )
-    assert scene.model.joint_names == model.joint_names
-    files = draw_run(OneFrame(), TrackedBody(model, {}), one, tmp_path)  # type: ignore[arg-type]
-    assert len(files) >= 3
-    for file in files:
-        assert file.suffix == ".mp4" or pixels(file).std() > 5.0
+def test_the_picture_of_errors_has_a_column_for_joints_and_one_for_angles(
+    track: Track, truth: Truth, tmp_path: Path
+) -> None:
+    """Without true angles the picture is half as wide."""
+    no_pose = replace(truth, dof_names=(), pose=np.empty((FRAMES, 0)))
+    widths = []
+    for known in (truth, no_pose):
+        draw_errors(track, known, tmp_path / "errors.png")
+        widths.append(pixels(tmp_path / "errors.png").shape[1])
+    assert widths[0] == 2 * widths[1]

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import gepf
-from common.activation import activate
 from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.urdf import read_urdf
-from coordinator.pictures.hypotheses import curves_of, draw_hypotheses
-from coordinator.pictures.plots import draw_errors
+from coordinator.pictures.plots import curves_of, draw_errors
 from coordinator.report import write_report
 from coordinator.results.angles import read_slides, slides_of
 from coordinator.results.evaluation import Truth
@@ -71,7 +69,7 @@ def test_the_report_shows_what_slides_in_centimetres(gantry: BodyModel, tmp_path
     write_report(tmp_path / "run", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert "of sliding joints centimetres" in page
-    assert ">10.0 cm … 13.0 cm (3.0 cm)</td><td>15.0 cm/s</td><td>0.0 cm</td>" in page
+    assert ">10.0 cm … 13.0 cm</td><td>3.0 cm</td><td>15.0 cm/s</td><td>0.0 cm</td>" in page
     drawing = page.partition("<summary>sliding joints</summary>")[2].partition("</svg>")[0]
     assert ">main lift</text>" in drawing
     assert all(f">{centimetres} cm</text>" in drawing for centimetres in (10, 12))
@@ -142,21 +140,9 @@ def test_the_picture_of_hypotheses_shows_what_slides(gantry: BodyModel, tmp_path
     )
     truth = Truth(track.frame[1:], track.joint_names, track.joint_positions[1:], track.dof_names, other[1:])
     *_, curve = curves_of(track, TrackedBody(gantry, {}), truth)
-    assert (curve.name, curve.unit) == ("main_lift", "cm")
+    assert (curve.name, curve.unit) == ("main_lift", " cm")
+    assert curve.hypotheses is not None
+    assert curve.true is not None
     assert np.allclose(curve.hypotheses, 100.0 * np.stack([track.pose[:, at], other[:, at]], axis=1))
     assert np.isnan(curve.true[0])
     assert np.allclose(curve.true[1:], 100.0 * other[1:, at])
-    heights = []
-    turning = [name for name in gantry.dof_names if name != "main_lift"]
-    for body in (gantry, activate(gantry, turning, np.zeros(len(gantry.dof_names)))):
-        kept = [gantry.dof(name) for name in body.dof_names]
-        part = replace(
-            track,
-            dof_names=body.dof_names,
-            pose=track.pose[:, kept],
-            hypothesis_pose=track.hypothesis_pose[:, :, kept],
-        )
-        draw_hypotheses(part, TrackedBody(body, {}), None, tmp_path / "hypotheses.png")
-        with Image.open(tmp_path / "hypotheses.png") as picture:
-            heights.append(picture.height)
-    assert heights[0] > 1.3 * heights[1]

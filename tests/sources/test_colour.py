@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.pictures.overlay import Painter, View
 from coordinator.sources.colour_folder import ColourFolder
-from tests.support.bodies import hinges
 
 CAMERA = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5)
 GREEN, RED = (0, 200, 0), (200, 0, 0)
@@ -62,16 +59,3 @@ def test_damage_is_reported(tmp_path: Path, content: bytes) -> None:
         ColourFolder(tmp_path, CAMERA, range(1))
     with pytest.raises(InputError, match="no such folder"):
         ColourFolder(tmp_path / "x", CAMERA, range(1))
-
-
-@pytest.mark.parametrize("scale", [1, 2])
-def test_the_view_s_part_of_the_colour_frame_is_shown(scale: int) -> None:
-    """The edge between red and green stays where it is in the camera's image, whatever the frame's size."""
-    picture = Image.new("RGB", (64 * scale, 48 * scale), GREEN)
-    picture.paste(RED, (0, 0, 32 * scale, 48 * scale))
-    view = View(CAMERA, left=22, top=8, columns=20, rows=20, scale=2.0)
-    painter = Painter(hinges(), view, opengl=False)
-    shown = painter._paint_colour(picture)
-    assert shown.shape == (80, 80, 3)
-    np.testing.assert_array_equal(shown[40, [5, 35]], [RED, RED])
-    np.testing.assert_array_equal(shown[40, [45, 75]], [GREEN, GREEN])

@@ -11,6 +11,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -184,12 +185,12 @@ def test_a_run_without_pictures_says_how_to_draw_them(
     tracked = tmp_path / "run"
     assert workers.track(sequence, tracked) == 0
     assert f"gepf pictures {tracked} draws them" in capsys.readouterr().err
-    assert not list(tracked.glob("*.gif"))
+    assert not list(tracked.glob("*.mp4"))
     done = in_a_terminal("pictures", str(tracked))
     assert done.returncode == 0
     assert re.search(r"━ +\d+/\d+ drawing pictures", done.stderr)
     assert "pictures are in" in done.stderr
-    assert {path.name for path in tracked.iterdir()} >= {"overlay.gif", "sheet.png", "hypotheses.png"}
+    assert {path.name for path in tracked.iterdir()} >= {"overlay.mp4", "sheet.png", "hypotheses.png"}
 
 
 def in_a_terminal(*words: str) -> subprocess.CompletedProcess[str]:
@@ -210,21 +211,21 @@ def draw_slowly(run: Path, delay: float) -> None:
     """`gepf pictures` with a step of drawing that takes long and hides interrupts, as libraries do."""
     import coordinator.pictures.run as drawing
 
-    whole = drawing.opengl_fault
+    whole = vars(drawing)["view_around"]
 
-    def swallowing() -> object:
+    def swallowing(*given: Any) -> object:
         (run / "drawing").touch()
-        with suppress(BaseException):  # as trimesh and PyOpenGL do while they load
+        with suppress(BaseException):
             time.sleep(delay)
-        return whole()
+        return whole(*given)
 
-    vars(drawing)["opengl_fault"] = swallowing
+    vars(drawing)["view_around"] = swallowing
     sys.exit(main(["pictures", str(run)]))
 
 
 @pytest.mark.usefixtures("no_traces")
 def test_an_interrupt_ends_drawing(tracked: Path, tmp_path: Path) -> None:
-    """Even one that a library swallows: exit code 130 soon, no picture, nothing said about OpenGL."""
+    """Even one that a library swallows: exit code 130 soon, and no picture."""
     process = start(draw_slowly, tracked, 600.0, log=tmp_path / "log")
     wait_until((tracked / "drawing").exists, 60.0)
     time.sleep(0.2)
@@ -234,5 +235,4 @@ def test_an_interrupt_ends_drawing(tracked: Path, tmp_path: Path) -> None:
     assert process.exitcode == 130
     said = (tmp_path / "log").read_text()
     assert "stopped" in said
-    assert "dots" not in said
-    assert not list(tracked.glob("*.gif"))
+    assert not list(tracked.glob("*.mp4"))

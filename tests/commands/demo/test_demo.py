@@ -77,7 +77,7 @@ def test_the_demo_leaves_a_sequence_runs_and_pictures_and_makes_room_for_the_nex
     assert len(list((out / "sequence" / "depth").iterdir())) == FRAMES
     for method in ("gradient", "gepf"):
         held = {p.name for p in (out / method).iterdir()}
-        assert {"track.npz", "overlay.gif", "sheet.png", "hypotheses.png", "errors.png"} <= held
+        assert {"track.npz", "overlay.mp4", "sheet.png", "hypotheses.png", "errors.png"} <= held
     table = screen.getvalue().splitlines()
     start = next(k for k, line in enumerate(table) if line.startswith("mean absolute error"))
     assert [line.split()[0] for line in table[start + 2 : start + 7]] == [*ARM_DOFS, "mean"]
@@ -112,7 +112,7 @@ def test_people_are_tracked_in_both_ways_and_compared(tmp_path: Path) -> None:
     runs = {f"{way}-{seed}" for way in (LONE, FILTER) for seed in (0, 1)}
     assert {p.name for p in out.iterdir()} == {"sequence-0", "sequence-1", *runs}
     assert all((out / run / "track.npz").exists() for run in runs)
-    assert {run for run in runs if (out / run / "overlay.gif").exists()} == {f"{LONE}-0", f"{FILTER}-0"}
+    assert {run for run in runs if (out / run / "overlay.mp4").exists()} == {f"{LONE}-0", f"{FILTER}-0"}
     table = screen.getvalue().splitlines()
     start = next(k for k, line in enumerate(table) if line.startswith("joints within 10 cm"))
     assert [line.split()[0] for line in table[start + 2 : start + 5]] == ["person", "person", "mean"]

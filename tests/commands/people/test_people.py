@@ -62,8 +62,7 @@ def test_each_person_is_a_run(calm: Path, sequence: Path, capsys: pytest.Capture
     assert main(["report", str(left), "--out", str(left.parent / "left.html")]) == 0
     assert main(["report", str(calm)]) == 0
     page = (calm / "report.html").read_text()
-    assert all(f'href="person{number}/report.html"' in page for number in (1, 2))
-    assert (calm / "person2" / "report.html").exists()
+    assert all(f"<h2>person{number}</h2>" in page for number in (1, 2))
 
 
 def test_a_truth_is_not_taken_for_anybodys(calm: Path, capsys: pytest.CaptureFixture[str]) -> None:
