@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 
 from common.errors import InputError
-from coordinator.results.configuration import PATH, digest_frame
+from coordinator.results.configuration import PATH, PEOPLE, digest_frame
 from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
-from coordinator.results.summary import PEOPLE, read_summary
+from coordinator.results.summary import read_summary
 from coordinator.results.track import read_track_with_angles
 from coordinator.sources import find_format, open_source
 

@@ -11,9 +11,9 @@ from common.errors import InputError
 from coordinator.commands.console import ENDING, loading, noted_interrupts
 from coordinator.commands.options import PicturesOptions
 from coordinator.commands.progress import Show
-from coordinator.results.configuration import GIVEN, PATH
+from coordinator.results.configuration import GIVEN, PATH, PEOPLE
 from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.summary import PEOPLE, people_in, read_summary
+from coordinator.results.summary import people_in, read_summary
 from coordinator.results.track import Track, TrackedBody, read_track, read_tracked_body
 from coordinator.sources import Source, open_source
 from coordinator.sources.camera import CameraOptions

@@ -44,7 +44,15 @@ class Input:
         job, states = self.job, None if self.job.joint_states is None else self.job.joint_states.hash
         deadline = job.pool.deadline
         return Asked(
-            job.settings, self.bodies, job.model, job.active, self.start, deadline, self.scope, states
+            job.settings,
+            self.bodies,
+            job.model,
+            job.active,
+            self.start,
+            deadline,
+            self.scope,
+            states,
+            job.people,
         )
 
 

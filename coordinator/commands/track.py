@@ -20,13 +20,14 @@ from coordinator.commands.workers import Connect, Workers
 from coordinator.files import HYPOTHESES_FILE
 from coordinator.pool.options import Pool
 from coordinator.results.live_results import LiveResults
-from coordinator.results.log import Recorded
-from coordinator.results.people import Recorders, folder_of, is_complete, open_recorders, was_found
+from coordinator.results.log import RecordedPerson
+from coordinator.results.recorder import Recorder, is_complete
 from coordinator.results.summary import (
     PERSON,
     SUMMARY_FILE,
     describe_failure,
     describe_status,
+    folder_of,
     mostly_tracked,
 )
 from coordinator.results.track import filled, read_track, read_tracked_body
@@ -67,14 +68,13 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     """
     key = live_key(job.sequence)
     given = RecordedInput(job) if key is None else LiveInput(job, key, show)
-    if job.resume and is_complete(job.out, given.configuration, job.people):
+    if job.resume and is_complete(job.out, given.configuration):
         show.say(f"all {given.total} frames are in {job.out} already")
         return True
     for attempts_left in reversed(range(RECONNECTIONS + 1)):
         try:
-            opened = open_recorders(job.out, given.configuration, job.people, resume=job.resume)
-            with opened as recorders:
-                recorded = record(given, recorders, show, connect, again=attempts_left > 0)
+            with Recorder(job.out, given.configuration, resume=job.resume) as recorder:
+                recorded = record(given, recorder, show, connect, again=attempts_left > 0)
             break
         except SilentWorkers:
             if not attempts_left or given.total is None:
@@ -90,27 +90,27 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
 
 
 def record(
-    given: Frames, recorders: Recorders, show: Show, connect: Connect, *, again: bool
-) -> dict[int, Recorded]:
+    given: Frames, recorder: Recorder, show: Show, connect: Connect, *, again: bool
+) -> dict[int, RecordedPerson]:
     """Track what is not recorded yet, and write the files of what then is, however that ends."""
     job = given.job
-    meter = show.frames(given.total, recorders.frames)
+    meter = show.frames(given.total, recorder.frames)
     if isinstance(given, RecordedInput):
-        show.say(given.announce(recorders.frames))
+        show.say(given.announce(recorder.frames))
     ended = False
     try:
-        if recorders.frames != given.total:
-            track_frames(given, recorders, meter, show, connect, again=again)
+        if recorder.frames != given.total:
+            track_frames(given, recorder, meter, show, connect, again=again)
         ended = True
     except KeyboardInterrupt:
-        if given.total is not None or not recorders.frames:
+        if given.total is not None or not recorder.frames:
             raise
         INTERRUPTS.forget()  # the end of live input
         ended = True
     finally:
-        complete = ended if given.total is None else recorders.frames == given.total
+        complete = ended if given.total is None else recorder.frames == given.total
         facts = {"complete": complete, "pool": describe_pool(job.pool), **given.facts()}
-        recorded = recorders.finish(facts, meter.rate)
+        recorded = recorder.finish(facts, meter.rate)
         if recorded and not complete and given.total is not None:
             kept = max(len(each.estimates) for each in recorded.values())  # as in the log, whenever it ended
             show.say(
@@ -122,7 +122,7 @@ def record(
 
 def track_frames(
     given: Frames,
-    recorders: Recorders,
+    recorder: Recorder,
     meter: FrameMeter,
     show: Show,
     connect: Connect,
@@ -144,11 +144,11 @@ def track_frames(
             scope=given.scope,
             start=given.start,
             motion=given.motion,
-            states=recorders.states,
+            states=recorder.states,
         )
         if not look_ahead:
             make().prepare()  # so that no frame has to wait for it
-        streams = given.streams(workers, recorders.frames)
+        streams = given.streams(workers, recorder.frames)
         run = (each for frames in streams for each in make().follow(frames, look_ahead=look_ahead))
         for tracked in leave_loaded_alone(run):
             for each, outlet in zip(tracked, outlets, strict=False):
@@ -157,7 +157,7 @@ def track_frames(
                     outlet.put(each.estimate, start.model, start.held)
             others = "".join(f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2))
             meter.advance(tracked[0].estimate, others + given.note())
-            recorders.append(tracked, workers.statistics, meter.seconds)
+            recorder.append(tracked, workers.statistics, meter.seconds)
             INTERRUPTS.check()
 
 
@@ -209,7 +209,7 @@ def describe_pool(pool: Pool) -> dict[str, object]:
     }
 
 
-def draw(given: Frames, recorded: Mapping[int, Recorded], show: Show) -> None:
+def draw(given: Frames, recorded: Mapping[int, RecordedPerson], show: Show) -> None:
     """Pictures of a finished run; of live input, whose frames were not kept, of the hypotheses alone."""
     job = given.job
     for number, each in recorded.items():
@@ -240,14 +240,14 @@ def draw(given: Frames, recorded: Mapping[int, Recorded], show: Show) -> None:
         show.say(f"{frames} and {counted(len(files), 'picture')} are in {out}: {status}")
 
 
-def conclude(job: Job, recorded: Mapping[int, Recorded], show: Show) -> bool:
+def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bool:
     """Warn of those who mostly are not tracked; gives whether all are tracked.
 
     Of several people, the first has a run even where none was found.
     """
     several = job.people > 1
     if several:
-        there = sum(map(was_found, recorded.values()))
+        there = sum(person.found for person in recorded.values())
         if there < job.people:
             show.say(f"{there} of up to {job.people} people were found")
     tracked = True

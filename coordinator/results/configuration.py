@@ -17,7 +17,20 @@ from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
 
+if TYPE_CHECKING:  # it brings the compiler, which takes long to load
+    from coordinator.bodies.tracked import Bodies
+    from coordinator.scene.scope import Scope
+
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "open3d", "scipy")
+PEOPLE = "people"  # how many were asked for, where it is not one
+PATH = "path"  # where the sequence was, for later reference; it does not influence results
+GIVEN = "camera_given"  # what the user said of the camera
+AUTOMATIC = "auto"  # a start that is found
+HASH_LETTERS = 12
+NAMED = 3  # differences that a message names
+
+RunConfiguration = dict[str, Any]
+"""Nested names and values, as JSON holds them."""
 
 
 def versions() -> dict[str, str]:
@@ -40,10 +53,6 @@ def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Iterator[tupl
             yield prefix + key, value
 
 
-PATH = "path"  # where the sequence was, for later reference; it does not influence results
-LETTERS = 12  # of a hash
-
-
 def digest_frame(frame: DepthFrame) -> str:
     """A hash of a frame: of its depth and its camera."""
     camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
@@ -52,49 +61,7 @@ def digest_frame(frame: DepthFrame) -> str:
 
 def digest(content: bytes) -> str:
     """A few letters that stand for the content."""
-    return hashlib.sha256(content).hexdigest()[:LETTERS]
-
-
-if TYPE_CHECKING:  # it brings the compiler, which takes long to load
-    from coordinator.bodies.tracked import Bodies
-    from coordinator.scene.scope import Scope
-
-RunConfiguration = dict[str, Any]
-"""Nested names and values, as JSON holds them."""
-
-OPTIONS = {
-    "sequence": "the sequence",
-    "first_frame": "the sequence's first frame",
-    "settings.method": "--method",
-    "settings.preset": "--preset",
-    "settings.filter.particles": "--particles",
-    "settings.points": "--points",
-    "settings.refine.noise_depth": "--noise-depth",
-    "settings.refine.noise_lateral": "--noise-lateral",
-    "settings.seed": "--seed",
-    "settings.rotate_deg": "--rotate",
-    "model.name": "--model",
-    "model.content": "the content of --model",
-    "dof": "--dof",
-    "init": "--init",
-    "joint_states": "--joint-states",
-    "frame_range": "--frames",
-    "deadline_ms": "--deadline",
-    "scene.person": "--person",
-    "scene.near": "--near",
-    "scene.far": "--far",
-    "scene.roi": "--roi",
-    "scene.background": "--background",
-    "scene.up": "the camera's way up",
-    "versions.gepf": "gepf's version",
-}
-"""Dotted name -> what the user calls it. Names that are not listed are settings without an option."""
-
-GIVEN = "camera_given"  # what the user said of the camera
-
-AUTOMATIC = "auto"  # a start that is found
-
-NAMED = 3  # differences that a message names
+    return hashlib.sha256(content).hexdigest()[:HASH_LETTERS]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +76,7 @@ class Asked:
     deadline: float | None  # seconds
     scope: Scope  # what of the scene is tracked
     joint_states: str | None = None  # a hash of what encoders say
+    people: int = 1  # at the most
 
 
 def run_configuration(
@@ -142,7 +110,10 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
     """The part of a configuration that does not depend on the input."""
     content, start = asked.bodies.content, asked.start
     configuration = {
-        "model": {"name": Path(asked.model).name, "content": None if content is None else content[:LETTERS]},
+        "model": {
+            "name": Path(asked.model).name,
+            "content": None if content is None else content[:HASH_LETTERS],
+        },
         "dof": None if asked.active is None else ",".join(asked.active),
         "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
         "joint_states": asked.joint_states,
@@ -151,24 +122,19 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
         "deadline_ms": None if asked.deadline is None else 1000 * asked.deadline,
         "versions": {"gepf": versions().get("gepf")},
     }
+    if asked.people > 1:
+        configuration[PEOPLE] = asked.people
     plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
     return plain
 
 
 def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:
-    """What differs from the recorded configuration, in the user's words; `recorded` may hold more."""
+    """What differs from the recorded configuration, by dotted name; `recorded` may hold more."""
     before, now = dict(flatten(recorded)), dict(flatten(asked))
-    order = [*(key for key in OPTIONS if key in now), *(key for key in now if key not in {*OPTIONS, PATH})]
     found = [
-        f"{OPTIONS.get(key, 'setting ' + key.removeprefix('settings.'))} "
-        f"(recorded {describe_value(before.get(key))}, now {describe_value(now[key])})"
-        for key in order
-        if key not in before or before[key] != now[key]
+        f"{key} (recorded {before.get(key, 'not given')}, now {value})"
+        for key, value in now.items()
+        if key != PATH and (key not in before or before[key] != value)
     ]
     more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
     return ", ".join(found[:NAMED]) + more
-
-
-def describe_value(value: object) -> str:
-    """A value as a message shows it."""
-    return "not given" if value is None else str(value)

@@ -2,7 +2,7 @@
 
 A record is its length and checksum (two little-endian uint32) and then msgpack. Whenever the
 process dies, the records before the last are whole, and a torn last one is recognised and ignored.
-A frame's record holds its results and all that the next frame goes on from.
+A frame's record holds its results and all that the next frame continues from.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, get_origin
+from typing import Any, BinaryIO, get_origin
 
 import msgspec
 import numpy as np
@@ -33,43 +34,27 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 9
+FORM = 10
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
-    """The run's configuration, as JSON would hold it."""
+    """The run begins, or goes on after an early end; its configuration as JSON would hold it."""
 
     configuration: dict[str, Any]
     form: int = FORM
 
 
-class Began(msgspec.Struct, frozen=True, tag="began"):
-    """The body, and where tracking began, of all frames from here on."""
-
-    start: Start
-
-
-class Resumed(msgspec.Struct, frozen=True, tag="resumed"):
-    """The run had ended early and goes on here."""
-
-
 class Entry(msgspec.Struct, frozen=True, tag="frame"):
-    """One frame, and the run until then."""
+    """One frame of all people, and the run until then. A start is recorded when it changes, else None."""
 
-    estimate: Estimate
-    checkpoint: Checkpoint
+    starts: list[Start | None]
+    checkpoints: list[Checkpoint]
+    estimates: list[Estimate]
     statistics: PoolStatistics
     seconds: float
 
 
-Record = Opening | Began | Resumed | Entry
-
-
-class Placed(NamedTuple):
-    """A record and the place in the file where it ends."""
-
-    record: Record
-    end: int
+Record = Opening | Entry
 
 
 def append_records(descriptor: int, records: Sequence[Record]) -> None:
@@ -85,8 +70,11 @@ def frame_record(record: Record) -> bytes:
     return HEAD.pack(len(payload), zlib.crc32(payload)) + payload
 
 
-def read_records(file: BinaryIO) -> Iterator[Placed]:
-    """The whole records of a log, up to a torn one. Raises InputError if it is of another form."""
+def read_records(file: BinaryIO) -> Iterator[tuple[Record, int]]:
+    """The whole records of a log and where each ends, up to a torn one.
+
+    Raises InputError if it is of another form.
+    """
     decoder = msgspec.msgpack.Decoder(Record, dec_hook=_unpack_array)
     size, end = os.fstat(file.fileno()).st_size, 0
     while end + HEAD.size <= size:
@@ -95,22 +83,16 @@ def read_records(file: BinaryIO) -> Iterator[Placed]:
         payload = file.read(length) if end <= size else b""
         if end > size or zlib.crc32(payload) != checksum:
             return
-        record = decode(decoder, payload)
-        yield Placed(record, end)
-
-
-def decode(decoder: msgspec.msgpack.Decoder[Record], payload: bytes) -> Record:
-    """A record whose checksum was right."""
-    try:
-        record = decoder.decode(payload)
-    except msgspec.MsgspecError as error:
-        raise InputError(f"the run was recorded by another version of gepf ({error}); {AGAIN}") from error
-    if isinstance(record, Opening) and record.form != FORM:
-        raise InputError(f"the run was recorded in form {record.form}, not {FORM}; {AGAIN}")
-    return record
-
-
-AGAIN = "track the sequence again into another folder"
+        try:
+            record = decoder.decode(payload)
+            if isinstance(record, Opening) and record.form != FORM:
+                raise msgspec.ValidationError(f"form {record.form}, not {FORM}")
+        except msgspec.MsgspecError as error:
+            raise InputError(
+                f"the run was recorded by another version of gepf ({error}); "
+                "track the sequence again into another folder"
+            ) from error
+        yield record, end
 
 
 def _pack_array(value: object) -> tuple[str, tuple[int, ...], bytes]:
@@ -127,57 +109,64 @@ def _unpack_array(kind: type, packed: Any) -> object:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RecordedPerson:
+    """One person in all frames so far."""
+
+    estimates: list[Estimate]
+    state: TrackerState  # after the last frame
+
+    @property
+    def found(self) -> bool:
+        """Whether the person was there at any time."""
+        return self.state.start.found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Recorded:
     """One frame or more, and the run until the last of them."""
 
     configuration: RunConfiguration
-    estimates: list[Estimate]
-    state: TrackerState  # after the last frame
+    people: list[RecordedPerson]
     statistics: PoolStatistics
     seconds: float
     resumes: int
     end: int  # bytes of the log; what follows is torn
 
+    @property
+    def frames(self) -> int:
+        """How many there are."""
+        return len(self.people[0].estimates)
 
-def read_log(path: Path, frames: int | None = None) -> Recorded | None:
-    """What a log holds, of `frames` at the most; None if that is no frame.
 
-    Raises InputError if it is of another form.
-    """
-    configuration: RunConfiguration = {}
-    start: Start | None = None
-    estimates: list[Estimate] = []
+def read_log(path: Path) -> Recorded | None:
+    """What a log holds; None if that is no frame. Raises InputError if it is of another form."""
+    openings: list[Opening] = []
     last: Entry | None = None
-    scene = Scene()
-    resumes = end = 0
+    starts: list[Start | None] = []
+    scenes: list[Scene] = []
+    estimates: list[list[Estimate]] = []  # of each person
+    end = 0
     with path.open("rb") as file:
         for record, place in read_records(file):
-            if len(estimates) == frames:
-                break
             end = place
-            match record:
-                case Opening():
-                    configuration = record.configuration
-                case Began():
-                    start = record.start
-                case Resumed():
-                    resumes += 1
-                case Entry():
-                    last = record
-                    scene.recall(record.checkpoint.scene)
-                    estimates.append(record.estimate)
-    if start is None or last is None:
+            if isinstance(record, Opening):
+                openings.append(record)
+                continue
+            starts = [new or old for new, old in zip_longest(record.starts, starts)]
+            if last is None:
+                scenes, estimates = [Scene() for _ in starts], [[] for _ in starts]
+            last = record
+            for p, checkpoint in enumerate(record.checkpoints):
+                scenes[p].recall(checkpoint.scene)
+                estimates[p].append(record.estimates[p])
+    if last is None:
         return None
-    state = TrackerState(start, replace(last.checkpoint, scene=scene.all()))
-    return Recorded(configuration, estimates, state, last.statistics, last.seconds, resumes, end)
-
-
-def up_of(configuration: RunConfiguration, state: TrackerState) -> NDArray[np.float64] | None:
-    """Unit vector (3,) away from the ground, camera frame: as it was said, or from the floor; else None."""
-    said = configuration.get("scene", {}).get("up")
-    if said is not None:
-        return np.array(said)
-    return floor_up(state.checkpoint.scene)
+    people = []
+    for p, start in enumerate(starts):
+        assert start is not None  # it is recorded with the first frame
+        state = TrackerState(start, replace(last.checkpoints[p], scene=scenes[p].all()))
+        people.append(RecordedPerson(estimates[p], state))
+    return Recorded(openings[-1].configuration, people, last.statistics, last.seconds, len(openings) - 1, end)
 
 
 def floor_up(scene: SceneChange) -> NDArray[np.float64] | None:

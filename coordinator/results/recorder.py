@@ -6,11 +6,13 @@ import fcntl
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import zip_longest
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import msgspec
+import numpy as np
 
 from common.errors import InputError
 from common.settings import Settings
@@ -19,18 +21,24 @@ from coordinator.pool.options import PoolStatistics
 from coordinator.results.configuration import RunConfiguration, differences, versions
 from coordinator.results.csv_file import write_csv
 from coordinator.results.log import (
-    Began,
     Entry,
     Opening,
-    Record,
     Recorded,
-    Resumed,
+    RecordedPerson,
     append_records,
     assemble,
+    floor_up,
     read_log,
-    up_of,
 )
-from coordinator.results.summary import SUMMARY_FILE, count_status
+from coordinator.results.summary import (
+    PERSON,
+    SUMMARY_FILE,
+    count_status,
+    find_summary,
+    folder_of,
+    summarise,
+    summarise_all,
+)
 from coordinator.results.track import (
     MODEL_FILE,
     TRACK_FILE,
@@ -39,7 +47,7 @@ from coordinator.results.track import (
     write_track,
     write_tracked_body,
 )
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import TrackerState
 
 CSV_FILE = "poses.csv"
@@ -54,47 +62,37 @@ class Recorder:
     run is closed without an error. A folder in which nothing came to be recorded is left as it was found.
 
     Args:
-        folder: Where the run is, or will be.
-        configuration: Of the run.
-        resume: Go on with what is there; if that is nothing, begin.
-        frames: Go on after so many of the frames that are there at the most.
+        run: The run's folder.
+        configuration: Of the run, with the number of people where that is not one.
+        resume: Continue what is there; if that is nothing, begin.
 
     Raises:
-        InputError: The folder is in use, cannot be written, or holds a run that cannot be gone on with.
+        InputError: The folder is in use, cannot be written, or holds a run that cannot be continued.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        configuration: RunConfiguration,
-        *,
-        resume: bool = False,
-        frames: int | None = None,
-    ) -> None:
-        self.folder = folder
-        self._configuration = configuration
-        self._finished = False
+    def __init__(self, run: Path, configuration: RunConfiguration, *, resume: bool = False) -> None:
+        self.run, self._configuration = run, configuration
+        self._finished = self._opened = False
         self._made: list[Path] = []
         try:
-            self._made = [path for path in (folder, *folder.parents) if not path.exists()]
-            folder.mkdir(parents=True, exist_ok=True)
-            self._log = open_log(folder / LOG_FILE)
-            sync_folder(folder)
+            self._made = [path for path in (run, *run.parents) if not path.exists()]
+            run.mkdir(parents=True, exist_ok=True)
+            self._log = open_log(run / LOG_FILE)
+            sync_folder(run)
         except OSError as error:
             _remove_empty(self._made)
-            raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
+            raise InputError(f"cannot write to {run}: {error.strerror}; choose another --out") from error
         try:
-            self.past = claim(folder, configuration, resume=resume, frames=frames)
+            self.past = claim(run, configuration, resume=resume)
         except BaseException:
             os.close(self._log)
             raise
-        self.frames = len(self.past.estimates) if self.past else 0
-        self._start = self.past.state.start if self.past else None
+        people = self.past.people if self.past else []
+        self.frames = self.past.frames if self.past else 0
+        self._starts = [person.state.start for person in people]
         os.ftruncate(self._log, self.past.end if self.past else 0)
         self._disk = ThreadPoolExecutor(1)
         self._syncing: Future[None] = self._disk.submit(os.fdatasync, self._log)
-        if self.past:
-            self._write([Resumed()])
 
     def __enter__(self) -> Self:
         return self
@@ -104,74 +102,92 @@ class Recorder:
     ) -> None:
         """Give the folder free; without a frame, leave no trace of the run."""
         self._disk.shutdown()
-        # not by the count alone: an interrupt may come between writing and counting
-        log = self.folder / LOG_FILE
+        empty = os.fstat(self._log).st_size == 0
         try:
-            empty = not self.frames and (not log.exists() or read_log(log) is None)
             if empty or (self._finished and error is None):
-                log.unlink(missing_ok=True)
+                (self.run / LOG_FILE).unlink(missing_ok=True)
         finally:
             os.close(self._log)
         if empty:
             _remove_empty(self._made)
 
-    def append(
-        self, estimate: Estimate, state: TrackerState, statistics: PoolStatistics, seconds: float
-    ) -> None:
-        """Write one frame's result, and what the tracker knew after it.
+    @property
+    def states(self) -> list[TrackerState] | None:
+        """What was known of each person when the run ended early; None where it begins."""
+        return [person.state for person in self.past.people] if self.past else None
 
-        It is there for readers, and survives this process, when this returns. It survives a loss of power
+    def append(self, tracked: Sequence[Tracked], statistics: PoolStatistics, seconds: float) -> None:
+        """Write one frame's results, and what the tracker knew after it of each person.
+
+        They are there for readers, and survive this process, when this returns. They survive a loss of power
         some milliseconds later, and surely when the next frame is appended or the results are read; so the
         disk works while the workers do. `statistics` and `seconds` are those since this recorder was opened.
         """
-        records: list[Record] = [] if self.frames else [Opening(self._configuration)]
-        if state.start is not self._start:
-            records.append(Began(state.start))
         if self.past:
             statistics, seconds = statistics.after(self.past.statistics), seconds + self.past.seconds
-        self._write([*records, Entry(estimate, state.checkpoint, statistics, seconds)])
-        self._start = state.start
+        starts = [each.state.start for each in tracked]
+        entry = Entry(
+            starts=[new if new is not old else None for new, old in zip_longest(starts, self._starts)],
+            checkpoints=[each.state.checkpoint for each in tracked],
+            estimates=[each.estimate for each in tracked],
+            statistics=statistics,
+            seconds=seconds,
+        )
+        self._syncing.result()
+        append_records(self._log, [entry] if self._opened else [Opening(self._configuration), entry])
+        self._syncing = self._disk.submit(os.fdatasync, self._log)
+        self._starts, self._opened = starts, True
         self.frames += 1
 
-    def _write(self, records: Sequence[Record]) -> None:
-        """Append records when those before them are safe from a loss of power, and begin to make these so."""
+    def finish(self, facts: Mapping[str, object], rate: float) -> dict[int, RecordedPerson]:
+        """Write all files but pictures of those who were found, and of the first; gives these by number.
+
+        Each summary begins with `facts`, whether all is complete among them, and the frame rate, frames
+        a second; 0 where no frame was tracked now. Nothing is written before the first frame. An incomplete
+        run keeps its log.
+        """
         self._syncing.result()
-        append_records(self._log, records)
-        self._syncing = self._disk.submit(os.fdatasync, self._log)
-
-    def read(self) -> Recorded | None:
-        """Everything recorded so far, as it stands in the log; None before the first frame."""
-        self._syncing.result()
-        return read_log(self.folder / LOG_FILE)
-
-    def discard(self) -> None:
-        """Leave no trace of the run at the end, as if no frame had been recorded."""
-        for name in (*RESULTS, MODEL_FILE):
-            (self.folder / name).unlink(missing_ok=True)
-        os.ftruncate(self._log, 0)
-        self.frames, self._made = 0, [self.folder]
-
-    def finish(self, recorded: Recorded, summary: Mapping[str, object], *, complete: bool = True) -> Track:
-        """Write all files but pictures and return the track. An incomplete run keeps its log."""
-        start = recorded.state.start
-        track = assemble(
-            start.model,
-            recorded.estimates,
-            held=start.held,
-            timed=recorded.configuration.get("deadline_ms") is not None,
-            up=up_of(recorded.configuration, recorded.state),
-        )
-        write_files(self.folder, track, TrackedBody(start.model, start.held), summary)
-        write_atomically(self.folder / CSV_FILE, lambda file: write_csv(track, file))
-        self._finished = complete
-        return track
+        recorded = read_log(self.run / LOG_FILE)
+        if recorded is None:
+            return {}
+        facts = {**facts, "frame_rate": rate or recorded.frames / max(recorded.seconds, 1e-9)}
+        found = {n: person for n, person in enumerate(recorded.people, start=1) if n == 1 or person.found}
+        for number, person in found.items():
+            start, configuration = person.state.start, recorded.configuration
+            said = configuration.get("scene", {}).get("up")
+            track = assemble(
+                start.model,
+                person.estimates,
+                held=start.held,
+                timed=configuration.get("deadline_ms") is not None,
+                up=floor_up(person.state.checkpoint.scene) if said is None else np.array(said),
+            )
+            own = {} if len(recorded.people) == 1 else {PERSON: number}
+            summary = {**facts, **summarise(recorded, person), **own}
+            folder = folder_of(self.run, len(recorded.people), number)
+            write_files(folder, track, TrackedBody(start.model, start.held), summary)
+        if len(recorded.people) > 1:
+            write_json(self.run / SUMMARY_FILE, {**facts, **summarise_all(recorded, found)})
+        self._finished = bool(facts["complete"])
+        return found
 
 
 def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object]) -> None:
-    """Write `model.npz`, `track.npz` and `summary.json`."""
+    """Write all files of one person but pictures; the folder is made where it is not there."""
+    folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
     write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
     write_json(folder / SUMMARY_FILE, summary)
+    write_atomically(folder / CSV_FILE, lambda file: write_csv(track, file))
+
+
+def is_complete(run: Path, configuration: RunConfiguration) -> bool:
+    """Whether a folder holds a whole run; InputError if it was made under another configuration."""
+    summary = find_summary(run)
+    if summary is None or (run / LOG_FILE).exists():
+        return False
+    check_configuration(run, summary, configuration)
+    return summary.get("complete") is True
 
 
 def check_configuration(folder: Path, recorded: Mapping[str, Any], asked: RunConfiguration) -> None:
@@ -199,14 +215,12 @@ def open_log(path: Path) -> int:
     return descriptor
 
 
-def claim(
-    folder: Path, configuration: RunConfiguration, *, resume: bool, frames: int | None = None
-) -> Recorded | None:
-    """What there is to go on with; InputError if anything is there that is not to be gone on with."""
-    past = read_log(folder / LOG_FILE, frames)
+def claim(folder: Path, configuration: RunConfiguration, *, resume: bool) -> Recorded | None:
+    """What there is to continue; InputError if anything is there that is not to be continued."""
+    past = read_log(folder / LOG_FILE)
     if past is not None:
         if not resume:
-            raise InputError(f"{folder} holds an interrupted run; go on with --resume, {ELSEWHERE}")
+            raise InputError(f"{folder} holds an interrupted run; continue it with --resume, {ELSEWHERE}")
         check_configuration(folder, past.configuration, configuration)
         return past
     present = [name for name in RESULTS if (folder / name).exists()]
@@ -225,29 +239,24 @@ def _remove_empty(folders: Sequence[Path]) -> None:
 
 
 def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) -> None:
-    """Write `track.npz`, `model.npz` and `summary.json`. InputError if any of them is there."""
-    present = [name for name in (TRACK_FILE, MODEL_FILE, SUMMARY_FILE) if (folder / name).exists()]
+    """Write the results of a run that was made from Python. InputError if there are any."""
+    present = [name for name in (*RESULTS, MODEL_FILE) if (folder / name).exists()]
     if present:
         raise InputError(f"{folder} holds a run already ({present[0]}); choose another folder")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_files(folder, track, body, summary_of(folder, track, body, settings))
-    except OSError as error:
-        raise InputError(f"cannot write to {folder}: {error.strerror}; choose another folder") from error
-
-
-def summary_of(folder: Path, track: Track, body: TrackedBody, settings: Settings) -> dict[str, object]:
-    """What is known of a run that was made from Python."""
-    return {
+    summary = {
         "sequence": folder.resolve().name,
         "model": {"name": body.model.name, "hash": body.model.hash, "active": body.model.dof_names},
+        "settings": msgspec.to_builtins(settings),
         "method": settings.method,
         "preset": settings.preset,
         "seed": settings.seed,
-        "settings": msgspec.to_builtins(settings),
+        "particles": settings.filter.particles,
         "versions": versions(),
         "frames": len(track.frame),
-        "status": count_status(track.status),
-        "particles": settings.filter.particles,
+        "status": count_status(track.status.tolist()),
         "complete": True,
     }
+    try:
+        write_files(folder, track, body, summary)
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}; choose another folder") from error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -15,22 +15,28 @@ from coordinator.results.configuration import versions
 from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 
 if TYPE_CHECKING:  # it brings the compiler, which takes long to load
-    from coordinator.results.log import Recorded
+    from coordinator.results.log import Recorded, RecordedPerson
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
-PEOPLE, PERSON = "people", "person"  # in it: how many were requested, and which of them this is
+PERSON = "person"  # in it: which of several people this is
 FOUND = "found"  # in the summary of several: one entry for each person who was found
+OF_ONE = ("doubts", "rotate_deg", "noise_m")  # what differs from person to person
 
 
-def summarise(recorded: Recorded) -> dict[str, object]:
+def folder_of(run: Path, people: int, number: int) -> Path:
+    """Where a person's results are; people count from 1. One person alone has the run's folder."""
+    return run if people == 1 else run / f"{PERSON}{number}"
+
+
+def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
     """Configuration, versions, body, workers, frames and the time each stage took in all, in seconds."""
-    configuration, start, statistics = recorded.configuration, recorded.state.start, recorded.statistics
+    configuration, start, statistics = recorded.configuration, person.state.start, recorded.statistics
     settings = configuration["settings"]
     particles = settings["filter"]["particles"]
-    answered = [e.particles_answered for e in recorded.estimates if e.particles_answered]
+    answered = [e.particles_answered for e in person.estimates if e.particles_answered]
     stages: dict[str, float] = {}
-    for estimate in recorded.estimates:
+    for estimate in person.estimates:
         for stage, seconds in estimate.stage_seconds.items():
             stages[stage] = stages.get(stage, 0.0) + seconds
     return {
@@ -54,14 +60,39 @@ def summarise(recorded: Recorded) -> dict[str, object]:
         "batches_sent_again": statistics.batches_sent_again,
         "batches_refused": statistics.batches_refused,
         "replies_malformed": statistics.replies_malformed,
-        "frames": len(recorded.estimates),
-        "status": count_status(e.status for e in recorded.estimates),
-        "doubts": count_doubts(recorded.estimates),
+        "frames": len(person.estimates),
+        "status": count_status(e.status for e in person.estimates),
+        "doubts": count_doubts(person.estimates),
         "rotate_deg": round(np.degrees(start.way_up)),
         "particles": particles,
         "particles_unanswered": sum(particles - count for count in answered),
         "seconds": recorded.seconds,
         "time_per_stage": stages,
+    }
+
+
+def summarise_all(recorded: Recorded, found: Mapping[int, RecordedPerson]) -> dict[str, object]:
+    """What the runs of those who were found, by number, have in common, and who they are."""
+    common = summarise(recorded, recorded.people[0])
+    return {
+        **{name: value for name, value in common.items() if name not in OF_ONE},
+        "model": recorded.configuration["model"],
+        "status": count_status(each.status for person in found.values() for each in person.estimates),
+        FOUND: [describe_person(number, person) for number, person in found.items()],
+    }
+
+
+def describe_person(number: int, person: RecordedPerson) -> dict[str, object]:
+    """One person in the summary of all."""
+    estimates, start = person.estimates, person.state.start
+    seen = [estimate.frame for estimate in estimates if estimate.status not in ("absent", "searching")]
+    return {
+        "folder": f"{PERSON}{number}",
+        "first_frame_tracked": seen[0] if seen else None,
+        "stature_m": start.stature if start.found else None,
+        "girth": start.girth if start.found else None,
+        "status": count_status(e.status for e in estimates),
+        "doubts": count_doubts(estimates),
     }
 
 

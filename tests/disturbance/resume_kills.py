@@ -74,7 +74,7 @@ def kill_and_resume(place: Place, out: Path, calm: bytes, aimed_at: int, delay: 
     torn = past is not None and past.end < log.stat().st_size
     ended = place.finish(out, "--resume")
     same = ended == 0 and (out / "track.npz").read_bytes() == calm and not log.exists()
-    return Killed(aimed_at, len(past.estimates) if past else 0, torn, complete, same)
+    return Killed(aimed_at, past.frames if past else 0, torn, complete, same)
 
 
 def count(log: Path) -> int:
@@ -83,7 +83,7 @@ def count(log: Path) -> int:
         past = read_log(log)
     except FileNotFoundError:
         return 0
-    return len(past.estimates) if past else 0
+    return past.frames if past else 0
 
 
 def try_all(kills: int, frames: int, seed: int, longest: float = LONGEST) -> list[Killed]:

@@ -6,6 +6,7 @@ import json
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import choose_settings
 from coordinator.filters.methods import METHODS
 from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.results.log import Began, Entry, Record, append_records, read_log, read_records
+from coordinator.results.log import Entry, Opening, append_records, read_log
 from coordinator.scene.planes import NO_PLANES as NONE
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.loop import Stopwatch
@@ -38,16 +39,13 @@ def bodies() -> Bodies:
     return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
 
 
-def through_a_file(state: TrackerState, estimate: Estimate, path: Path) -> TrackerState:
-    """A state as it is read from a log."""
-    with path.open("wb") as file:
-        records: list[Record] = [Began(state.start), Entry(estimate, state.checkpoint, PoolStatistics(), 0.0)]
-        append_records(file.fileno(), records)
-    with path.open("rb") as file:
-        (began, _), (entry, _) = read_records(file)
-    assert isinstance(began, Began)
-    assert isinstance(entry, Entry)
-    return TrackerState(began.start, entry.checkpoint)
+def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> TrackerState:
+    """A state as it is read from the log to which it was appended."""
+    entry = Entry([state.start], [state.checkpoint], [estimate], PoolStatistics(), 0.0)
+    append_records(file.fileno(), [Opening({}), entry])
+    recorded = read_log(Path(file.name))
+    assert recorded is not None
+    return recorded.people[0].state
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -60,11 +58,12 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     said = [as_bytes(estimate) for estimate, _ in whole.follow(frames)]
 
     following = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
-    for number, frame in enumerate(frames):
-        estimate = following.track(frame)
-        assert as_bytes(estimate) == said[number]
-        state = through_a_file(following.state, estimate, tmp_path / "log")
-        following = OnePerson(DirectRefiner(), settings, bodies(), state=state)
+    with (tmp_path / "log").open("ab") as file:
+        for number, frame in enumerate(frames):
+            estimate = following.track(frame)
+            assert as_bytes(estimate) == said[number]
+            state = recorded_state(file, following.state, estimate)
+            following = OnePerson(DirectRefiner(), settings, bodies(), state=state)
 
 
 def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
@@ -80,11 +79,8 @@ def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
             assert as_bytes(estimate) == said[number]
             state = following.state
             assert len(state.checkpoint.scene.learned.pixels) > 0 or number > 1
-            entry = Entry(estimate, state.checkpoint, PoolStatistics(), 0.0)
-            append_records(file.fileno(), [Began(state.start), entry])
-            recorded = read_log(tmp_path / "log")
-            assert recorded is not None
-            following = OnePerson(DirectRefiner(), settings, bodies(), state=recorded.state)
+            state = recorded_state(file, state, estimate)
+            following = OnePerson(DirectRefiner(), settings, bodies(), state=state)
 
 
 def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
@@ -230,14 +226,14 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--seed", "4"), "--seed (recorded 3, now 4)"),
-        (("--particles", "7"), "--particles (recorded 6, now 7)"),
-        (("--frames", "0:4"), "--frames (recorded 0:5, now 0:4)"),
-        (("--dof", "r_elbow_flexion"), "--dof (recorded not given, now r_elbow_flexion)"),
-        (("--init", "auto"), "--init (recorded"),
+        (("--seed", "4"), "settings.seed (recorded 3, now 4)"),
+        (("--particles", "7"), "settings.filter.particles (recorded 6, now 7)"),
+        (("--frames", "0:4"), "frame_range (recorded 0:5, now 0:4)"),
+        (("--dof", "r_elbow_flexion"), "dof (recorded None, now r_elbow_flexion)"),
+        (("--init", "auto"), "init (recorded"),
         (
-            ("--preset", "paper", "--particles", "2", "--points", "4"),
-            "--preset (recorded default, now paper), --particles (recorded 6, now 2), --points (recorded 300",
+            ("--preset", "paper", "--points", "4"),
+            "settings.preset (recorded default, now paper), settings.points (recorded 300, now 4), ",
         ),
     ],
 )
@@ -282,7 +278,7 @@ def test_a_body_that_was_changed_is_noticed(
     moved.write_text('{"stature": 1.7}')
     capsys.readouterr()
     assert track(workers, sequence, tmp_path / "out", "--model", str(moved), "--resume") == 2
-    assert "other options: the content of --model (recorded" in said(capsys)[-1]
+    assert "other options: model.content (recorded" in said(capsys)[-1]
 
 
 def test_another_sequence_of_the_same_name_is_refused(
@@ -302,4 +298,4 @@ def test_another_sequence_of_the_same_name_is_refused(
     (moved / "camera_intrinsic.json").write_text(json.dumps(camera))
     capsys.readouterr()
     assert track(workers, moved, tmp_path / "out", "--resume") == 2
-    assert "the sequence's first frame (recorded" in said(capsys)[-1]
+    assert "first_frame (recorded" in said(capsys)[-1]

@@ -124,7 +124,7 @@ def until_recorded(out: Path) -> Callable[[threading.Event], None]:
             log = read_log(out / "frames.log")
         except FileNotFoundError:
             return shown
-        return len(log.estimates) if log else 0
+        return log.frames if log else 0
 
     def rest(stop: threading.Event) -> None:
         nonlocal shown
