@@ -27,13 +27,11 @@ test: setup ## the tests, on two cores, four at once as many only wait; kernels 
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow --timeout 3600
 
-chaos: setup ## workers disturbed all the time, coordinators killed, two runs on one pool: the same bytes?
-	$(BIN)/python -m tests.disturbance.chaos
-	$(BIN)/python -m tests.disturbance.resume_kills
-	$(BIN)/python -m tests.disturbance.two_runs
+chaos: setup ## workers disturbed all the time, coordinators killed: the same bytes?
+	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_chaos.py
 
 fuzz: setup ## hostile messages against the decoders, a live worker and a live coordinator
-	$(BIN)/python -m tests.disturbance.fuzz
+	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_fuzz.py
 
 hosts: setup ## coordinator, router and workers on network hosts that fail: the same bytes? (as root)
 	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_hosts.py

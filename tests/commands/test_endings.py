@@ -6,15 +6,14 @@ import errno
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from coordinator.cli.application import describe_fault
-from tests.disturbance.resume_kills import Place, count
+from tests.support.processes.place import Place, recorded
 from tests.support.processes.programs import is_alive, wait_until
-from tests.support.processes.warm_processes import Workers, coordinate, start
 
 FRAMES = 60
 
@@ -23,9 +22,8 @@ FRAMES = 60
 def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
     """A sequence, and a calm run of it."""
     found = Place(tmp_path_factory.mktemp("endings"), FRAMES)
-    with Workers((found.endpoint,), found.log) as workers:
-        workers.start("calm")
-        assert found.finish(found.folder / "calm") == 0
+    with found.workers(calm=1):
+        found.finish(found.folder / "calm")
     return found
 
 
@@ -33,28 +31,15 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
 def out(place: Place, tmp_path: Path) -> Iterator[Path]:
     """Where a disturbed run goes; at the end it must be gone on with, and have the bytes of the calm one."""
     yield tmp_path / "out"
-    with Workers((place.endpoint,), place.log) as workers:
-        workers.start("late")
-        assert place.finish(tmp_path / "out", "--resume") == 0
-    calm, track = (folder / "track.npz" for folder in (place.folder / "calm", tmp_path / "out"))
-    assert track.read_bytes() == calm.read_bytes()
-
-
-def patiently(condition: Callable[[], bool]) -> None:
-    """Wait until it holds; the machine may be busy."""
-    wait_until(condition, 60.0)
-
-
-def frames_of(out: Path) -> int:
-    """Frames recorded so far."""
-    return count(out / "frames.log")
+    with place.workers(late=1):
+        assert place.finish(tmp_path / "out", "--resume") == (place.folder / "calm/track.npz").read_bytes()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_it_well(place: Place, out: Path, tmp_path: Path, number: signal.Signals) -> None:
     """Its worker ends with it, the frames are kept, and a line says how to go on."""
-    run = start(coordinate, place.sequence, out, place.endpoint, "--workers", "1", log=tmp_path / "log")
-    patiently(lambda: frames_of(out) >= 2)
+    run = place.begin(out, "--workers", "1", log=tmp_path / "log")
+    wait_until(lambda: recorded(out) >= 2)
     assert run.pid is not None
     workers = [int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()]
     os.kill(run.pid, number)
@@ -63,7 +48,7 @@ def test_a_signal_ends_it_well(place: Place, out: Path, tmp_path: Path, number: 
     assert len(workers) == 1
     assert not any(map(is_alive, workers))
     lines = (tmp_path / "log").read_text().splitlines()
-    kept = frames_of(out)
+    kept = recorded(out)
     assert lines[-2] == (
         f"ended early with {kept} of {FRAMES} frames in {out}; the same command with --resume goes on"
     )
@@ -74,7 +59,7 @@ def test_a_signal_ends_it_well(place: Place, out: Path, tmp_path: Path, number: 
 def test_an_interrupt_as_the_first_frame_is_written_keeps_it(place: Place, out: Path, tmp_path: Path) -> None:
     """Whatever moment between writing and counting the signal hits, the run can be gone on with."""
     frames = out / "frames.log"
-    run = start(coordinate, place.sequence, out, place.endpoint, "--workers", "1", log=tmp_path / "log")
+    run = place.begin(out, "--workers", "1", log=tmp_path / "log")
     until = time.monotonic() + 60.0
     while not frames.exists() or not frames.stat().st_size:  # without a pause, to hit the very moment
         assert run.is_alive()
@@ -83,21 +68,20 @@ def test_an_interrupt_as_the_first_frame_is_written_keeps_it(place: Place, out: 
     os.kill(run.pid, signal.SIGINT)
     run.join(60.0)
     assert run.exitcode == 130
-    assert frames_of(out) >= 1
+    assert recorded(out) >= 1
 
 
 def test_without_workers_it_says_so_and_waits(place: Place, out: Path, tmp_path: Path) -> None:
     """One line, and it goes on as soon as one comes, under the old name."""
     log = tmp_path / "log"
-    run = start(coordinate, place.sequence, out, place.endpoint, log=log)
-    with Workers((place.endpoint,), place.log) as workers:
-        workers.start("a")
-        patiently(lambda: frames_of(out) >= 2)
+    run = place.begin(out, log=log)
+    with place.workers(a=1) as workers:
+        wait_until(lambda: recorded(out) >= 2)
         workers.kill("a")
-        patiently(lambda: "no worker is there; waiting for one" in log.read_text())
-        kept = frames_of(out)
+        wait_until(lambda: "no worker is there; waiting for one" in log.read_text())
+        kept = recorded(out)
         time.sleep(0.5)
-        assert frames_of(out) == kept < FRAMES
+        assert recorded(out) == kept < FRAMES
         workers.start("a")
         run.join(60.0)
     assert run.exitcode == 0
@@ -106,17 +90,16 @@ def test_without_workers_it_says_so_and_waits(place: Place, out: Path, tmp_path:
 def test_a_wait_for_workers_has_an_end(place: Place, out: Path, tmp_path: Path) -> None:
     """--worker-timeout: exit code 1, one line, and what was recorded is in the folder, to be gone on with."""
     log = tmp_path / "log"
-    run = start(coordinate, place.sequence, out, place.endpoint, "--worker-timeout", "3", log=log)
-    with Workers((place.endpoint,), place.log) as workers:
-        workers.start("a")
-        patiently(lambda: frames_of(out) >= 2)
+    run = place.begin(out, "--worker-timeout", "3", log=log)
+    with place.workers(a=1) as workers:
+        wait_until(lambda: recorded(out) >= 2)
         workers.kill("a")
         run.join(60.0)
     assert run.exitcode == 1
     assert log.read_text().splitlines()[-1] == (
         f"gepf: no worker came within 3 s; start one with gepf-worker --connect {place.endpoint}"
     )
-    assert 2 <= frames_of(out) < FRAMES
+    assert 2 <= recorded(out) < FRAMES
     assert (out / "track.npz").exists()
 
 

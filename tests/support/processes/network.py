@@ -22,7 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tests.support.processes.warm_processes import CONTEXT, start
+from tests.support.processes.warm_processes import start
 
 HOLD = "echo made && mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo ready && exec cat"
 SUBNET = "10.77.0"
@@ -95,39 +95,10 @@ class Weather:
     delay: float  # seconds
 
 
-class Tally:
-    """What a bad cable has done to packets; counted by the process that is the cable."""
-
-    def __init__(self) -> None:
-        self._lost = CONTEXT.RawValue("q", 0)
-        self._carried = CONTEXT.RawValue("q", 0)
-        self._quickest = CONTEXT.RawValue("d", float("inf"))
-
-    @property
-    def share_lost(self) -> float:
-        """Of all packets, those that never arrived."""
-        return float(self._lost.value / (self._lost.value + self._carried.value))
-
-    @property
-    def quickest(self) -> float:
-        """Seconds that the quickest of them was under way."""
-        return float(self._quickest.value)
-
-    def lose(self) -> None:
-        """Count a packet that never arrives."""
-        self._lost.value += 1
-
-    def deliver(self, seconds: float) -> None:
-        """Count one that arrived, so long after it was sent."""
-        self._carried.value += 1
-        self._quickest.value = min(self._quickest.value, seconds)
-
-
 class Network:
     """A switch with hosts; a context manager. NotAllowed where namespaces are."""
 
     def __init__(self, log: Path) -> None:
-        self.tallies: dict[str, Tally] = {}  # of bad cables, by host
         self._stack = ExitStack()
         self._log = log
         self._hosts: list[Host] = []
@@ -174,8 +145,7 @@ class Network:
 
     def _lay_cable(self, host: Host, weather: Weather) -> None:
         ends = (self._switch.pid, host.name), (host.pid, "eth0")
-        tally = self.tallies[host.name] = Tally()
-        cable = start(carry, ends, weather, len(self._hosts), tally, log=self._log)
+        cable = start(carry, ends, weather, len(self._hosts), log=self._log)
         self._stack.callback(cable.join)
         self._stack.callback(cable.kill)
 
@@ -198,7 +168,7 @@ def enter(pid: int, kind: str) -> None:
     os.close(namespace)
 
 
-def carry(ends: tuple[tuple[int, str], tuple[int, str]], weather: Weather, seed: int, tally: Tally) -> None:
+def carry(ends: tuple[tuple[int, str], tuple[int, str]], weather: Weather, seed: int) -> None:
     """Be a cable between two devices on two hosts, until killed."""
     one, other = (open_tap(*end) for end in ends)
     leads_to = {one: other, other: one}
@@ -208,14 +178,11 @@ def carry(ends: tuple[tuple[int, str], tuple[int, str]], weather: Weather, seed:
         due = under_way[0][0] + weather.delay - time.monotonic() if under_way else None
         for device in select.select([one, other], [], [], due and max(0.0, due))[0]:
             packet = os.read(device, LARGEST_PACKET)
-            if rng.random() < weather.loss:
-                tally.lose()
-            else:
+            if rng.random() >= weather.loss:
                 under_way.append((time.monotonic(), leads_to[device], packet))
         while under_way and under_way[0][0] + weather.delay <= time.monotonic():
-            sent, device, packet = under_way.popleft()
+            _, device, packet = under_way.popleft()
             os.write(device, packet)
-            tally.deliver(time.monotonic() - sent)
 
 
 def open_tap(pid: int, device: str) -> int:
