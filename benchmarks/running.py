@@ -20,8 +20,8 @@ from rich.console import Console
 
 from common.errors import InputError
 from common.settings import Settings
-from coordinator.commands.job import choose_settings
 from coordinator.files import write_atomically
+from coordinator.filters.methods import settings_for
 from coordinator.results.configuration import versions
 
 ROOT = Path(__file__).parent.parent
@@ -77,7 +77,7 @@ def settings_with(changes: Sequence[str], particles: int | None = None, seed: in
             raise InputError(f"--set {change} is not of the form key=value; write e.g. --set particles=20")
     given = {key: read_value(text) for key, _, text in (change.partition("=") for change in changes)}
     method, preset = given.pop("method", "gepf"), given.pop("preset", "default")
-    plain = msgspec.to_builtins(choose_settings(str(method), str(preset), particles, None, seed))
+    plain = msgspec.to_builtins(settings_for(str(method), str(preset), particles, None, seed))
     for key, value in given.items():
         parts = [part for part in (plain, plain["refine"], plain["filter"]) if key in part]
         if not parts:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.recordings import Recording, choose, find_people
-from coordinator.commands.demo import FRAMES
 from coordinator.files import TRUTH_FILE
 from coordinator.synthesis.sequence import PERSON, synthesise
 
 RENDERED = ("skinned", "three_cameras", "rooms")
+FRAMES = 50  # of each person
 FIRST_OF_DEMO = 20  # seed, beyond those that the demo itself has
 
 

@@ -7,34 +7,21 @@ else. What takes long to load is imported by the command that needs it.
 
 from __future__ import annotations
 
-import errno
 import logging
 import os
-import signal
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from common.errors import GepfError, InputError
+from common.errors import InputError
 from coordinator.cli.commands import app as commands
-from coordinator.cli.commands import say
 from coordinator.cli.config_file import use_config
-from coordinator.commands.console import (
-    DONE,
-    FAILED,
-    INPUT_AT_FAULT,
-    INTERRUPTED,
-    INTERRUPTS,
-    noted_interrupts,
-)
+from coordinator.commands.console import DEBUG, INTERRUPTED, exit_code
 
 if TYPE_CHECKING:
     from coordinator.commands.workers import Connect
-
-DEBUG = "GEPF_DEBUG"
 
 EXAMPLES = """A first run:
 
@@ -55,28 +42,17 @@ app.add_typer(commands)
 def main(arguments: Sequence[str] | None = None, connect: Connect | None = None) -> int:
     """Run a command line and return its exit code. `connect` opens another pool than that of workers."""
     logging.basicConfig(format="gepf: %(message)s", level=logging.WARNING)
-    try:
-        with noted_interrupts(signal.SIGINT):
+
+    def work() -> int:
+        try:
             code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
-    except KeyboardInterrupt as interrupt:
-        INTERRUPTS.forget()
-        if isinstance(interrupt.__cause__, GepfError):  # results that could not be kept, say
-            complain(interrupt.__cause__, INTERRUPTED)
-        code = INTERRUPTED
-    except InputError as error:
-        return complain(error, INPUT_AT_FAULT)
-    except typer.TyperException as error:
-        return complain(error, error.exit_code, describe_misuse(error))
-    except GepfError as error:
-        return complain(error, FAILED)
-    except ModuleNotFoundError as error:
-        mend = f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
-        return complain(error, FAILED, mend)
-    except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
-        return complain(error, FAILED, describe_fault(error))
-    if code == INTERRUPTED:
-        say("stopped")
-    return code if isinstance(code, int) else DONE
+        except typer.TyperException as error:
+            raise InputError(describe_misuse(error)) from error
+        if code == INTERRUPTED:  # what typer makes of it
+            raise KeyboardInterrupt
+        return code if isinstance(code, int) else 0
+
+    return exit_code(work, "gepf")
 
 
 def describe_misuse(error: typer.TyperException) -> str:
@@ -84,26 +60,10 @@ def describe_misuse(error: typer.TyperException) -> str:
     fault = error.format_message().rstrip(".")
     parameter, context = getattr(error, "param", None), getattr(error, "ctx", None)
     if parameter is not None and parameter.help:
-        metavar = "" if parameter.metavar in (None, *fault.split("'")) else f" {parameter.metavar}"
+        metavar = f" {parameter.metavar}" if fault.startswith("Missing option") else ""
         return f"{fault}{metavar}: {parameter.help}"
     commands = getattr(context.command, "commands", {}) if context is not None else {}
     return f"{fault}; there are {', '.join(commands)}" if commands and "?" not in fault else fault
-
-
-def describe_fault(error: Exception) -> str:
-    """A fault that was not foreseen; where the disk is full, what to do then."""
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        where = f" for {error.filename}" if error.filename else ""
-        return f"no space is left on the disk{where}; make room; gepf track --resume goes on with a run"
-    return f"{type(error).__name__}: {error} (gepf --debug shows where)"
-
-
-def complain(error: Exception, code: int, message: str | None = None) -> int:
-    """Report an error in one line, after its trace if debugging, and return the exit code."""
-    if os.environ.get(DEBUG, "0") != "0":
-        traceback.print_exception(error)
-    say(str(error) if message is None else message)
-    return code
 
 
 @app.callback(invoke_without_command=True)

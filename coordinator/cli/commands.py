@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from coordinator.commands.console import DONE, loading
+from coordinator.commands.console import loading, say
 from coordinator.commands.options import (
     CameraOptions,
     CertificateOptions,
@@ -23,24 +24,18 @@ from coordinator.commands.options import (
     Run,
     SecurityOptions,
     SynthOptions,
+    TrackOptions,
     ViewOptions,
     grouped,
 )
-from coordinator.commands.track_options import TrackOptions
 
 if TYPE_CHECKING:
     from coordinator.commands.progress import Show
-    from coordinator.commands.workers import Connect
 
 TRACK, SEQUENCES, HOSTS, FINISHED = "Track", "Sequences and bodies", "Many hosts", "Look, compare, export"
 
 app = typer.Typer()
 model_app = typer.Typer()
-
-
-def say(message: str) -> None:
-    """Write one line to stderr."""
-    sys.stderr.write(f"gepf: {' '.join(message.split())}\n")
 
 
 def on_stderr(*, quiet: bool = False) -> Show:
@@ -50,13 +45,6 @@ def on_stderr(*, quiet: bool = False) -> Show:
     from coordinator.commands.progress import Show
 
     return Show(Console(stderr=True, quiet=quiet))
-
-
-def connect_of(context: typer.Context) -> Connect:
-    """How a command reaches workers: as `main` was given, else over the bus."""
-    from coordinator.commands import workers
-
-    return context.obj or workers.connect_workers
 
 
 @app.command(rich_help_panel=TRACK)
@@ -72,7 +60,8 @@ def demo(
 ) -> None:
     """Track rendered sequences with one particle and with many: a table of errors, and pictures."""
     show = on_stderr(quiet=quiet)
-    with loading(show, "rendering a scene and tracking it in two ways; loading"):
+    show.say("rendering a scene and tracking it in two ways; loading")
+    with loading():
         from coordinator.commands.demo import run_demo
 
     run_demo(out, show, scene)
@@ -80,16 +69,17 @@ def demo(
 
 @app.command(rich_help_panel=TRACK)
 @grouped
-def track(context: typer.Context, options: TrackOptions) -> None:
+def track(
+    context: typer.Context, options: TrackOptions, camera: CameraOptions, security: SecurityOptions
+) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
-    show = on_stderr(quiet=options.output.quiet)
-    what = ", ".join(map(str, options.input.sequences))
-    with loading(show, f"tracking {what} into {options.output.out}; loading"):
+    show = on_stderr(quiet=options.quiet)
+    show.say(f"tracking {', '.join(map(str, options.sequences))} into {options.out}; loading")
+    with loading():
         from coordinator.commands.track import run_track
-
-    code = run_track(options, show, connect_of(context))
-    if code != DONE:
-        raise typer.Exit(code)
+        from coordinator.commands.workers import connect_workers
+    code = run_track(options, camera, security, show, context.obj or connect_workers)
+    raise typer.Exit(code)
 
 
 @app.command(rich_help_panel=SEQUENCES)
@@ -105,11 +95,9 @@ def info(
     ] = None,
 ) -> None:
     """Show what a sequence is, and what would be found in it: camera, depth, floor, walls, people."""
-    from coordinator.commands.info import Pictures, run_info
-    from coordinator.sources.camera import parse_camera_options
+    from coordinator.commands.info import run_info
 
-    given = parse_camera_options(camera.intrinsics, camera.depth_scale)
-    run_info(sequence, given, Pictures(thumbnail, picture), as_json=as_json)
+    run_info(sequence, camera, thumbnail, picture, as_json=as_json)
 
 
 @app.command(rich_help_panel=SEQUENCES)
@@ -118,19 +106,8 @@ def synth(options: SynthOptions, quiet: Quiet = False) -> None:
     """Render a sequence with truth and the start it is meant to be tracked from."""
     from coordinator.synthesis.sequence import synthesise
 
-    with on_stderr(quiet=quiet).steps("rendering") as advance:
-        synthesise(
-            options.scene,
-            options.out,
-            options.frames,
-            options.noise_depth,
-            options.noise_lateral,
-            options.seed,
-            advance,
-            model=options.model,
-            kinect=options.kinect,
-            room=options.room,
-        )
+    with on_stderr(quiet=quiet).steps("rendering frame") as advance:
+        synthesise(**asdict(options), advance=advance)
 
 
 app.add_typer(model_app, name="model", rich_help_panel=SEQUENCES)
@@ -175,26 +152,26 @@ def dofs(model: Model = "human") -> None:
 
 @app.command(rich_help_panel=HOSTS)
 @grouped
-def publish(options: PublishOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
+def publish(
+    options: PublishOptions, camera: CameraOptions, security: SecurityOptions, quiet: Quiet = False
+) -> None:
     """Publish a recorded sequence in real time, as a camera would: input for gepf track zenoh:KEY."""
     from coordinator.commands.publish import run_publish
 
-    run_publish(options, security, on_stderr(quiet=quiet))
+    run_publish(options, camera, security, on_stderr(quiet=quiet))
 
 
 @app.command(rich_help_panel=HOSTS)
 @grouped
 def certificates(options: CertificateOptions) -> None:
     """Make certificates for a trial: an authority, coordinator, router and workers."""
-    from coordinator.commands.job import at_least
     from coordinator.security.access import choose_names
     from coordinator.security.certificates import make_certificates
 
-    at_least(1, "--days", options.days)
     hosts = tuple(host.strip() for host in options.hosts.split(",") if host.strip())
     new = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
     made = ", ".join(new) or "nothing, all are there and good"
-    say(f"new in {options.out}: {made}; keep ca.key to yourself")
+    say("gepf", f"new in {options.out}: {made}; keep ca.key to yourself")
 
 
 @app.command(rich_help_panel=HOSTS)
@@ -205,13 +182,12 @@ def router(options: RouterOptions, security: SecurityOptions) -> None:
 
     from common.transport.opening import open_router
     from common.transport.session import ROUTER
-    from coordinator.commands.job import secure
 
-    secured = secure(security, options.listen, options.connect, holder=ROUTER)
+    secured = security.choose(options.listen, options.connect, holder=ROUTER)
     stop = {signal.SIGTERM, signal.SIGINT}
     signal.pthread_sigmask(signal.SIG_BLOCK, stop)
     with open_router([options.listen], [options.connect] if options.connect else [], secured):
-        say(f"routing on {options.listen}")
+        say("gepf", f"routing on {options.listen}")
         signal.sigwait(stop)
 
 
@@ -254,11 +230,9 @@ def export(options: ExportOptions, quiet: Quiet = False) -> None:
 @grouped
 def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
     """Draw a run's pictures anew, into its folder."""
-    show = on_stderr(quiet=quiet)
-    with loading(show, f"drawing pictures of {options.run}; loading"):
+    with loading():
         from coordinator.commands.finished import run_pictures
-
-    run_pictures(options, show)
+    run_pictures(options, on_stderr(quiet=quiet))
 
 
 @app.command(rich_help_panel=FINISHED)

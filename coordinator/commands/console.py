@@ -1,27 +1,30 @@
-"""A process at a terminal: its exit codes, interrupts that libraries swallow, and a line while they load."""
+"""A process at a terminal: its exit codes, and interrupts that libraries swallow."""
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-if TYPE_CHECKING:
-    from coordinator.commands.progress import Show
+from common.errors import GepfError, InputError
 
-DONE, FAILED, INPUT_AT_FAULT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
+INPUT_AT_FAULT = 2  # exit codes
 NOT_TRACKED = 3  # done, but most frames were not
-SILENCE_S = 0.3  # while libraries load, until a line says what is to be done
-ENDING = (signal.SIGINT, signal.SIGTERM)
+INTERRUPTED = 128 + signal.SIGINT
+
+DEBUG = "GEPF_DEBUG"
 
 
 class Interrupts:
     """Whether the user has asked to end, even where the KeyboardInterrupt that says so was swallowed."""
 
-    def __init__(self) -> None:
-        self.noted = False
+    noted = False
 
     def note(self, *_: object) -> NoReturn:
         """Handle a signal."""
@@ -33,26 +36,23 @@ class Interrupts:
         if self.noted:
             raise KeyboardInterrupt
 
-    def forget(self) -> None:
-        """What was asked for is being done."""
-        self.noted = False
-
 
 INTERRUPTS = Interrupts()
 """Those of this process, as signals are."""
 
 
 @contextmanager
-def noted_interrupts(*signals: signal.Signals) -> Iterator[Interrupts]:
-    """Have signals remembered; where there was one, the context ends with KeyboardInterrupt, however it ends.
+def noted_interrupts() -> Iterator[None]:
+    """Note Ctrl-C and SIGTERM; after one of them the context ends with KeyboardInterrupt, however it ends.
 
     Signals that are ignored stay so.
     """
-    before = {number: signal.getsignal(number) for number in signals if is_heard(number)}
-    for number in before:
-        signal.signal(number, INTERRUPTS.note)
+    heard = [number for number in (signal.SIGINT, signal.SIGTERM) if is_heard(number)]
+    before = {number: signal.signal(number, INTERRUPTS.note) for number in heard}
+    INTERRUPTS.noted = False
     try:
-        yield INTERRUPTS
+        yield
+        INTERRUPTS.check()
     except Exception as error:
         if INTERRUPTS.noted:
             raise KeyboardInterrupt from error
@@ -60,12 +60,11 @@ def noted_interrupts(*signals: signal.Signals) -> Iterator[Interrupts]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    INTERRUPTS.check()
 
 
 @contextmanager
-def ended_at_once() -> Iterator[None]:
-    """Let an interrupt end the process as the system does, while there is nothing to be kept."""
+def loading() -> Iterator[None]:
+    """Import libraries: an interrupt ends the process at once, as some take it for a fault of their own."""
     if not is_heard(signal.SIGINT):
         yield
         return
@@ -77,27 +76,43 @@ def ended_at_once() -> Iterator[None]:
 
 
 def is_heard(number: signal.Signals) -> bool:
-    """Whether a signal is not ignored, and this thread may say what it does."""
+    """Whether a signal is not ignored, and this thread may set its handler."""
     here = threading.current_thread() is threading.main_thread()
     return here and signal.getsignal(number) is not signal.SIG_IGN
 
 
-def end_as_interrupted() -> None:
-    """Let SIGTERM end a run as Ctrl-C does, so that its frames are kept."""
-    signal.signal(signal.SIGTERM, INTERRUPTS.note)
-
-
-@contextmanager
-def loading(show: Show, text: str) -> Iterator[None]:
-    """Say what is to be done, if the libraries that the context imports take longer than a moment.
-
-    An interrupt meanwhile ends the process at once: some libraries take it for a fault of their own.
-    """
-    timer = threading.Timer(SILENCE_S, show.say, [text])
-    timer.daemon = True
-    timer.start()
+def exit_code(work: Callable[[], int], name: str) -> int:
+    """Do some work and give its exit code. What ends it early is one line on stderr, after `name`."""
     try:
-        with ended_at_once():
-            yield
-    finally:
-        timer.cancel()
+        with noted_interrupts():
+            return work()
+    except KeyboardInterrupt as interrupt:
+        if isinstance(interrupt.__cause__, GepfError):  # results that could not be kept, say
+            complain(name, interrupt.__cause__)
+        say(name, "stopped")
+        return INTERRUPTED
+    except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
+        complain(name, error)
+        return INPUT_AT_FAULT if isinstance(error, InputError) else 1
+
+
+def complain(name: str, error: Exception) -> None:
+    """Report an error in one line, after its trace if debugging."""
+    if os.environ.get(DEBUG, "0") != "0":
+        traceback.print_exception(error)
+    say(name, str(error) if isinstance(error, GepfError) else describe_fault(error))
+
+
+def describe_fault(error: Exception) -> str:
+    """A fault that was not foreseen, and what to do where that is known."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        where = f" for {error.filename}" if error.filename else ""
+        return f"no space is left on the disk{where}; make room; gepf track --resume continues a run"
+    return f"{type(error).__name__}: {error} (gepf --debug shows where)"
+
+
+def say(name: str, message: str) -> None:
+    """Write one line to stderr."""
+    sys.stderr.write(f"{name}: {' '.join(message.split())}\n")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
 from common.errors import InputError
-from coordinator.results.configuration import PATH, PEOPLE, digest_frame
+from coordinator.commands.finished import camera_in, find_sequence, own_truth
+from coordinator.results.configuration import digest_frame
 from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
 from coordinator.results.summary import read_summary
 from coordinator.results.track import read_track_with_angles
@@ -28,64 +29,41 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
     if len(runs) > 1 and not as_csv:
         raise InputError("several runs are printed as a table; add --csv")
     tracks = {run: read_track_with_angles(run) for run in runs}
-    truths = {run: truth or own_truth_file(run) for run in runs}
-    without = [run for run in runs if truths[run] is None]
-    if len(without) == len(runs):
-        raise InputError(f"{say_without(without)}; give it with --truth")
-    if without:
-        logger.warning("left out: %s", say_without(without))
-    found = list[tuple[Path, Evaluation]]()
-    for run in runs:
-        if (of_run := truths[run]) is not None:
+    truths = {run: truth or own_truth(run, find_sequence(run)) for run in tracks}
+    found = dict[Path, Evaluation]()
+    for run, of_run in truths.items():
+        if of_run is not None:
             check_truth_of(run, of_run)
             refuse_another_sequence(run, of_run)
-            found.append((run, evaluate(tracks[run], read_truth(of_run))))
+            found[run] = evaluate(tracks[run], read_truth(of_run))
+        elif any(truths.values()):
+            logger.warning("left out: the sequence of %s has no truth of this body, or is gone", run)
+    if not found:
+        raise InputError(
+            f"the sequence of {runs[0]} has no truth of this body, or is not where it was; "
+            "give it with --truth"
+        )
     known = (
         each.mean_angle_error_deg_by_dof
         or each.mean_angle_error_deg_by_angle
         or each.mean_slide_error_cm_by_dof
-        for _, each in found
+        for each in found.values()
     )
     if not any(known):
         logger.warning("the truth holds joints alone, no pose: errors of angles are not known")
     if as_csv:
         write_table(found)
     else:
-        sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[0][1])).decode() + "\n")
+        sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[runs[0]])).decode() + "\n")
 
 
-def say_without(runs: Sequence[Path]) -> str:
-    """That runs have no truth."""
-    named = ", ".join(map(str, runs))
-    if len(runs) == 1:
-        return f"the sequence of {named} has no truth of this body, or is not where it was"
-    return f"the sequences of {named} have no truth of these bodies, or are not where they were"
-
-
-def write_table(found: Sequence[tuple[Path, Evaluation]]) -> None:
-    """One line for each run as it was given: its folder and all errors but those by name."""
+def write_table(found: Mapping[Path, Evaluation]) -> None:
+    """One line for each run: its folder and all errors but those by name."""
+    columns = [name for name in Evaluation.__struct_fields__ if not name.endswith(("_by_dof", "_by_angle"))]
     writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(["run", *flat(found[0][1])])
-    for run, evaluation in found:
-        writer.writerow([run, *("" if value is None else value for value in flat(evaluation).values())])
-
-
-def flat(evaluation: Evaluation) -> dict[str, object]:
-    """The numbers of an evaluation that are single."""
-    values = msgspec.structs.asdict(evaluation)
-    return {name: value for name, value in values.items() if not name.endswith(("_by_dof", "_by_angle"))}
-
-
-def own_truth_file(run: Path) -> Path | None:
-    """Where the truth of a run's sequence is; None where sequence or truth are gone.
-
-    And None for one of several people: a sequence's truth does not say whose it is.
-    """
-    summary = read_summary(run)
-    path = summary.get(PATH)
-    if PEOPLE in summary or path is None or not Path(path).exists():
-        return None
-    return open_source(Path(path)).truth
+    writer.writerow(["run", *columns])
+    for run, evaluation in found.items():
+        writer.writerow([run, *(getattr(evaluation, name) for name in columns)])
 
 
 def refuse_another_sequence(run: Path, truth: Path) -> None:
@@ -102,7 +80,7 @@ def refuse_another_sequence(run: Path, truth: Path) -> None:
         find_format(folder)
     except InputError:
         return  # it is not in a recording's folder, and may be of any
-    source = open_source(folder)
+    source = open_source(folder, camera_in(summary))
     first = int(str(frames).partition(":")[0])
     if first not in source.numbers or digest_frame(source.frame(first)) != recorded:
         raise InputError(

@@ -1,25 +1,22 @@
-"""What each command does with a finished run: draw, view, report."""
+"""What each command does with a finished run: draw, report, and find the sequence again."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from common.errors import InputError
-from coordinator.commands.console import ENDING, loading, noted_interrupts
+from coordinator.commands.console import loading
 from coordinator.commands.options import PicturesOptions
 from coordinator.commands.progress import Show
 from coordinator.results.configuration import GIVEN, PATH, PEOPLE
 from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.summary import people_in, read_summary
-from coordinator.results.track import Track, TrackedBody, read_track, read_tracked_body
+from coordinator.results.track import read_track, read_tracked_body
 from coordinator.sources import Source, open_source
 from coordinator.sources.camera import CameraOptions
 from coordinator.sources.colour_folder import ColourFolder
-
-logger = logging.getLogger(__name__)
 
 COLOUR = "color"  # in the summary
 
@@ -31,50 +28,51 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
     source = find_sequence(run, options.sequence)
     if source is None:
         raise InputError(f"the frames of {run} are not where they were; say where with --sequence SEQ")
-    colours = open_colours(options.color, summary, source, track)
-    truth = read_truth(source.truth) if source.truth and PEOPLE not in summary else None
-    files = draw_pictures(source, read_tracked_body(run), track, run, show, truth, colours)
+    folder = options.color or summary.get(COLOUR)
+    numbers = range(int(track.frame[0]), int(track.frame[-1]) + 1)
+    colours = ColourFolder(Path(folder), source.intrinsics, numbers) if folder else None
+    truth = own_truth(run, source)
+    files = draw_pictures(source, run, show, read_truth(truth) if truth else None, colours)
     show.say(f"{len(files)} pictures are in {run}: {', '.join(file.name for file in files)}")
 
 
-def open_colours(
-    given: Path | None, summary: Mapping[str, Any], source: Source, track: Track
-) -> ColourFolder | None:
-    """Colour frames to draw over: as given, else those that the run was drawn over."""
-    folder = given or (Path(summary[COLOUR]) if summary.get(COLOUR) else None)
-    numbers = range(int(track.frame[0]), int(track.frame[-1]) + 1)
-    return ColourFolder(folder, source.intrinsics, numbers) if folder else None
-
-
 def draw_pictures(
-    source: Source,
-    body: TrackedBody,
-    track: Track,
-    out: Path,
-    show: Show,
-    truth: Truth | None,
-    colours: ColourFolder | None,
+    source: Source | None, out: Path, show: Show, truth: Truth | None, colours: ColourFolder | None
 ) -> list[Path]:
-    """Draw with a bar; an interrupt ends it at once, and the pictures before it stay as they were."""
-    with noted_interrupts(*ENDING), show.steps("drawing pictures") as advance:
+    """Draw a run with a bar; without its sequence, as of live input, the hypotheses alone."""
+    track, body = read_track(out), read_tracked_body(out)
+    with show.steps("drawing pictures") as advance:
+        if source is None:
+            from coordinator.files import HYPOTHESES_FILE
+            from coordinator.pictures.plots import draw_hypotheses
+            from coordinator.results.track import filled
+
+            draw_hypotheses(filled(track), body, None, out / HYPOTHESES_FILE)
+            return [out / HYPOTHESES_FILE]
         from coordinator.pictures.run import draw_run
 
         return draw_run(source, body, track, out, truth, colours, advance)
 
 
-def find_sequence(run: Path, moved_to: Path | None) -> Source | None:
-    """The sequence that was tracked: as given, else where it was; None, with a warning, if it is gone."""
+def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
+    """The sequence that was tracked: as given, else where it was; None if it is gone."""
     if moved_to is not None:
         return open_source(moved_to)
     summary = read_summary(run)
-    recorded, camera = summary.get(PATH), summary.get(GIVEN) or {}
-    if recorded is not None and Path(recorded).exists():
-        lens = camera.get("lens")
-        return open_source(
-            Path(recorded), CameraOptions(tuple(lens) if lens else None, camera.get("depth_scale"))
-        )
-    logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
-    return None
+    recorded = summary.get(PATH)
+    return open_source(recorded, camera_in(summary)) if recorded and Path(recorded).exists() else None
+
+
+def camera_in(summary: Mapping[str, Any]) -> CameraOptions:
+    """What the user said of the camera when a run was tracked."""
+    given = summary.get(GIVEN) or {}
+    lens = given.get("lens")
+    return CameraOptions(tuple(lens) if lens else None, given.get("depth_scale"))
+
+
+def own_truth(run: Path, source: Source | None) -> Path | None:
+    """The truth that comes with a run's sequence; not for one of several people, as it does not say whose."""
+    return None if source is None or PEOPLE in read_summary(run) else source.truth
 
 
 def run_report(run: Path, out: Path | None, show: Show) -> None:
@@ -82,7 +80,7 @@ def run_report(run: Path, out: Path | None, show: Show) -> None:
     page = out or run / "report.html"
     if not people_in(run):
         read_track(run)
-    with loading(show, f"writing {page}"):
+    with loading():
         from coordinator.report import write_report
     write_report(run, page)
     show.say(f"the report is in {page}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,10 +13,10 @@ import numpy as np
 from PIL import Image
 
 from common.errors import InputError
-from common.frame import DepthFrame
-from coordinator.commands.console import ended_at_once
+from coordinator.commands.console import loading
+from coordinator.commands.options import CameraOptions
 from coordinator.sources import Format, Source, find_format
-from coordinator.sources.camera import CameraOptions, doubt_camera, doubt_range
+from coordinator.sources.camera import doubt_camera, doubt_range, parse_camera_options
 
 if TYPE_CHECKING:
     from coordinator.scene.candidates import Candidate
@@ -30,42 +29,34 @@ LOOKED_AT = 60  # frames from the first on, among which the first with a person 
 PROMISING = 0.25  # score from which on a candidate is likely a person
 
 
-@dataclass(frozen=True, slots=True)
-class Pictures:
-    """Files to draw into: a frame as it is, and one with what is found in its scene."""
-
-    thumbnail: Path | None = None
-    scene: Path | None = None
-
-
-def run_info(sequence: Path, given: CameraOptions, pictures: Pictures, *, as_json: bool) -> None:
-    """Print facts about a sequence and its scene, and draw frames of it into files.
+def run_info(
+    sequence: Path, camera: CameraOptions, thumbnail: Path | None, picture: Path | None, *, as_json: bool
+) -> None:
+    """Print facts about a sequence and its scene; draw its middle frame, and what is found in the scene.
 
     What the recording says of itself is printed at once; to look at the scene takes longer.
     """
     form = find_format(sequence)
-    source = form.open(sequence, given)
-    facts, middle = describe(form, source)
+    source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
+    facts = describe(form, source)
     if not as_json:
         print_facts(facts)
-    if pictures.thumbnail is not None:
-        save(thumbnail(middle), pictures.thumbnail)
-    scene = describe_room(source, pictures.scene)
-    if as_json:
-        sys.stdout.write(msgspec.json.encode(facts | scene).decode() + "\n")
-        return
-    print_facts(scene)
+    if thumbnail is not None:
+        from coordinator.pictures.shading import shade_depth
 
-
-def describe_room(source: Source, picture: Path | None) -> dict[str, object]:
-    """Facts about a sequence's scene by name, drawn into a picture if one is wanted."""
-    with ended_at_once():
+        middle = source.frame(source.numbers[len(source) // 2])
+        save(shade_depth(middle.metres(), middle.intrinsics), thumbnail)
+    with loading():
         view, found = look(source)
     if picture is not None:
         from coordinator.pictures.scene import draw_scene
 
         save(draw_scene(view, found), picture)
-    return describe_scene(view, found)
+    scene = describe_scene(view, found)
+    if as_json:
+        sys.stdout.write(msgspec.json.encode(facts | scene).decode() + "\n")
+    else:
+        print_facts(scene)
 
 
 def look(source: Source) -> tuple[SceneView, list[Candidate]]:
@@ -107,42 +98,31 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         "room": view.furnished,
         "noise_mm": round(1000.0 * float(view.noise.sigma(np.array([2.0]))[0]), 1),
         "people": [
-            describe_candidate(each, likely=n == 0 and each.score > PROMISING) for n, each in enumerate(found)
+            {
+                "may_be": "a person" if n == 0 and each.score > PROMISING else "a person or furniture",
+                "pixel": [int(np.median(side)) for side in np.nonzero(each.mask)[::-1]],
+                "distance_m": round(float(np.median(each.points[:, 2])), 2),
+                "score": round(each.score, 2),
+                "why": each.why,
+            }
+            for n, each in enumerate(found)
         ],
-    }
-
-
-def describe_candidate(candidate: Candidate, *, likely: bool) -> dict[str, object]:
-    """Where a candidate is, what it may be, and why."""
-    rows, columns = np.nonzero(candidate.mask)
-    return {
-        "may_be": "a person" if likely else "a person or furniture",
-        "pixel": [int(np.median(columns)), int(np.median(rows))],
-        "distance_m": round(float(np.median(candidate.points[:, 2])), 2),
-        "score": round(candidate.score, 2),
-        "why": candidate.why,
     }
 
 
 def print_facts(facts: Mapping[str, object]) -> None:
     """A line for each fact; for a list of things, one for each of them."""
     for name, value in facts.items():
-        for number, line in enumerate(in_words(value)):
-            sys.stdout.write(f"{name if number == 0 else '':<15} {line}\n")
+        several = value if isinstance(value, list) and value and isinstance(value[0], Mapping) else [value]
+        for number, each in enumerate(several):
+            sys.stdout.write(f"{name if number == 0 else '':<15} {in_words(each)}\n")
     sys.stdout.flush()
 
 
-def in_words(value: object) -> list[str]:
-    """A fact as a person reads it: a line, or one for each thing of several."""
-    if isinstance(value, list) and value and isinstance(value[0], Mapping):
-        return [in_a_word(each) for each in value]
-    return [in_a_word(value)]
-
-
-def in_a_word(value: object) -> str:
-    """A single fact."""
+def in_words(value: object) -> str:
+    """A single fact as people read it."""
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {in_a_word(each)}" for name, each in value.items())
+        return ", ".join(f"{name} {in_words(each)}" for name, each in value.items())
     if isinstance(value, list):
         return " ".join(map(str, value)) or "none"
     if isinstance(value, bool):
@@ -158,14 +138,14 @@ def save(picture: Image.Image, path: Path) -> None:
         raise InputError(f"cannot write {path}: {error.strerror}; choose another file") from error
 
 
-def describe(form: Format, source: Source) -> tuple[dict[str, object], DepthFrame]:
-    """Facts about a sequence by name, and its frame in the middle. Raises InputError."""
+def describe(form: Format, source: Source) -> dict[str, object]:
+    """Facts about a sequence by name. Raises InputError for a damaged one."""
     camera = source.intrinsics
     near, far = depth_range(source)
     for doubt in (doubt_camera(camera), doubt_range(near, far)):
         if doubt is not None:
             logger.warning("%s: %s", source.name, doubt)
-    facts: dict[str, object] = {
+    return {
         "format": form.name,
         "frames": len(source),
         "first_frame": source.numbers[0],
@@ -179,7 +159,6 @@ def describe(form: Format, source: Source) -> tuple[dict[str, object], DepthFram
         "truth": source.truth is not None,
         "init": source.init is not None,
     }
-    return facts, source.frame(source.numbers[len(source) // 2])
 
 
 def depth_range(source: Source) -> tuple[float | None, float | None]:
@@ -188,10 +167,3 @@ def depth_range(source: Source) -> tuple[float | None, float | None]:
     depths = [source.frame(source.numbers[n]).metres() for n in chosen]
     seen = np.concatenate([depth[depth > 0] for depth in depths])
     return (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)
-
-
-def thumbnail(frame: DepthFrame) -> Image.Image:
-    """A frame as a person likes to see depth."""
-    from coordinator.pictures.shading import shade_depth
-
-    return shade_depth(frame.metres(), frame.intrinsics)

@@ -2,42 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.commands.job import Job
 from coordinator.commands.progress import Show, counted
-from coordinator.commands.scope import complete_scope
 from coordinator.commands.workers import Workers
 from coordinator.filters.methods import keep_up
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
-from coordinator.results.evaluation import read_truth
+from coordinator.results.evaluation import Truth, read_truth
+from coordinator.scene.scope import up_in_picture
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.live import LiveFrames, from_first_seen
+from coordinator.sources.picture_folders import read_depth
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.state import read_start
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
+AVERAGED_FRAMES = 30  # of an empty room, at most
 
 
 class Input:
-    """What a run works with besides its frames: the job, bodies, where to start, what of the scene counts."""
+    """What a run works with besides its frames: bodies, start, scope. Live input has no source."""
+
+    source: Source | None = None
+    total: int | None = None  # frames
+    truth: Truth | None = None
+    colours: ColourFolder | None = None
 
     def __init__(self, job: Job, source: Source | None) -> None:
         self.job = job
         self.bodies = choose_bodies(job.active, job.settings.preset, job.model)
         self.start = choose_start(job.init, source, self.bodies.dof_names) if job.people == 1 else None
-        self.scope = complete_scope(job.scope, job.background, source, job.settings.rotate_deg)
+        turn_deg = job.settings.rotate_deg
+        up = None if turn_deg is None else up_in_picture(np.radians(turn_deg))
+        if source is not None and source.gravity is not None:
+            up = -source.gravity
+        background = None if job.background is None else read_background(job.background, source)
+        self.scope = replace(job.scope, background=background, up=up)
         self.motion = None if job.joint_states is None else KnownMotion(job.joint_states)
+
+    def announce(self, done: int) -> str:
+        """How it is tracked; `done` frames are recorded already."""
+        del done
+        job = self.job
+        people = f", up to {job.people} people" if job.people > 1 else ""
+        particles = counted(job.settings.filter.particles, "particle")
+        return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
+
+    def note(self) -> str:
+        """What there is to say after a frame."""
+        return ""
 
     def asked(self) -> Asked:
         """What decides the results besides the frames."""
@@ -59,6 +85,10 @@ class Input:
 class RecordedInput(Input):
     """A recording: every frame is tracked, and read when it is its turn. InputError where it does not fit."""
 
+    look_ahead = True
+    source: Source
+    total: int
+
     def __init__(self, job: Job) -> None:
         self.source = source = open_source(job.sequence, job.given)
         self.numbers = numbers = select_frames(source.numbers, job.frames)
@@ -73,27 +103,20 @@ class RecordedInput(Input):
         self.configuration = run_configuration(job.sequence, first, numbers, self.asked(), job.given)
 
     def announce(self, done: int) -> str:
-        """The frames, how many there are, and how they are tracked; or where a resumed run goes on."""
+        """The frames, how many there are, and how they are tracked; or where a resumed run continues."""
         job, total, camera = self.job, self.total, self.source.intrinsics
         if done and done == total:
             return f"all {total} frames are recorded in {job.out}; writing the results"
         if done:
             return f"going on with frame {self.numbers[done]}; {done} of {total} are recorded"
         if job.resume:
-            return f"nothing to resume in {job.out}; beginning anew"
-        how = f"{job.settings.method}, {counted(job.settings.filter.particles, 'particle')}"
-        how += f", up to {job.people} people" if job.people > 1 else ""
-        frames = f"{counted(len(self.numbers), 'frame')} ({camera.width}x{camera.height})"
-        return f"tracking {frames} of {job.sequence} into {job.out}: {how}"
+            return f"nothing to resume in {job.out}; starting anew"
+        return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
     def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
         """One stream: each frame from the first that is not recorded."""
         del workers
         yield map(self.source.frame, self.numbers[done:])
-
-    def note(self) -> str:
-        """Nothing to add to the progress after a frame."""
-        return ""
 
     def facts(self) -> dict[str, object]:
         """Where the colour frames are that results are drawn over."""
@@ -103,16 +126,15 @@ class RecordedInput(Input):
 class LiveInput(Input):
     """Frames that are published: the newest is tracked. InputError for what only a recording can have."""
 
-    total = None  # frames
+    look_ahead = False
 
     def __init__(self, job: Job, key: str, show: Show) -> None:
         for option, given in (
-            ("--frames", job.frames is not None),
+            ("--frames", job.frames),
             ("--resume", job.resume),
-            ("--color", job.colour is not None),
-            ("--joint-states", job.joint_states is not None),
-            ("--intrinsics", job.given.intrinsics is not None),
-            ("--depth-scale", job.given.depth_scale is not None),
+            ("--color", job.colour),
+            ("--intrinsics", job.given.intrinsics),
+            ("--depth-scale", job.given.depth_scale),
         ):
             if given:
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")
@@ -133,11 +155,8 @@ class LiveInput(Input):
             yield from_first_seen(map(self._fitting, frames), self._show.say)
 
     def _fitting(self, frame: DepthFrame) -> DepthFrame:
-        """A frame; InputError where the room without people is of another size."""
-        room, camera = self.scope.background, frame.intrinsics
-        if room is not None and room.shape != frame.depth.shape:
-            sizes = f"{room.shape[1]}x{room.shape[0]}, the stream {camera.width}x{camera.height}"
-            raise InputError(f"--background {self.job.background} is {sizes}")
+        """A frame; InputError where the room without people has another size."""
+        check_size(self.job.background, self.scope.background, frame.depth.shape)
         return frame
 
     def note(self) -> str:
@@ -150,9 +169,46 @@ class LiveInput(Input):
 
 
 def choose_start(
-    init: str | None, source: Source | None, dof_names: Sequence[str] = HUMAN_DOFS
+    init: str | None, source: Source | None, dof_names: tuple[str, ...]
 ) -> Mapping[str, float] | None:
-    """The pose to start from: of a file, else of the file that comes with the sequence, else to be found."""
+    """The pose to start from: of a file, else of the file that comes with the sequence; None to detect it."""
     if init is None and source is not None and source.init is not None:
         return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
     return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)
+
+
+def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
+    """Depth (H, W) in metres of an empty room, 0 where it is not known: a frame, a picture or a recording."""
+    if asked.isdigit():
+        if source is None:
+            raise InputError("--background with a frame's number is for recorded sequences; give a sequence")
+        if int(asked) not in source.numbers:
+            last = source.numbers[-1]
+            raise InputError(f"--background {asked}: the frames are {source.numbers[0]} to {last}")
+        return source.frame(int(asked)).metres()
+    path = Path(asked)
+    if path.suffix.lower() == ".png" and source is not None:
+        first = source.frame(source.numbers[0])
+        depth = read_depth(path, source.intrinsics)
+        return np.asarray(depth / np.float32(first.depth_scale), dtype=np.float32)
+    empty = averaged(open_source(path))
+    if source is not None:
+        check_size(asked, empty, (source.intrinsics.height, source.intrinsics.width))
+    return empty
+
+
+def check_size(name: str | None, room: NDArray[np.float32] | None, shape: tuple[int, ...]) -> None:
+    """InputError where the room without people has another size than the frames (H, W)."""
+    if room is not None and room.shape != shape:
+        sizes = f"{room.shape[1]}x{room.shape[0]}, the frames are {shape[1]}x{shape[0]}"
+        raise InputError(f"--background {name} is {sizes}")
+
+
+def averaged(source: Source) -> NDArray[np.float32]:
+    """The median depth (H, W) of what was measured in some frames, metres."""
+    chosen = np.unique(np.linspace(0, len(source.numbers) - 1, AVERAGED_FRAMES).astype(int)).tolist()
+    depths = np.array([source.frame(source.numbers[n]).metres() for n in chosen])
+    ordered = np.sort(np.where(depths > 0.0, depths, np.inf), axis=0)
+    middle = np.minimum(np.count_nonzero(depths, axis=0) // 2, len(depths) - 1)
+    found = np.take_along_axis(ordered, middle[None], axis=0)[0]
+    return np.where(np.isfinite(found), found, 0.0).astype(np.float32)

@@ -13,48 +13,43 @@ from common.protocol.keys import check_stream
 from common.transport.bus import Bus
 from common.transport.channels import Publisher
 from common.transport.opening import open_coordinator, open_worker
-from coordinator.commands.console import INTERRUPTS, end_as_interrupted
-from coordinator.commands.job import choose_pool, secure
-from coordinator.commands.options import PublishOptions, SecurityOptions
+from coordinator.commands.console import INTERRUPTS
+from coordinator.commands.options import CameraOptions, PublishOptions, SecurityOptions
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
 from coordinator.sources.camera import parse_camera_options
 from coordinator.sources.source import select_frames
 
-LOOK_S = 0.05  # between looks for a listener
-FASTEST_HZ = 1000.0
 
-
-def run_publish(options: PublishOptions, security: SecurityOptions, show: Show) -> None:
+def run_publish(
+    options: PublishOptions, camera: CameraOptions, security: SecurityOptions, show: Show
+) -> None:
     """Publish the frames in real time, from when there is a listener.
 
     InputError for options that make no sense, before anything is read. A damaged frame ends it: what was
     published before is followed by the end of the stream.
     """
-    secured = secure(security, options.listen, options.connect)
-    end_as_interrupted()
-    reached = choose_pool(None, options.listen, options.connect, secured)
-    given = parse_camera_options(options.camera.intrinsics, options.camera.depth_scale)
-    key, rate = check_stream(options.key, guarded=secured is not None), options.rate
-    if rate is not None and not 0 < rate <= FASTEST_HZ:
-        raise InputError(f"--rate {rate:g} is no frame rate; give up to {FASTEST_HZ:g} frames per second")
-    source = open_source(options.sequence, given)
+    secured = security.choose(options.listen, options.connect)
+    reached = Pool(0, options.listen, options.connect, secured)
+    key = check_stream(options.key, guarded=secured is not None)
+    source = open_source(options.sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
     numbers = select_frames(source.numbers, options.frames)
     with open_session(reached, key, show) as bus:
         publisher = bus.publish(key)
         if not publisher.followed:
             show.say(f"waiting for someone to listen to {key}")
         while not publisher.followed:
-            time.sleep(LOOK_S)
-        play(map(source.frame, numbers), rate, publisher)
+            time.sleep(0.1)
+        play(map(source.frame, numbers), options.rate, publisher)
     show.say(f"{len(numbers)} frames were published on {key}")
 
 
 def open_session(reached: Pool, key: str, show: Show) -> Bus:
     """A session at the endpoints, when someone answers there; InputError if there is none.
 
-    Who only connects is a client: a router passes nothing on from peer to peer, and trackers are peers.
+    A publisher that only connects is a client: a router passes nothing on from peer to peer, and trackers
+    are peers.
     """
     if reached.listen is not None:
         return open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 from urllib.parse import quote
 
@@ -14,11 +15,15 @@ from coordinator.commands.progress import Show
 from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.viewing import layout, log_run
 
+logger = logging.getLogger(__name__)
+
 
 def run_view(options: ViewOptions, show: Show) -> None:
     """Do a `gepf view`: write a file that any rerun viewer opens if one is named, else serve a browser."""
     track, recording = filled(read_track(options.run)), rr.RecordingStream("gepf")
     source, blueprint = find_sequence(options.run, options.sequence), layout(track)
+    if source is None:
+        logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
     if options.save is not None:
         if not options.save.parent.is_dir():
             raise InputError(

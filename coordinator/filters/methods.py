@@ -80,7 +80,11 @@ def find_method(name: str) -> Method:
 
 
 def settings_for(
-    method: str, preset_name: str = "default", particles: int | None = None, points: int | None = None
+    method: str,
+    preset_name: str = "default",
+    particles: int | None = None,
+    points: int | None = None,
+    seed: int = 0,
 ) -> Settings:
     """A preset's settings for a method, with as many particles and points as the method needs.
 
@@ -89,6 +93,7 @@ def settings_for(
         preset_name: One of PRESETS.
         particles: How many, of `annealed` in each layer; None for the method's own number.
         points: How many observed points at the most; None for the method's own number.
+        seed: Of all random numbers.
 
     Raises InputError for a name that is unknown or a number that the method cannot have.
     """
@@ -100,7 +105,8 @@ def settings_for(
     if particles is None:
         particles = chosen.particles or settings.filter.particles
     of_filter = msgspec.structs.replace(settings.filter, particles=particles)
-    return apply_method(msgspec.structs.replace(settings, method=method, points=points, filter=of_filter))
+    asked = {"method": method, "points": points, "filter": of_filter, "seed": seed}
+    return apply_method(msgspec.structs.replace(settings, **asked))
 
 
 def check_choice(what: str, chosen: str, known: tuple[str, ...]) -> None:

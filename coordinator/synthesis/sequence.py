@@ -34,8 +34,8 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     scene: str,
     out: Path,
     frames: int | None = None,
-    noise_depth: float = 0.0,
-    noise_lateral: float = 0.0,
+    noise_depth: float | None = None,
+    noise_lateral: float | None = None,
     seed: int = 0,
     advance: Callable[[int, int], None] | None = None,
     *,
@@ -50,7 +50,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     called after each frame. The folder appears only when it is whole. Raises InputError for an unknown
     scene, a number out of range, or a folder that is in use; GepfError where OpenGL does not start.
     """
-    noise = checked_noise(noise_depth, noise_lateral)
+    noise = checked_noise(noise_depth or 0.0, noise_lateral or 0.0)
     if seed < 0:
         raise InputError(f"seed {seed} is negative; choose 0 or more")
     shown = find_scene(scene, model, seed, frames)

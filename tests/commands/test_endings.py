@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from coordinator.cli.application import describe_fault
+from coordinator.commands.console import describe_fault
 from tests.support.processes.place import Place, recorded
 from tests.support.processes.programs import is_alive, wait_until
 

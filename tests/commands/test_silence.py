@@ -14,10 +14,11 @@ from rich.console import Console
 from common.errors import SilentWorkers
 from common.protocol import keys
 from common.transport.opening import open_router, open_worker
-from coordinator.commands.job import Job, choose_settings
+from coordinator.commands.job import Job
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
+from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import PendingRefinement, ZenohRefiner
 from coordinator.results.live_results import END, KIND
@@ -44,7 +45,7 @@ class FallsSilent(ZenohRefiner):
 
 def job(sequence: Path, out: Path) -> Job:
     """A run with one worker, which gives particles back as they are."""
-    settings = choose_settings("gepf", "default", 6, 300, 0)
+    settings = settings_for("gepf", "default", 6, 300)
     return Job(sequence, out, settings, Pool(1, worker_command=INSTANT), pictures=False)
 
 

@@ -14,7 +14,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import pose_by_name
-from coordinator.commands.job import choose_settings
+from coordinator.filters.methods import settings_for
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.estimate import RECORDED
@@ -38,7 +38,7 @@ def shown() -> list[DepthFrame]:
 @pytest.mark.parametrize(("method", "particles"), [("condensation", 150), ("annealed", 20)])
 def test_an_arm_is_followed(method: str, particles: int) -> None:
     """From the truth on, four angles stay within 8 degrees on average, and few hypotheses are recorded."""
-    settings = choose_settings(method, "default", particles, 1000, 0)
+    settings = settings_for(method, "default", particles, 1000)
     start = pose_by_name(human(), arm().poses[0])
     tracker = OnePerson(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), start)
     estimates = [tracker.track(frame) for frame in shown()]

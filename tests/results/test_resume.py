@@ -15,8 +15,7 @@ from common.errors import NoWorkers
 from common.settings import preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies
-from coordinator.commands.job import choose_settings
-from coordinator.filters.methods import METHODS
+from coordinator.filters.methods import METHODS, settings_for
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Entry, Opening, append_records, read_log
 from coordinator.scene.planes import NO_PLANES as NONE
@@ -51,7 +50,7 @@ def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> T
 @pytest.mark.parametrize("method", METHODS)
 def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
     """Whatever frame it is stopped after, a new tracker from the recorded state says what it would say."""
-    settings = choose_settings(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
+    settings = settings_for(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
     whole = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
@@ -68,7 +67,7 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, tmp_path: Path) -> None:
 
 def test_a_tracker_in_a_room_goes_on_bit_for_bit(tmp_path: Path) -> None:
     """What is known of the scene is folded from the log: resumed after every frame, a run says the same."""
-    settings = choose_settings("gepf", "default", 4, 400, seed=5)
+    settings = settings_for("gepf", "default", 4, 400, seed=5)
     frames = [in_a_room(frame) for frame in shown("standing").frames]
     calm = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
     said = [as_bytes(estimate) for estimate, _ in calm.follow(frames)]
@@ -194,10 +193,10 @@ def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(
     """The same command may be given until it is done, and then again."""
     out = tmp_path / "out"
     assert track(workers, sequence, out, "--resume") == 0
-    assert f"nothing to resume in {out}; beginning anew" in said(capsys)
+    assert f"nothing to resume in {out}; starting anew" in said(capsys)
     before = {path: path.read_bytes() for path in out.iterdir()}
     assert track(workers, sequence, out, "--resume") == 0
-    assert said(capsys) == [f"all 5 frames are in {out} already"]
+    assert said(capsys)[1:] == [f"all 5 frames are in {out} already"]
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 
 
@@ -219,7 +218,7 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
     capsys.readouterr()
     assert track(workers, sequence, out, "--resume") == 0
     assert workers.asked == Pool(run="nobody")
-    assert said(capsys)[0] == f"all 5 frames are recorded in {out}; writing the results"
+    assert said(capsys)[1] == f"all 5 frames are recorded in {out}; writing the results"
     assert (out / "track.npz").read_bytes() == (tmp_path / "calm" / "track.npz").read_bytes()
 
 

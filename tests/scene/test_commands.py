@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -19,8 +20,9 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.commands.info import describe_scene, look
-from coordinator.commands.scope import choose_scope, complete_scope
-from coordinator.commands.track_options import SceneOptions
+from coordinator.commands.inputs import read_background
+from coordinator.commands.job import choose_scope
+from coordinator.commands.options import TrackOptions
 from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
 from coordinator.tracking.segmenter import PosedBody, Segmenter
@@ -28,6 +30,9 @@ from tests.support.people import STANDING, shown
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, Room, in_a_room
 
 PERSON = (-0.4, 2.6)
+
+
+asked = partial(TrackOptions, sequences=[Path("recording")], out=Path("run"))
 
 
 @pytest.fixture
@@ -102,7 +107,7 @@ def test_what_the_recording_says_of_itself_comes_before_the_scene(recording: Pat
         "import sys; from coordinator.commands import info; from coordinator.sources import find_format;"
         "from coordinator.sources.camera import AS_RECORDED;"
         f"from pathlib import Path; path = Path({str(recording)!r}); form = find_format(path);"
-        "facts, _ = info.describe(form, form.open(path, AS_RECORDED));"
+        "facts = info.describe(form, form.open(path, AS_RECORDED));"
         "info.print_facts(facts);"
         "sys.exit(' '.join({'open3d', 'numba', 'matplotlib'} & set(sys.modules)) or 0)"
     )
@@ -114,15 +119,14 @@ def test_what_the_recording_says_of_itself_comes_before_the_scene(recording: Pat
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (SceneOptions(near=-1.0), "--near -1 is no distance; give metres above 0"),
-        (SceneOptions(near=3.0, far=2.0), "--near 3 is not below --far 2"),
-        (SceneOptions(roi="1,2,3"), "--roi 1,2,3 is not understood; give 4 whole numbers"),
-        (SceneOptions(roi="9,2,3,8"), "--roi 9,2,3,8 holds no pixel"),
-        (SceneOptions(person="tallest"), "--person tallest is unknown; give X,Y in pixels or one of nearest"),
-        (SceneOptions(person="4,"), "--person 4, is not understood; give 2 whole numbers"),
+        (asked(near=3.0, far=2.0), "--near 3 is not below --far 2"),
+        (asked(roi="1,2,3"), "--roi 1,2,3 is not understood; give 4 whole numbers"),
+        (asked(roi="9,2,3,8"), "--roi 9,2,3,8 holds no pixel"),
+        (asked(person="tallest"), "--person tallest is unknown; give X,Y in pixels or one of nearest"),
+        (asked(person="4,"), "--person 4, is not understood; give 2 whole numbers"),
     ],
 )
-def test_what_makes_no_sense_is_refused(options: SceneOptions, says: str) -> None:
+def test_what_makes_no_sense_is_refused(options: TrackOptions, says: str) -> None:
     """One line says what is wrong and what to give."""
     with pytest.raises(InputError) as caught:
         choose_scope(options)
@@ -134,27 +138,24 @@ def test_an_empty_room_is_read_from_a_frame_a_picture_or_a_sequence(recording: P
     source = open_source(recording)
     first = source.frame(0).metres()
     for asked in ("0", str(recording / "depth" / "000000.png")):
-        read = complete_scope(Scope(), asked, source, None).background
-        assert read is not None
-        np.testing.assert_array_equal(read, first)
-    whole = complete_scope(Scope(), str(recording), source, None).background
-    assert whole is not None
+        np.testing.assert_array_equal(read_background(asked, source), first)
+    whole = read_background(str(recording), source)
     assert np.median(np.abs(whole - first)) < 0.01
     with pytest.raises(InputError, match="--background 9: the frames are 0 to 3"):
-        complete_scope(Scope(), "9", source, None)
+        read_background("9", source)
 
 
 def test_all_that_decides_the_results_is_described() -> None:
     """Of two scopes that differ in anything, the descriptions do."""
-    asked = (
-        SceneOptions(),
-        SceneOptions(near=1.0),
-        SceneOptions(far=3.0),
-        SceneOptions(roi="1,2,30,40"),
-        SceneOptions(person="nearest"),
-        SceneOptions(person="4,5"),
+    options = (
+        asked(),
+        asked(near=1.0),
+        asked(far=3.0),
+        asked(roi="1,2,30,40"),
+        asked(person="nearest"),
+        asked(person="4,5"),
     )
-    scopes = [choose_scope(each) for each in asked]
+    scopes = [choose_scope(each) for each in options]
     scopes.append(Scope(background=np.ones((2, 2), np.float32)))
     described = {msgspec.json.encode(scope.describe()) for scope in scopes}
     assert len(described) == len(scopes)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from functools import cache
+from functools import cache, partial
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -11,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from common.camera import Intrinsics
-from common.errors import InputError
 from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
-from coordinator.commands.job import choose_settings, set_noise
+from coordinator.commands.job import choose_settings
+from coordinator.commands.options import TrackOptions
 from coordinator.scene.noise import DepthNoise
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
@@ -121,18 +122,10 @@ def test_densities_begin_as_sharp_as_costs_end() -> None:
 
 def test_what_the_user_gives_is_not_measured() -> None:
     """Given noise goes into the settings as it is; what is not given stays the preset's."""
-    settings = choose_settings("gepf", "default", None, None, 0)
-    assert settings.measure_noise
-    assert set_noise(settings, None, None) == settings
-    known = set_noise(settings, 0.1, None)
+    asked = partial(TrackOptions, sequences=[Path("recording")], out=Path("run"))
+    assert choose_settings(asked()) == preset("default")
+    known = choose_settings(asked(noise_depth=0.1))
     assert (known.refine.noise_depth, known.refine.noise_lateral) == (0.1, DEFAULT.noise_lateral)
     assert not known.measure_noise
-    assert set_noise(settings, 0.1, 0.02).refine.noise_lateral == 0.02
+    assert choose_settings(asked(noise_depth=0.1, noise_lateral=0.02)).refine.noise_lateral == 0.02
     json.loads(msgspec.json.encode(known))
-
-
-@pytest.mark.parametrize("value", [0.0, -0.1, 1.5, float("nan")])
-def test_noise_that_makes_no_sense_is_refused(value: float) -> None:
-    """The option and its range are named."""
-    with pytest.raises(InputError, match=r"--noise-depth .* out of range; give metres"):
-        set_noise(preset("default"), value, None)

@@ -16,11 +16,12 @@ from rich.console import Console
 
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands.job import Job, choose_settings, is_several
-from coordinator.commands.many import choose_entries, gravest, track_many
+from coordinator.commands.job import Job
+from coordinator.commands.many import choose_runs, track_many
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
+from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from tests.support.processes.programs import INSTANT
 from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
@@ -39,7 +40,7 @@ def write_truth(folder: Path) -> None:
 
 def small_job(recording: Path, out: Path, seed: int) -> Job:
     """A `gepf track` that takes little time, by a worker that is there at once."""
-    settings = choose_settings("gepf", "default", 6, 300, seed)
+    settings = settings_for("gepf", "default", 6, 300, seed)
     return Job(recording, out, settings, Pool(2, worker_command=INSTANT), pictures=False)
 
 
@@ -47,46 +48,39 @@ def test_a_list_and_seeds_give_a_run_each(tmp_path: Path) -> None:
     """Names come from folders and files; a list's lines are as seen from its folder, without comments."""
     (tmp_path / "walk").mkdir()
     (tmp_path / "list.txt").write_text("walk  # slowly\n\n# nothing\nsub/run.mat\n")
-    entries = choose_entries([tmp_path / "list.txt"], 0, "3:5")
-    assert [(each.name, each.seed) for each in entries] == [
+    runs = choose_runs(small_job(tmp_path, tmp_path, 0), [tmp_path / "list.txt"], range(3, 5))
+    assert [(each.out.name, each.settings.seed) for each in runs] == [
         ("walk-seed3", 3),
         ("walk-seed4", 4),
         ("run-seed3", 3),
         ("run-seed4", 4),
     ]
-    assert entries[-1].sequence == tmp_path / "sub" / "run.mat"
-    assert is_several([tmp_path / "list.txt"], None)
-    assert is_several([tmp_path / "walk"], "0:2")
-    assert not is_several([tmp_path / "walk"], None)
+    assert runs[-1].sequence == tmp_path / "sub" / "run.mat"
 
 
 @pytest.mark.parametrize(
-    ("names", "seeds", "says"),
+    ("names", "says"),
     [
-        (("a/walk", "b/walk"), None, "two recordings are called 'walk'"),
-        (("a/walk",), "3", "--seeds '3' is not of the form A:B"),
-        (("a/walk",), "5:3", "holds 0 seeds"),
-        (("none.txt",), None, "cannot read"),
+        (("a/walk", "b/walk"), "two recordings are called 'walk'"),
+        (("none.txt",), "cannot read"),
+        (("a/walk", "zenoh:camera"), "live input is tracked alone"),
     ],
 )
-def test_what_cannot_be_several_is_refused(
-    tmp_path: Path, names: tuple[str, ...], seeds: str | None, says: str
-) -> None:
-    """Equal names, seeds that are no range, lists that are not there."""
-    with pytest.raises(InputError, match="(?s).*" + says.replace("(", r"\(")):
-        choose_entries([tmp_path / name for name in names], 0, seeds)
-
-
-def test_the_gravest_end_decides_the_exit_code() -> None:
-    """Interrupted over failed over input at fault over most frames not tracked over done."""
-    assert [gravest(codes) for codes in ([0, 0], [0, 3], [2, 3, 0], [1, 2], [130, 1, 2])] == [0, 3, 2, 1, 130]
+def test_what_cannot_be_several_is_refused(tmp_path: Path, names: tuple[str, ...], says: str) -> None:
+    """Equal names, lists that are not there, and live input; before anything is read."""
+    given = [name if ":" in name else str(tmp_path / name) for name in names]
+    job = small_job(tmp_path, tmp_path, 0)
+    with pytest.raises(InputError, match=says):
+        choose_runs(job, [Path(each) for each in given], None)
 
 
 def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
-    sequence: Path,
-    tmp_path: Path,
+    sequence: Path, tmp_path: Path
 ) -> None:
-    """Real processes that share a worker; the table has a line for each, also for the one that is refused."""
+    """Real processes that share a worker; the table has a line for each, also for the one that is refused.
+
+    The exit code is the gravest of all.
+    """
     names = ("first", "second", "damaged")
     recordings = [copy_of(sequence, name) for name in names]
     (recordings[-1] / "depth" / "000000.png").write_bytes(b"no picture")
@@ -95,11 +89,9 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     show = Show(Console(file=written, width=300))
     assert track_many(jobs, None, show) == 2
     lines = written.getvalue().splitlines()
-    table = lines[[line.startswith("recording  ") for line in lines].index(True) :]
+    table = lines[[line.strip().startswith("recording  ") for line in lines].index(True) :]
     assert [line.split()[0] for line in table[1:]] == list(names)  # though the damaged one ends first
-    (refused,) = [line for line in table if line.startswith("damaged")]
-    assert "exit code 2" in refused
-    assert "000000.png" in refused
+    assert "exit code 2" in table[-1]
     assert not (tmp_path / "runs" / "damaged").exists()
     for job in jobs[:2]:
         out = tmp_path / "alone" / job.out.name
@@ -125,11 +117,10 @@ def test_runs_are_compared_with_their_own_truths_alone(
     for run in runs:
         assert workers.track(sequence, run) == 0
     capsys.readouterr()
-    asked = [*runs, runs[0]]  # one twice is two lines
-    assert main(["evaluate", *map(str, asked), "--csv"]) == 0
+    assert main(["evaluate", *map(str, runs), "--csv"]) == 0
     heads, *rows = capsys.readouterr().out.splitlines()
     assert heads.startswith("run,frames,")
-    assert [row.split(",")[:2] for row in rows] == [[str(run), "5"] for run in asked]
+    assert [row.split(",")[:2] for row in rows] == [[str(run), "5"] for run in runs]
     assert main(["evaluate", str(runs[0])]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 5
     assert "the truth holds joints alone" in caplog.text

@@ -16,7 +16,7 @@ import pytest
 
 from common.errors import InputError
 from coordinator.cli import main
-from coordinator.commands.console import INTERRUPTS, ended_at_once, noted_interrupts
+from coordinator.commands.console import loading, noted_interrupts
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.scene.geometry import held_interrupts
@@ -25,15 +25,9 @@ from tests.support.processes.warm_processes import start
 from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 
-@pytest.fixture(autouse=True)
-def nothing_noted() -> None:
-    """As at the start of a process."""
-    INTERRUPTS.forget()
-
-
 def load_for_ever(begun: Path) -> None:
     """A library whose loading takes any exception for a missing part."""
-    with ended_at_once():
+    with loading():
         begun.touch()
         while True:
             with suppress(BaseException):
@@ -56,13 +50,13 @@ def test_an_interrupt_while_libraries_load_ends_the_process_at_once(tmp_path: Pa
 
 def test_after_loading_interrupts_are_exceptions_again() -> None:
     """And one that is ignored, as of a job in the background, stays so."""
-    with ended_at_once():
+    with loading():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with ended_at_once(), noted_interrupts(signal.SIGINT):
+        with loading(), noted_interrupts():
             signal.raise_signal(signal.SIGINT)
     finally:
         signal.signal(signal.SIGINT, before)
@@ -85,14 +79,14 @@ def swallow(number: signal.Signals = signal.SIGINT) -> None:
 @pytest.mark.parametrize("happens", [end_as_open3d_does, swallow])
 def test_what_was_swallowed_or_turned_into_a_fault_is_raised_at_the_end(happens: Callable[[], None]) -> None:
     """As KeyboardInterrupt."""
-    with pytest.raises(KeyboardInterrupt), noted_interrupts(signal.SIGINT):
+    with pytest.raises(KeyboardInterrupt), noted_interrupts():
         happens()
 
 
 def test_a_fault_without_an_interrupt_stays_what_it_is() -> None:
     """Also after one that is being done."""
     swallow()
-    with pytest.raises(ImportError), noted_interrupts(signal.SIGINT):
+    with pytest.raises(ImportError), noted_interrupts():
         raise ImportError("really missing")
 
 

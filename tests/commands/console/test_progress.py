@@ -1,4 +1,4 @@
-"""What a person sees of a run, on a terminal and in a log."""
+"""What people see of a run, on a terminal and in a log."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from coordinator.commands.progress import FrameMeter, Show, counted, describe
+from coordinator.commands.progress import FrameRate, Show, counted, describe
 from coordinator.tracking.estimate import Estimate
 
 
@@ -27,59 +27,37 @@ def test_a_frame_is_described_in_one_line() -> None:
 
 
 def test_the_rate_does_not_count_what_comes_before_the_first_frame() -> None:
-    """Starting workers takes seconds and says nothing about tracking."""
-    now = iter([0.0, 10.0, 60.0, 60.5, 61.0])
-    with FrameMeter(3, clock=lambda: next(now)) as meter:
-        for _ in range(3):
-            meter.advance(estimate())
-    assert meter.rate == pytest.approx(2.0)
-    assert meter.seconds == pytest.approx(51.0)
+    """Starting workers takes seconds and is no part of tracking; a first frame alone has no rate."""
+    now = iter([0.0, 60.0, 60.5, 61.0])
+    rate, rates = FrameRate(clock=lambda: next(now)), []
+    for _ in range(3):
+        rate.count()
+        rates.append(rate.per_second)
+    assert rates == [None, pytest.approx(2.0), pytest.approx(2.0)]
+    assert rate.seconds == pytest.approx(61.0)
 
 
 def test_a_terminal_shows_a_bar_and_lines_above_it() -> None:
     """The bar ends with the last state; what is said in between is not lost."""
     screen = io.StringIO()
     show = Show(Console(file=screen, force_terminal=True, width=120))
-    with show.frames(2) as meter:
+    with show.steps("frame", keep=True) as advance:
         show.say("worker [a] joined")
-        meter.advance(estimate())
-        meter.advance(estimate())
+        advance(2, 2, "3 hypotheses")
     assert "worker [a] joined\n" in screen.getvalue()
     assert "2/2" in screen.getvalue()
     assert "3 hypotheses" in screen.getvalue()
 
 
-def test_a_log_gets_lines_now_and_then_and_the_last_state() -> None:
-    """No control characters; one line for frames that come fast, one more for each few seconds."""
+@pytest.mark.parametrize(("quiet_seconds", "frames"), [(60.0, [9]), (0.0, [*range(1, 10)])])
+def test_a_log_gets_lines_now_and_then_and_the_last_state(quiet_seconds: float, frames: list[int]) -> None:
+    """No control characters; lines are apart by as much as is wanted; what is not kept has no last."""
     log = io.StringIO()
-    show = Show(Console(file=log, force_terminal=False, width=40))
-    with show.frames(9) as meter, show.steps("counting") as advance:
+    show = Show(Console(file=log, force_terminal=False, width=40), quiet_seconds)
+    with show.steps("frame", keep=True) as advance:
         for done in range(1, 10):
-            meter.advance(estimate())
-            advance(done, 9)
-    lines = log.getvalue().splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("frame 9 of 9: ")
-    show = Show(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
-    with show.frames(2) as meter, show.steps("counting") as advance:
-        meter.advance(estimate())
+            advance(done, 9, "tracked")
+    assert log.getvalue().splitlines() == [f"frame {done} of 9: tracked" for done in frames]
+    with Show(Console(file=log, force_terminal=False), quiet_seconds=60.0).steps("rendering") as advance:
         advance(1, 2)
-        meter.advance(estimate())
-    assert [line.split(":")[0] for line in log.getvalue().splitlines()[1:]] == [
-        "frame 1 of 2",
-        "counting",
-        "frame 2 of 2",
-    ]
-    assert "\x1b" not in log.getvalue()
-
-
-def test_of_the_first_frame_alone_no_rate_is_told() -> None:
-    """It took as long as workers needed to start."""
-    log = io.StringIO()
-    show = Show(Console(file=log, force_terminal=False, width=40), quiet_seconds=0.0)
-    with show.frames(2) as meter:
-        meter.advance(estimate())
-        meter.advance(estimate())
-    first, second = log.getvalue().splitlines()
-    assert "frames/s" not in first
-    assert "frames/s" in second
+    assert "rendering" not in log.getvalue()
