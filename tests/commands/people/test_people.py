@@ -115,9 +115,9 @@ def test_more_than_there_are_leaves_no_empty_folders(sequence: Path, calm: Path,
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--people", "0"), "--people 0 is too small"),
+        (("--people", "0"), "Invalid value for '--people'"),
         (("--init", "pose.json"), "--init is the pose of one person"),
-        (("--model", "examples/arm7.urdf"), "--people is for people whose measures are found"),
+        (("--model", "examples/arm7.urdf"), "--people is for people whose size is measured"),
     ],
 )
 def test_what_is_meant_for_one_is_refused(
