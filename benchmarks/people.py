@@ -37,7 +37,7 @@ from benchmarks.tracking import Outcome, near_percent, prepare, track
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.pictures.plots import styled
-from coordinator.sources.utd_mhad import FPS
+from coordinator.sources.camera import DEFAULT_FPS
 
 COLOURS = {30.0: "#1b1f27", 15.0: "#2f9e44", 10.0: "#3b82c4", 6.0: "#e8590c"}  # by frames a second
 
@@ -196,7 +196,7 @@ def score_all(outcomes: Mapping[Trial, Outcome], group: Callable[[Recording], st
         seeds = parts.setdefault((trial.every, trial.row, group(trial.recording)), {})
         seeds.setdefault(trial.seed, []).append(outcome)
     for (every, row, name), by_seed in parts.items():
-        yield score(name, row.name, FPS / every, list(by_seed.values()))
+        yield score(name, row.name, DEFAULT_FPS / every, list(by_seed.values()))
 
 
 def score(group: str, row: str, frames_per_second: float, seeds: Sequence[Sequence[Outcome]]) -> Score:

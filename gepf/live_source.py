@@ -53,17 +53,17 @@ class LiveSource(Closing):
     @property
     def received(self) -> int:
         """How many depth images came so far."""
-        return self._frames.counts.received
+        return self._frames.counts["received"]
 
     @property
     def skipped(self) -> int:
         """How many of them were superseded by a newer one before they could be tracked."""
-        return self._frames.counts.skipped
+        return self._frames.counts["skipped"]
 
     @property
     def rejected(self) -> int:
         """How many of them were of another camera, or of the past, and were left out."""
-        return self._frames.counts.rejected
+        return self._frames.counts["rejected"]
 
     @property
     def stream(self) -> int:
@@ -73,7 +73,7 @@ class LiveSource(Closing):
     @property
     def malformed(self) -> int:
         """How many messages came besides that make no sense."""
-        return self._frames.counts.malformed
+        return self._frames.counts["malformed"]
 
 
 def live(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
@@ -161,11 +161,11 @@ class LiveInput(Input):
 
     def note(self) -> str:
         """How many frames a newer one superseded."""
-        return f", {self.received.counts.skipped} frames skipped"
+        return f", {self.received.counts['skipped']} frames skipped"
 
     def facts(self) -> dict[str, object]:
         """What became of the messages."""
-        return {f"frames_{name}": count for name, count in asdict(self.received.counts).items()}
+        return {f"frames_{name}": count for name, count in self.received.counts.items()}
 
 
 def choose_start(
@@ -189,9 +189,9 @@ def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
     path = Path(asked)
     if path.suffix.lower() == ".png" and source is not None:
         first = source.frame(source.numbers[0])
-        depth = read_depth(path, source.intrinsics)
-        return np.asarray(depth / np.float32(first.depth_scale), dtype=np.float32)
-    empty = averaged(open_source(path))
+        empty = np.asarray(read_depth(path) / np.float32(first.depth_scale), dtype=np.float32)
+    else:
+        empty = averaged(open_source(path))
     if source is not None:
         check_size(asked, empty, (source.intrinsics.height, source.intrinsics.width))
     return empty

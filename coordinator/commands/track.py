@@ -190,7 +190,7 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson
         out = folder_of(job.out, job.people, number)
         frames = counted(len(each.estimates), "frame")
         if isinstance(given, LiveInput):
-            frames = f"{len(each.estimates)} of {counted(given.received.counts.received, 'frame')}"
+            frames = f"{len(each.estimates)} of {counted(given.received.counts['received'], 'frame')}"
         drawn, later = "", f"; gepf pictures {out} draws them" if given.source else ""
         try:
             if job.pictures:

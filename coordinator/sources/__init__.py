@@ -1,25 +1,21 @@
-"""Depth sequences in: one file a format, one protocol for all, found by looking at the path."""
+"""Depth sequences in: a function for each format gives a `Source`; the path decides the format."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
 from common.errors import InputError
-from coordinator.sources.arrays import ArraySource, read_array, read_array_source
+from coordinator.sources.arrays import ArraySource, read_npy, read_npz
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
-from coordinator.sources.picture_folders import TUM_LIST, RecordedFolder, TumFolder, holds_pictures
-from coordinator.sources.point_clouds import SUFFIXES, PointClouds
-from coordinator.sources.ros_bag import RosBag, is_bag
-from coordinator.sources.source import Source, with_options
-from coordinator.sources.utd_mhad import UtdMhadFile
+from coordinator.sources.picture_folders import holds_pictures, is_tum, read_pictures
+from coordinator.sources.point_clouds import SUFFIXES, read_clouds
+from coordinator.sources.ros_bag import is_bag, read_ros_bag
+from coordinator.sources.source import Source
+from coordinator.sources.utd_mhad import read_utd_mhad
 
 __all__ = ["ArraySource", "Format", "Source", "find_format", "open_source"]
-
-
-MOST_LOOKED_AT = 200  # entries of a folder, for a hint
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +29,14 @@ class Format:
 
 def open_azure_kinect(path: Path, options: CameraOptions) -> Source:
     """An `.mkv`, by PyAV, which takes a while to load."""
-    from coordinator.sources.azure_kinect import AzureKinectFile
+    from coordinator.sources.azure_kinect import read_azure_kinect
 
-    return AzureKinectFile(path, options)
+    return read_azure_kinect(path, options)
 
 
-def own(open_path: Callable[[Path], Source]) -> Callable[[Path, CameraOptions], Source]:
-    """A format that knows its camera, which the user's options then override."""
-    return lambda path, options: with_options(open_path(path), options)
+def holds_clouds(path: Path) -> bool:
+    """Whether a folder holds point clouds."""
+    return path.is_dir() and any(file.suffix.lower() in SUFFIXES for file in path.iterdir())
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:
@@ -49,18 +45,14 @@ def has_suffix(suffix: str) -> Callable[[Path], bool]:
 
 
 FORMATS = (
-    Format("TUM RGB-D folder (depth.txt)", lambda path: (path / TUM_LIST).is_file(), own(TumFolder)),
-    Format("ROS bag, RealSense .bag", is_bag, RosBag),
-    Format("Open3D folder (depth/000000.png)", holds_pictures, RecordedFolder),
-    Format(
-        "point clouds (.ply or .pcd)",
-        lambda path: path.is_dir() and any(f.suffix.lower() in SUFFIXES for f in path.iterdir()),
-        own(PointClouds),
-    ),
+    Format("TUM RGB-D folder (depth.txt)", is_tum, read_pictures),
+    Format("ROS bag, RealSense .bag", is_bag, read_ros_bag),
+    Format("Open3D folder (depth/000000.png)", holds_pictures, read_pictures),
+    Format("point clouds (.ply or .pcd)", holds_clouds, read_clouds),
     Format("Azure Kinect or Orbbec .mkv", has_suffix(".mkv"), open_azure_kinect),
-    Format("numpy .npz (depth, intrinsics)", has_suffix(".npz"), read_array_source),
-    Format("numpy .npy", has_suffix(".npy"), read_array),
-    Format("UTD-MHAD .mat", has_suffix(".mat"), own(UtdMhadFile)),
+    Format("numpy .npz (depth, intrinsics)", has_suffix(".npz"), read_npz),
+    Format("numpy .npy", has_suffix(".npy"), read_npy),
+    Format("UTD-MHAD .mat", has_suffix(".mat"), read_utd_mhad),
 )
 """In the order in which they are tried."""
 
@@ -80,7 +72,7 @@ CONVERSIONS = {
     ".tiff": f"TIFF is not read: {DEPTH_PNG}",
     ".png": "give the folder that the pictures are in",
 }
-"""Suffix of what is not read -> how to make of it what is."""
+"""Suffix of a file that is not read -> how to convert it."""
 
 
 def open_source(path: Path | str, options: CameraOptions = AS_RECORDED) -> Source:
@@ -107,16 +99,16 @@ def find_format(path: Path) -> Format:
         raise InputError(f"{path} is not read; {CONVERSIONS[path.suffix.lower()]}")
     if found is None:
         what = "holds no depth sequence" if path.is_dir() else "is no depth sequence"
-        raise InputError(f"{path} {what} that is known here; give {within(path)}one of: {known}")
+        raise InputError(f"{path} {what} of a known format; give {within(path)}one of: {known}")
     return found
 
 
 def within(folder: Path) -> str:
-    """The first recording in a folder that is none itself, as a hint; empty where there is none.
+    """A hint at the first recording in a folder that is not one itself; empty where there is none.
 
     A `.npz` may be a truth or a track, and is not proposed.
     """
-    inside = sorted(islice(folder.iterdir(), MOST_LOOKED_AT)) if folder.is_dir() else []
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
     for path in inside:
         try:
             if path.suffix.lower() != ".npz" and any(form.fits(path) for form in FORMATS):

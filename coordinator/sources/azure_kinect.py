@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from common.frame import DepthFrame
-from coordinator.sources.camera import AS_RECORDED, MILLIMETRES, CameraOptions, Distortion, Undistortion
-from coordinator.sources.source import Recording, rate_of
+from coordinator.sources.camera import MILLIMETRES, CameraOptions
+from coordinator.sources.source import Source, rate_of
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 MODES = {
     # depth mode: the sensor's size after binning, then left and top of what is shown
@@ -34,59 +34,69 @@ MODES = {
     "WFOV_2X2BINNED": (512, 0, 0),
 }
 IMU_SAMPLE = np.dtype([("acc_ns", "<u8"), ("acc", "<f4", 3), ("gyro_ns", "<u8"), ("gyro", "<f4", 3)])
-IMU_SAMPLES = 1600  # a second of them: the camera stands still
-STANDARD_GRAVITY = 9.81
-STILL = 0.15  # share of gravity by which a camera at rest may be accelerated
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Of the depth camera: its lens over the sensor's size, and how an accelerometer lies in its axes."""
+    """The depth camera's lens over the sensor's size, and the accelerometer's axes.
 
-    lens: list[float]  # cx, cy, fx, fy, k1 to k6, two that are not used, p2, p1
-    radius: float  # of the field of view, in units of the focal length
-    turn: list[float] | None  # (9,) row by row, from the depth camera's axes to those of the accelerometer
+    Args:
+        lens: cx, cy, fx, fy, radial k1 to k6, two that are not used, tangential p2, p1.
+        radius: Of the field of view, in units of the focal length.
+        turn: (9,) row by row, from the depth camera's axes to those of the accelerometer.
+    """
+
+    lens: list[float]
+    radius: float
+    turn: list[float] | None
 
 
-class AzureKinectFile(Recording):
+def read_azure_kinect(path: Path, options: CameraOptions) -> Source:
     """The depth frames of one `.mkv`, numbered from 0; times are the recording's, from the first frame."""
+    container = opened(path)
+    stream = depth_stream(container, path)
+    stamps, samples = scan(container, stream, path)
+    calibration = read_calibration(container, path)
+    shape = (stream.height, stream.width)
+    pixels = None
+    if calibration is None or options.intrinsics is not None:
+        camera = options.camera(shape, path)
+    else:
+        camera = depth_camera(calibration, mode_of(stream, path), shape)
+        pixels = lens_pixels(calibration, camera)
+    read = Frames(path, container, stream, stamps, pixels).read
+    times = [stamp - stamps[0] for stamp in stamps]
+    scale, gravity = options.depth_scale or MILLIMETRES, gravity_of(calibration, samples)
+    return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times, gravity)
 
-    def __init__(self, path: Path, options: CameraOptions = AS_RECORDED) -> None:
-        self.name, self._path = path.stem, path
-        self._container = opened(path)
-        self._stream = depth_stream(self._container, path)
-        self._times, samples = scan(self._container, self._stream, path)
-        size = (self._stream.width, self._stream.height)
-        calibration = read_calibration(self._container, path)
-        if calibration is None or options.intrinsics is not None:
-            self.intrinsics, self._undistort = options.camera(*size, str(path)), None
-        else:
-            self.intrinsics, distortion = depth_camera(calibration, mode_of(self._stream, size, path), size)
-            self._undistort = Undistortion(self.intrinsics, distortion)
-        self.gravity = gravity_of(calibration, samples)
-        self._scale = options.depth_scale or MILLIMETRES
-        self.numbers = range(len(self._times))
-        self.fps = rate_of(self._times)
-        self._next, self._frames = 0, self._decode(0)
 
-    def frame(self, number: int) -> DepthFrame:
-        """One frame, undistorted. Those in order are read fastest."""
-        if number != self._next:
-            self._frames = self._decode(number)
-        depth = next(self._frames, None)
-        self._next = number + 1
+class Frames:
+    """Decoded and undistorted depth of a stream. Frames in order are read fastest."""
+
+    def __init__(
+        self, path: Path, container: Any, stream: Any, stamps: list[float], pixels: Indices | None
+    ) -> None:
+        self._path, self._container, self._stream, self._stamps = path, container, stream, stamps
+        self._pixels = pixels
+        self._next, self._pictures = 0, self._decode(0)
+
+    def read(self, place: int) -> NDArray[np.uint16]:
+        """Depth (H, W) of the n-th frame, counted from 0."""
+        if place != self._next:
+            self._pictures = self._decode(place)
+        depth = next(self._pictures, None)
+        self._next = place + 1
         if depth is None:
-            raise InputError(f"{self._path}: frame {number} is cut short; copy it again, or use --frames")
-        depth = depth if self._undistort is None else self._undistort(depth)
-        return DepthFrame(number, self._times[number] - self._times[0], depth, self._scale, self.intrinsics)
+            raise InputError(f"{self._path}: frame {place} is cut short; copy it again, or use --frames")
+        return depth if self._pixels is None else undistorted(depth, self._pixels)
 
-    def _decode(self, number: int) -> Iterator[NDArray[np.uint16]]:
-        """Depth of the frames from `number` on; they end where the file is damaged."""
+    def _decode(self, place: int) -> Iterator[NDArray[np.uint16]]:
+        """Depth of the frames from the n-th on; they end where the file is damaged."""
         base = float(self._stream.time_base)
-        self._container.seek(round(self._times[number] / base), stream=self._stream)
+        self._container.seek(round(self._stamps[place] / base), stream=self._stream)
         try:
             for picture in self._container.decode(self._stream):
-                if picture.time >= self._times[number] - 0.5 * base:
+                if picture.time >= self._stamps[place] - 0.5 * base:
                     yield picture.to_ndarray().astype(np.uint16)
         except av.error.FFmpegError:
             return
@@ -112,7 +122,7 @@ def depth_stream(container: Any, path: Path) -> Any:
 
 
 def scan(container: Any, stream: Any, path: Path) -> tuple[list[float], Array]:
-    """Times of the depth frames, seconds, and accelerations (N, 3) of the first second of samples."""
+    """Times of the depth frames, seconds, and measured accelerations (N, 3)."""
     times: list[float] = []
     samples: list[Array] = []
     inertial = [s for s in container.streams if s.metadata.get("title") == "IMU"]
@@ -120,7 +130,7 @@ def scan(container: Any, stream: Any, path: Path) -> tuple[list[float], Array]:
         for packet in container.demux(stream, *inertial):
             if packet.size and packet.stream == stream:
                 times.append(float(packet.pts * packet.time_base))
-            elif packet.size >= IMU_SAMPLE.itemsize and sum(map(len, samples)) < IMU_SAMPLES:
+            elif packet.size >= IMU_SAMPLE.itemsize:
                 whole = packet.size // IMU_SAMPLE.itemsize * IMU_SAMPLE.itemsize
                 samples.append(np.frombuffer(bytes(packet)[:whole], IMU_SAMPLE)["acc"].astype(np.float64))
     except av.error.FFmpegError as error:
@@ -159,36 +169,50 @@ def find_entry(entries: list[dict[str, Any]], key: str, value: str) -> dict[str,
     return next((entry for entry in entries if entry[key] == value), {})
 
 
-def mode_of(stream: Any, size: tuple[int, int], path: Path) -> tuple[int, int, int]:
+def mode_of(stream: Any, path: Path) -> tuple[int, int, int]:
     """How the sensor is cropped; InputError for a mode that is not known."""
     mode = stream.metadata.get("K4A_DEPTH_MODE", "")
     if mode not in MODES:
-        raise InputError(
-            f"{path}: depth mode '{mode}' of {size[0]}x{size[1]} is not known; give --intrinsics fx,fy,cx,cy"
-        )
+        raise InputError(f"{path}: depth mode '{mode}' is not known; give --intrinsics fx,fy,cx,cy")
     return MODES[mode]
 
 
-def depth_camera(
-    calibration: Calibration, mode: tuple[int, int, int], size: tuple[int, int]
-) -> tuple[Intrinsics, Distortion]:
-    """The pinhole camera of a depth mode, pixel centres at whole numbers, and its lens' distortion."""
+def depth_camera(calibration: Calibration, mode: tuple[int, int, int], shape: tuple[int, int]) -> Intrinsics:
+    """The pinhole camera of a depth mode, pixel centres at whole numbers."""
     if len(calibration.lens) < 14:
         raise InputError("the attached calibration knows no depth camera; give --intrinsics fx,fy,cx,cy")
-    cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = calibration.lens[:14]
+    cx, cy, fx, fy = calibration.lens[:4]
     binned, left, top = mode
-    lens = (fx * binned, fy * binned, cx * binned - left - 0.5, cy * binned - top - 0.5)
-    distortion = Distortion((k1, k2, k3, k4, k5, k6), (p1, p2), calibration.radius or np.inf)
-    return Intrinsics(*size, *lens), distortion
+    rows, columns = shape
+    centre = (cx * binned - left - 0.5, cy * binned - top - 0.5)
+    return Intrinsics(columns, rows, fx * binned, fy * binned, *centre)
+
+
+def lens_pixels(calibration: Calibration, camera: Intrinsics) -> Indices:
+    """The flat index (H, W) of the lens' pixel that shows what each pixel of the camera sees; -1 for none."""
+    k1, k2, k3, k4, k5, k6, _, _, p2, p1 = calibration.lens[4:14]
+    v, u = np.indices((camera.height, camera.width), dtype=np.float64)
+    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    r2 = x * x + y * y
+    radial = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    across = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    down = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    columns, rows = np.rint(across * camera.fx + camera.cx), np.rint(down * camera.fy + camera.cy)
+    seen = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
+    if calibration.radius:
+        seen &= r2 <= calibration.radius**2
+    return np.where(seen, rows * camera.width + columns, -1.0).astype(np.int64)
+
+
+def undistorted(depth: NDArray[np.uint16], pixels: Indices) -> NDArray[np.uint16]:
+    """A depth image (H, W) whose pixels are taken from elsewhere; 0 where the lens saw nothing."""
+    return np.where(pixels >= 0, depth.ravel()[pixels], 0).astype(np.uint16)
 
 
 def gravity_of(calibration: Calibration | None, samples: Array) -> Array | None:
     """Unit vector (3,) along which things fall, in the depth camera's axes; None if not measured."""
-    if calibration is None or calibration.turn is None or len(calibration.turn) != 9 or not len(samples):
+    if calibration is None or calibration.turn is None or len(calibration.turn) != 9 or not samples.any():
         return None
-    upward = np.median(samples, axis=0)  # at rest an accelerometer feels the ground's push
-    if abs(np.linalg.norm(upward) - STANDARD_GRAVITY) > STILL * STANDARD_GRAVITY:
-        return None
-    sensor_from_depth = np.array(calibration.turn).reshape(3, 3)
-    downward: Array = -sensor_from_depth.T @ upward
+    upward = np.median(samples, axis=0)  # an accelerometer at rest measures the ground's push
+    downward: Array = -np.reshape(calibration.turn, (3, 3)).T @ upward
     return downward / np.linalg.norm(downward)

@@ -12,7 +12,6 @@ from common.camera import Intrinsics
 from common.errors import InputError
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
-SAME_SHAPE = 0.01  # relative difference between the two sides' scales
 
 
 class ColourFolder:
@@ -53,8 +52,7 @@ class ColourFolder:
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
             raise InputError(f"{file} is damaged or no picture; copy it again") from error
         camera = self._camera
-        across, down = opened.width / camera.width, opened.height / camera.height
-        if abs(across / down - 1.0) > SAME_SHAPE:
+        if abs(opened.width * camera.height / camera.width - opened.height) > 1.0:
             opened.close()
             raise InputError(
                 f"{file} is {opened.width}x{opened.height}, not in the shape of the depth, "

@@ -6,7 +6,6 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -28,22 +27,9 @@ def live_key(sequence: Path) -> str | None:
     return check_stream(text.removeprefix(SCHEME)) if text.startswith(SCHEME) else None
 
 
-@dataclass(frozen=True, slots=True)
-class LiveCounts:
-    """What has become of the messages that came. Received frames are tracked, skipped or rejected."""
-
-    received: int = 0  # depth frames
-    skipped: int = 0  # a newer one came before they could be tracked
-    other_size: int = 0  # rejected: not of the stream's width and height
-    other_intrinsics: int = 0  # rejected: not of the stream's camera
-    other_depth_scale: int = 0  # rejected: not in the stream's units
-    out_of_order: int = 0  # rejected: number or time not after those of the frame before
-    malformed: int = 0  # not received: messages that make no sense
-
-    @property
-    def rejected(self) -> int:
-        """Depth frames that do not belong to the stream."""
-        return self.other_size + self.other_intrinsics + self.other_depth_scale + self.out_of_order
+COUNTED = ("received", "skipped", "rejected", "malformed")
+"""Received frames are tracked, skipped as a newer one came first, or rejected as they do not fit the stream.
+Malformed messages are no frames."""
 
 
 class Header(NamedTuple):
@@ -83,13 +69,14 @@ class LiveFrames:
         self._last_stream = 0
         self._rejected: deque[Header] = deque(maxlen=2 * NEW_STREAM_FRAMES)  # since then
         self._ended = False
-        self._counts = LiveCounts()
+        self._counts = dict.fromkeys(COUNTED, 0)
+        self._reported: set[str] = set()  # causes for which frames were rejected
 
     @property
-    def counts(self) -> LiveCounts:
-        """What came so far."""
+    def counts(self) -> dict[str, int]:
+        """How many messages of each kind in `COUNTED` came so far."""
         with self._changed:
-            return self._counts
+            return self._counts.copy()
 
     def receive(self, payload: bytes) -> None:
         """Take a message; an older frame that still waits is skipped."""
@@ -97,8 +84,8 @@ class LiveFrames:
             frame = decode_live(payload)
         except ProtocolError as error:
             with self._changed:
-                first = self._count("malformed") == 1
-            if first:
+                self._counts["malformed"] += 1
+            if self._counts["malformed"] == 1:
                 self._report(f"a message on {self._key} makes no sense: {error}")
             return
         said = None
@@ -125,17 +112,19 @@ class LiveFrames:
     def _accept(self, frame: DepthFrame) -> str | None:
         """Keep a frame that belongs to the stream or begins another; gives what is to be reported, if any."""
         header = Header(frame.intrinsics, frame.depth_scale, frame.number, frame.time_s)
-        self._count("received")
+        self._counts["received"] += 1
         misfit = None if self._last is None else find_misfit(header, self._last)
         if misfit is not None:
             self._rejected.append(header)
             if not is_a_stream([other for other in self._rejected if other[:2] == header[:2]]):
+                self._counts["rejected"] += 1
                 cause, words = misfit
-                first = self._count(cause) == 1
+                first = cause not in self._reported
+                self._reported.add(cause)
                 return f"a frame on {self._key} {words}; such frames are left out" if first else None
             self._last_stream += 1
         if self._newest is not None:
-            self._count("skipped")
+            self._counts["skipped"] += 1
         self._newest = self._last_stream, frame
         self._last = header
         self._rejected.clear()
@@ -162,29 +151,22 @@ class LiveFrames:
     def _is_ready(self) -> bool:
         return self._newest is not None or self._ended
 
-    def _count(self, name: str) -> int:
-        """One more of them; gives how many there are now."""
-        number: int = getattr(self._counts, name) + 1
-        self._counts = replace(self._counts, **{name: number})
-        return number
-
 
 def find_misfit(frame: Header, last: Header) -> tuple[str, str] | None:
-    """Why a frame cannot follow another one, as the name of its count and in words; None if it can."""
+    """Why a frame cannot follow another one: the cause, and what to say of it; None if it can."""
     camera, other = frame.camera, last.camera
     if (camera.width, camera.height) != (other.width, other.height):
-        return (
-            "other_size",
-            f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}",
-        )
+        return "size", f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}"
     if camera != other:
-        return "other_intrinsics", "has other intrinsics than those before"
+        return "intrinsics", "has other intrinsics than those before"
     if frame.depth_scale != last.depth_scale:
-        scales = f"{frame.depth_scale:g} units of depth per metre, those before {last.depth_scale:g}"
-        return "other_depth_scale", f"has {scales}"
+        return (
+            "scale",
+            f"has {frame.depth_scale:g} units of depth per metre, those before {last.depth_scale:g}",
+        )
     if frame.number <= last.number or frame.time_s <= last.time_s:
-        placed = f"is number {frame.number} of {frame.time_s:g} s"
-        return "out_of_order", f"{placed}, the one before number {last.number} of {last.time_s:g} s"
+        before = f"the one before number {last.number} of {last.time_s:g} s"
+        return "order", f"is number {frame.number} of {frame.time_s:g} s, {before}"
     return None
 
 

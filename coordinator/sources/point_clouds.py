@@ -1,8 +1,8 @@
 """A folder of point clouds, one file a frame: PLY or PCD, metres, in the camera's frame (z forward).
 
-Each cloud is projected into a depth image: the nearest point of a pixel counts. The camera is that of
-camera_intrinsic.json; without one an organised cloud (PCD with rows and columns) has its own, and an
-unorganised one is seen by a nominal camera of 640 x 480.
+Each cloud is projected into a depth image: the nearest point of a pixel counts. The camera is the user's, or
+that of camera_intrinsic.json, or that with which an organised cloud (PCD with rows and columns) was taken; an
+unorganised cloud is seen by a nominal camera of 640 x 480.
 """
 
 from __future__ import annotations
@@ -16,36 +16,33 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics, project
 from common.errors import InputError
-from common.frame import DepthFrame
 from coordinator.files import CAMERA_FILE
-from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, read_camera
-from coordinator.sources.source import FolderRecording
+from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, CameraOptions, read_camera
+from coordinator.sources.source import Source
 
 Array = NDArray[np.float64]
 
 SUFFIXES = (".ply", ".pcd")
-LARGEST_MISFIT = 0.05  # pixels that a pinhole camera's points may lie off their pixels
+LARGEST_MISFIT_PX = 0.05  # of a pinhole camera's points from their pixels
 
 
-class PointClouds(FolderRecording):
-    """Clouds in the order of the numbers in their names, numbered from 0."""
+def read_clouds(path: Path, options: CameraOptions) -> Source:
+    """The clouds of a folder in the order of the numbers in their names, numbered from 0."""
+    files = cloud_files(path)
+    first, camera, fps = read_cloud(files[0]), NOMINAL, DEFAULT_FPS
+    organised = first.ndim == 3
+    if (path / CAMERA_FILE).exists():
+        camera, _, fps = read_camera(path / CAMERA_FILE)
+    elif organised and options.intrinsics is None:
+        camera = own_camera(first, files[0])
+    if options.intrinsics is not None:
+        camera = options.camera(first.shape if organised else (camera.height, camera.width), path)
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._files = cloud_files(path)
-        self.fps = DEFAULT_FPS
-        if (path / CAMERA_FILE).exists():
-            self.intrinsics, _, self.fps = read_camera(path / CAMERA_FILE)
-        else:
-            self.intrinsics = own_camera(self._files[0])
-        self.numbers = range(len(self._files))
+    def read(place: int) -> Array:
+        return render_points(read_cloud(files[place]).reshape(-1, 3), camera)
 
-    def frame(self, number: int) -> DepthFrame:
-        """One cloud as the camera sees it."""
-        points, _ = read_cloud(self._files[number])
-        depth = to_units(render_points(points.reshape(-1, 3), self.intrinsics))
-        return DepthFrame(number, number / self.fps, depth, UNITS_PER_METRE, self.intrinsics)
+    scale = options.depth_scale or 1.0
+    return Source(path.resolve().name, camera, range(len(files)), read, scale, fps, folder=path)
 
 
 def cloud_files(path: Path) -> list[Path]:
@@ -57,16 +54,15 @@ def cloud_files(path: Path) -> list[Path]:
     return sorted(files, key=lambda f: [int(p) if p.isdecimal() else p for p in re.split(r"(\d+)", f.stem)])
 
 
-def read_cloud(path: Path) -> tuple[Array, bool]:
-    """Points (N, 3), or (H, W, 3) and True where the cloud is organised; InputError if it is damaged."""
+def read_cloud(path: Path) -> Array:
+    """Points (N, 3), or (H, W, 3) where the cloud is organised; InputError if it is damaged."""
     try:
-        points = read_ply(path) if path.suffix.lower() == ".ply" else read_pcd(path)
+        return read_ply(path) if path.suffix.lower() == ".ply" else read_pcd(path)
     except ImportError as error:
         raise InputError(f"{path} needs the package {error.name}; pip install 'gepf[coordinator]'") from error
-    except Exception as error:  # the readers raise whatever they stumble over
+    except Exception as error:  # the readers can raise anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path} is damaged or no point cloud ({reason}); copy it again") from error
-    return points, points.ndim == 3
 
 
 def read_ply(path: Path) -> Array:
@@ -87,17 +83,14 @@ def read_pcd(path: Path) -> Array:
     return points.reshape(rows, columns, 3) if rows > 1 else points
 
 
-def own_camera(path: Path) -> Intrinsics:
-    """The camera that an organised cloud was taken with, else the nominal one."""
-    points, organised = read_cloud(path)
-    if not organised:
-        return NOMINAL
+def own_camera(points: Array, path: Path) -> Intrinsics:
+    """The camera that an organised cloud (H, W, 3) was taken with; InputError where it was no pinhole."""
     rows, columns = points.shape[:2]
     v, u = np.indices((rows, columns))
     seen = np.isfinite(points).all(axis=2) & (points[:, :, 2] > 0)
     fx, cx, off_x = fit_axis(points[seen][:, 0] / points[seen][:, 2], u[seen])
     fy, cy, off_y = fit_axis(points[seen][:, 1] / points[seen][:, 2], v[seen])
-    if not (fx > 0 and fy > 0 and max(off_x, off_y) < LARGEST_MISFIT):
+    if not (fx > 0 and fy > 0 and max(off_x, off_y) < LARGEST_MISFIT_PX):
         raise InputError(
             f"{path} is organised, but not as a pinhole camera sees it; add {CAMERA_FILE} to the folder"
         )

@@ -18,47 +18,38 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from common.frame import DepthFrame
-from coordinator.sources.arrays import UNITS_PER_METRE, to_units
-from coordinator.sources.camera import AS_RECORDED, CameraOptions, pinhole
-from coordinator.sources.source import Recording, rate_of
+from coordinator.sources.camera import MILLIMETRES, CameraOptions, pinhole
+from coordinator.sources.source import Source, rate_of
 
 Result = TypeVar("Result")
 
 IMAGE, CAMERA, NUMBER = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "std_msgs/msg/Float32"
-ENCODINGS = ("mono16", "16UC1", "32FC1")
+FLOATS = "32FC1"  # metres
+ENCODINGS = ("mono16", "16UC1", FLOATS)
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 UNITS_OPTION = "/Depth_Units/value"
-MILLIMETRE = 0.001
 NANOSECONDS = 1e-9
 
 
-class RosBag(Recording):
+def read_ros_bag(path: Path, options: CameraOptions) -> Source:
     """The depth images of a bag, numbered from 0; times are the bag's, from 0."""
+    bag = Bag(path)
+    topic = depth_topic(bag)
+    stamps = bag.times(topic)
 
-    def __init__(self, path: Path, options: CameraOptions = AS_RECORDED) -> None:
-        self.name, self._bag = path.stem, Bag(path)
-        self._topic = depth_topic(self._bag)
-        self._times = self._bag.times(self._topic)
-        self.intrinsics = camera_of(self._bag, self._topic, options)
-        self._scale = options.depth_scale or round(1.0 / units_of(self._bag, self._topic), 6)
-        self.numbers = range(len(self._times))
-        self.fps = rate_of([t * NANOSECONDS for t in self._times])
+    def read(place: int) -> NDArray[np.generic]:
+        image = bag.message(topic, stamps[place])
+        return bag.guarded(lambda: pixels(image))
 
-    def frame(self, number: int) -> DepthFrame:
-        """One frame, checked against the camera's size."""
-        image = self._bag.message(self._topic, self._times[number])
-        camera = self.intrinsics
-        if (image.width, image.height) != (camera.width, camera.height):
-            raise InputError(
-                f"{self._bag.path}: frame {number} is {image.width}x{image.height}, but its camera "
-                f"{camera.width}x{camera.height}; record one stream at one size"
-            )
-        depth = self._bag.guarded(lambda: pixels(image))
-        time_s = (self._times[number] - self._times[0]) * NANOSECONDS
-        if depth.dtype.kind == "f":
-            return DepthFrame(number, time_s, to_units(depth.astype(np.float64)), UNITS_PER_METRE, camera)
-        return DepthFrame(number, time_s, depth.astype(np.uint16), self._scale, camera)
+    first = bag.message(topic)
+    floats = first.encoding == FLOATS
+    if options.intrinsics is not None:
+        camera = options.camera((first.height, first.width), path)
+    else:
+        camera = camera_of(bag, topic)
+    times = [(stamp - stamps[0]) * NANOSECONDS for stamp in stamps]
+    scale = options.depth_scale or (1.0 if floats else units_of(bag, topic))
+    return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times)
 
 
 class Bag:
@@ -96,7 +87,7 @@ class Bag:
         return self.guarded(read)
 
     def guarded(self, read: Callable[[], Result]) -> Result:
-        """What `read` gives; the library raises whatever a damaged bag makes it stumble over."""
+        """What `read` gives; with a damaged bag the library can raise anything."""
         try:
             return read()
         except Exception as error:
@@ -122,12 +113,9 @@ def depth_topic(bag: Bag) -> str:
     raise InputError(f"{bag.path} holds no depth images (16UC1 or 32FC1); record the camera's depth topic")
 
 
-def camera_of(bag: Bag, topic: str, options: CameraOptions = AS_RECORDED) -> Intrinsics:
+def camera_of(bag: Bag, topic: str) -> Intrinsics:
     """The camera of a topic's images: the camera_info whose name has most in common with theirs."""
     infos = bag.topics(CAMERA)
-    if options.intrinsics is not None:
-        first = bag.message(topic)
-        return options.camera(first.width, first.height, str(bag.path))
     if not infos:
         raise InputError(
             f"{bag.path} holds no camera_info, so its camera is unknown; "
@@ -139,14 +127,15 @@ def camera_of(bag: Bag, topic: str, options: CameraOptions = AS_RECORDED) -> Int
 
 
 def units_of(bag: Bag, topic: str) -> float:
-    """Metres that a unit of depth stands for."""
+    """Units of depth per metre."""
     options = [t for t in bag.topics(NUMBER) if t.endswith(UNITS_OPTION)]
-    metres = MILLIMETRE
-    if options:  # a float32: 0.001 is meant by 0.0010000000474974513
-        metres = float(str(np.float32(bag.message(nearest(topic, options)).data)))
+    if not options:
+        return MILLIMETRES
+    # a float32: 0.001 is meant by 0.0010000000474974513
+    metres = float(str(np.float32(bag.message(nearest(topic, options)).data)))
     if not 0 < metres < np.inf:
         raise InputError(f"{bag.path}: a unit of depth is said to be {metres} m; record it again")
-    return metres
+    return round(1.0 / metres, 6)
 
 
 def nearest(topic: str, others: list[str]) -> str:
@@ -160,7 +149,7 @@ def nearest(topic: str, others: list[str]) -> str:
 
 def pixels(image: Any) -> NDArray[np.generic]:
     """The depth (H, W) of a ROS image message, whole units or metres."""
-    kind = np.dtype(np.float32 if image.encoding == "32FC1" else np.uint16).newbyteorder(
+    kind = np.dtype(np.float32 if image.encoding == FLOATS else np.uint16).newbyteorder(
         ">" if image.is_bigendian else "<"
     )
     rows = np.asarray(image.data, dtype=np.uint8)[: image.height * image.step].reshape(

@@ -1,10 +1,10 @@
-"""What every depth sequence can do, whatever its format."""
+"""A recorded depth sequence, whatever its format."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,70 +13,62 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files import START_FILE, TRUTH_FILE
-from coordinator.sources.camera import AS_RECORDED, DEFAULT_FPS, CameraOptions
+from coordinator.sources.camera import DEFAULT_FPS
+
+UNITS_PER_METRE = 5000.0  # into which metres are converted: steps of 0.2 mm
+FARTHEST_M = np.iinfo(np.uint16).max / UNITS_PER_METRE
 
 
-class Source(Protocol):
-    """A recorded depth sequence. Frames are read one at a time, on request."""
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A recorded depth sequence. Frames are read one at a time, on request.
 
-    @property
-    def name(self) -> str:
-        """The sequence's own name, without its folder or suffix."""
-        ...
+    Args:
+        name: The sequence's own name, without its folder or suffix.
+        intrinsics: The camera of every frame.
+        numbers: The frames' numbers, ascending; some may be missing in between.
+        read: Depth (H, W) of the n-th frame, counted from 0: uint16, or floats where any value is possible;
+            0 or NaN where nothing was measured. Raises InputError if the frame is damaged.
+        depth_scale: Units of this depth per metre.
+        fps: Frames per second.
+        times: When each frame was taken, seconds, ascending; None for its number over `fps`.
+        gravity: Unit vector (3,) along which things fall, camera frame; None where it is not known.
+        folder: Where a truth and a pose to start from may be beside the frames.
+    """
 
-    @property
-    def intrinsics(self) -> Intrinsics:
-        """The camera of every frame."""
-        ...
-
-    @property
-    def fps(self) -> float:
-        """Frames per second: frame n was taken at n / fps seconds, or at its recorded time."""
-        ...
-
-    @property
-    def numbers(self) -> Sequence[int]:
-        """The frames' numbers, ascending; some may be missing in between."""
-        ...
-
-    @property
-    def gravity(self) -> NDArray[np.float64] | None:
-        """Unit vector (3,) along which things fall, camera frame; None where the recording does not say."""
-        ...
+    name: str
+    intrinsics: Intrinsics
+    numbers: Sequence[int]
+    read: Callable[[int], NDArray[np.generic]]
+    depth_scale: float
+    fps: float = DEFAULT_FPS
+    times: Sequence[float] | None = None
+    gravity: NDArray[np.float64] | None = None
+    folder: Path | None = None
 
     @property
     def truth(self) -> Path | None:
         """A file of true joint positions that comes with the sequence."""
-        ...
+        return self._beside(TRUTH_FILE)
 
     @property
     def init(self) -> Path | None:
         """A file with the pose to start from that comes with the sequence."""
-        ...
+        return self._beside(START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
-        """One frame, checked; all zero where the camera saw nothing. Raises InputError if damaged."""
-        ...
-
-    def __len__(self) -> int: ...
-
-    def __iter__(self) -> Iterator[DepthFrame]: ...
-
-
-class Recording:
-    """What sequences in files and folders have in common; a format adds the rest."""
-
-    name: str
-    intrinsics: Intrinsics
-    fps: float
-    numbers: Sequence[int]
-    gravity: NDArray[np.float64] | None = None
-    truth: Path | None = None
-    init: Path | None = None
-
-    def frame(self, number: int) -> DepthFrame:
-        """One frame."""
-        raise NotImplementedError
+        """One frame; all zero where the camera saw nothing. Raises InputError if damaged."""
+        place, camera, scale = self.numbers.index(number), self.intrinsics, self.depth_scale
+        depth = self.read(place)
+        if depth.shape != (camera.height, camera.width):
+            raise InputError(
+                f"{self.name}: frame {number} is {depth.shape[1]}x{depth.shape[0]}, but its camera "
+                f"{camera.width}x{camera.height}; give frames of one size and their camera"
+            )
+        if depth.dtype.kind == "f":
+            depth, scale = to_units(depth.astype(np.float64) / scale), UNITS_PER_METRE
+        time_s = number / self.fps if self.times is None else self.times[place]
+        return DepthFrame(number, time_s, depth.astype(np.uint16, copy=False), scale, camera)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -84,14 +76,14 @@ class Recording:
     def __iter__(self) -> Iterator[DepthFrame]:
         return map(self.frame, self.numbers)
 
+    def _beside(self, name: str) -> Path | None:
+        return self.folder / name if self.folder and (self.folder / name).is_file() else None
 
-class FolderRecording(Recording):
-    """A recording in a folder, in which truth and start may lie beside the frames."""
 
-    def __init__(self, path: Path) -> None:
-        self.name = path.resolve().name
-        beside = (path / TRUTH_FILE, path / START_FILE)
-        self.truth, self.init = (file if file.is_file() else None for file in beside)
+def to_units(metres: NDArray[np.float64]) -> NDArray[np.uint16]:
+    """Metres in units of 1 / `UNITS_PER_METRE`; 0 where nothing was measured or it is too far."""
+    known = np.where((metres > 0.0) & (metres <= FARTHEST_M), metres, 0.0)
+    return np.rint(known * UNITS_PER_METRE).astype(np.uint16)
 
 
 def rate_of(seconds: Sequence[float]) -> float:
@@ -104,38 +96,11 @@ def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     if wanted is None:
         return numbers
     first, colon, end = wanted.partition(":")
-    there = f"frames {numbers[0]}:{numbers[-1] + 1}"
+    there = f"this sequence has frames {numbers[0]}:{numbers[-1] + 1}"
     if not colon or not all(part.strip().isdecimal() for part in (first, end) if part):
-        raise InputError(f"--frames '{wanted}' is not of the form A:B; this sequence has {there}")
-    start = int(first) if first else numbers[0]
-    stop = int(end) if end else numbers[-1] + 1
-    if not numbers[0] <= start < stop <= numbers[-1] + 1:
-        raise InputError(f"--frames {wanted} is out of range; this sequence has {there}")
-    if isinstance(numbers, range):
-        return range(start, stop)
-    chosen = tuple(number for number in numbers if start <= number < stop)
-    if not chosen:
-        raise InputError(f"--frames {wanted} is a gap of this sequence; choose other frames")
+        raise InputError(f"--frames '{wanted}' is not of the form A:B; {there}")
+    start, stop = int(first or numbers[0]), int(end or numbers[-1] + 1)
+    chosen = [number for number in numbers if start <= number < stop]
+    if start < numbers[0] or stop > numbers[-1] + 1 or not chosen:
+        raise InputError(f"--frames {wanted} is out of range or a gap; {there}")
     return chosen
-
-
-class OverriddenSource(Recording):
-    """A source with another camera or scale than it has of its own."""
-
-    def __init__(self, source: Source, options: CameraOptions) -> None:
-        own = source.intrinsics
-        self._source, self._options = source, options
-        self.name, self.numbers, self.fps = source.name, source.numbers, source.fps
-        self.truth, self.init, self.gravity = source.truth, source.init, source.gravity
-        self.intrinsics = options.camera(own.width, own.height, source.name) if options.intrinsics else own
-
-    def frame(self, number: int) -> DepthFrame:
-        """One frame, with the user's camera and scale instead of its own."""
-        frame = self._source.frame(number)
-        scale = self._options.depth_scale or frame.depth_scale
-        return DepthFrame(number, frame.time_s, frame.depth, scale, self.intrinsics)
-
-
-def with_options(source: Source, options: CameraOptions) -> Source:
-    """The source with the camera and scale that the user names."""
-    return source if options == AS_RECORDED else OverriddenSource(source, options)

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
-from coordinator.sources.azure_kinect import Calibration, gravity_of
-from coordinator.sources.camera import CameraOptions, Distortion, Undistortion
+from coordinator.sources.azure_kinect import Calibration, gravity_of, lens_pixels, undistorted
+from coordinator.sources.camera import CameraOptions
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "azure_kinect" / "recording.mkv"
-LENS = Distortion((0.5479, -0.0210, -0.00265, 0.8897, 0.0861, -0.0139), (2.06e-05, -7.2e-05), 1.74)
+RADIAL, TANGENTIAL = (0.5479, -0.0210, -0.00265, 0.8897, 0.0861, -0.0139), (2.06e-05, -7.2e-05)
+LENS = Calibration([0.0, 0.0, 1.0, 1.0, *RADIAL, 0.0, 0.0, *TANGENTIAL[::-1]], 1.74, None)
 
 
 @pytest.fixture(scope="module")
@@ -84,12 +84,12 @@ def test_the_lens_is_opencvs() -> None:
     """The same pixel for every pixel as OpenCV's undistortion of this lens, to rounding."""
     cv = pytest.importorskip("cv2", reason="OpenCV is not installed")
     camera = Intrinsics(320, 288, 252.3, 252.4, 166.0, 174.0)
-    (k1, k2, k3, k4, k5, k6), (p1, p2) = LENS.radial, LENS.tangential
+    (k1, k2, k3, k4, k5, k6), (p1, p2) = RADIAL, TANGENTIAL
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     terms = np.array([k1, k2, p1, p2, k3, k4, k5, k6])
     u, v = cv.initUndistortRectifyMap(matrix, terms, None, matrix, (320, 288), cv.CV_32FC1)
     depth = np.arange(320 * 288, dtype=np.uint32).reshape(288, 320)
-    found = Undistortion(camera, LENS)(depth.astype(np.uint16))
+    found = undistorted(depth.astype(np.uint16), lens_pixels(LENS, camera))
     columns, rows = np.rint(u).astype(int), np.rint(v).astype(int)
     inside = (columns >= 0) & (columns < 320) & (rows >= 0) & (rows < 288)
     expected = np.where(inside, depth[np.clip(rows, 0, 287), np.clip(columns, 0, 319)], 0).astype(np.uint16)
@@ -100,28 +100,14 @@ def test_depth_is_never_mixed() -> None:
     """Before a near thing and a far one, undistorted depth is one or the other."""
     camera = Intrinsics(64, 64, 40.0, 40.0, 31.5, 31.5)
     depth = np.where(np.indices((64, 64))[1] < 32, 1000, 3000).astype(np.uint16)
-    assert set(np.unique(Undistortion(camera, LENS)(depth))) <= {0, 1000, 3000}
+    assert set(np.unique(undistorted(depth, lens_pixels(LENS, camera)))) <= {0, 1000, 3000}
 
 
-def accelerometer() -> Calibration:
-    """A calibration with an accelerometer whose axes are the camera's."""
-    return Calibration(lens=[], radius=0.0, turn=np.eye(3).ravel().tolist())
-
-
-@pytest.mark.parametrize(
-    ("samples", "expected"),
-    [
-        (np.tile([0.0, -9.8, 0.0], (9, 1)), [0.0, 1.0, 0.0]),
-        (np.tile([0.0, -30.0, 0.0], (9, 1)), None),  # it is being thrown
-        (np.empty((0, 3)), None),
-    ],
-)
-def test_a_camera_that_does_not_rest_has_no_gravity(
-    samples: NDArray[np.float64], expected: list[float] | None
-) -> None:
-    """At rest the ground pushes up and things fall the other way; else it is not known."""
-    gravity = gravity_of(accelerometer(), samples)
-    assert (gravity is None) == (expected is None)
-    if gravity is not None and expected is not None:
-        assert np.allclose(gravity, expected)
-    assert gravity_of(None, samples) is None
+def test_a_camera_without_samples_has_no_gravity() -> None:
+    """At rest the ground pushes up and things fall the other way; without a sample it is not known."""
+    calibration = Calibration(lens=[], radius=0.0, turn=np.eye(3).ravel().tolist())
+    gravity = gravity_of(calibration, np.tile([0.0, -9.8, 0.0], (9, 1)))
+    assert gravity is not None
+    assert np.allclose(gravity, [0.0, 1.0, 0.0])
+    assert gravity_of(calibration, np.empty((0, 3))) is None
+    assert gravity_of(None, np.ones((9, 3))) is None
