@@ -6,9 +6,9 @@ import json
 import math
 import os
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 from zipfile import BadZipFile
 
 import msgspec
@@ -55,83 +55,63 @@ def sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-class ArrayFile:
-    """The named arrays of one file. Each is checked for type and shape when it is taken."""
+KINDS = {"names": "U", "texts": "U", "whole numbers": "iu", "numbers": "iuf", "raw numbers": "iuf"}
+"""What the values of an array may be, and the kinds of numpy's types that are."""
 
-    def __init__(self, path: Path, content: dict[str, NDArray[np.generic]]) -> None:
-        self.path = path
-        self._content = content
-
-    def __contains__(self, key: str) -> bool:
-        return key in self._content
-
-    def any(self, key: str) -> NDArray[np.generic]:
-        """An array of whatever kind and shape."""
-        return self._take(key)
-
-    def names(self, key: str) -> tuple[str, ...]:
-        """A one-dimensional array of distinct texts; an empty one may be of any type."""
-        array = self._take(key)
-        texts = array.dtype.kind == "U" or not array.size
-        if array.ndim != 1 or not texts or len(set(array.tolist())) < len(array):
-            raise InputError(f"{self.path}: '{key}' must be a list of distinct names; write the file again")
-        return tuple(array.tolist())
-
-    def texts(self, key: str, shape: tuple[int, ...]) -> NDArray[np.str_]:
-        """An array of texts."""
-        array = self._take(key)
-        if array.dtype.kind != "U":
-            raise InputError(f"{self.path}: '{key}' must be text, not {array.dtype}; write the file again")
-        return self._shaped(key, array, shape).astype(np.str_, copy=False)
-
-    def floats(self, key: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
-        """An array of numbers; -1 in `shape` stands for any length."""
-        array = self._take(key)
-        if array.dtype.kind not in "iuf":
-            raise InputError(f"{self.path}: '{key}' must be numbers, not {array.dtype}; write the file again")
-        return self._shaped(key, array, shape).astype(np.float64)
-
-    def integers(self, key: str, shape: tuple[int, ...]) -> NDArray[np.int64]:
-        """An array of whole numbers."""
-        array = self._take(key)
-        if array.dtype.kind not in "iu":
-            raise InputError(
-                f"{self.path}: '{key}' must be whole numbers, not {array.dtype}; write the file again"
-            )
-        return self._shaped(key, array, shape).astype(np.int64)
-
-    def _take(self, key: str) -> NDArray[np.generic]:
-        if key not in self._content:
-            held = ", ".join(sorted(self._content)) or "nothing"
-            raise InputError(f"{self.path} has no '{key}' but {held}; give a file that holds it")
-        return self._content[key]
-
-    def _shaped(self, key: str, array: NDArray[np.generic], shape: tuple[int, ...]) -> NDArray[np.generic]:
-        fits = array.ndim == len(shape) and all(
-            want in (-1, n) for want, n in zip(shape, array.shape, strict=True)
-        )
-        if not fits:
-            wanted = ", ".join("any" if n < 0 else str(n) for n in shape)
-            raise InputError(
-                f"{self.path}: '{key}' has shape {array.shape}, not ({wanted}); write the file again"
-            )
-        return array
+READ_AS = {"whole numbers": np.int64, "numbers": np.float64}
 
 
-def read_arrays(path: Path) -> ArrayFile:
-    """All arrays of an `.npz` file. Nothing is unpickled. InputError if it is missing or damaged."""
+def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str, NDArray[Any]]:
+    """The arrays of an `.npz` file by name; of a file with a layout those that it lists, each checked.
+
+    A layout says for each name what the values are, and the array's shape: `numbers (F, J, 3)`. A letter
+    stands for a length, the same wherever it occurs. An array may be missing where this begins with `?`.
+    Names are distinct. Nothing is unpickled. InputError if the file is missing, damaged or otherwise.
+    """
     try:
         with path.open("rb") as opened:
             content = np.load(opened, allow_pickle=False)
             if isinstance(content, np.ndarray):
                 raise InputError(f"{path} is a single array, not an .npz file; give an .npz file")
-            return ArrayFile(path, {key: content[key] for key in content.files})
+            arrays = {key: content[key] for key in content.files}
     except FileNotFoundError:
         raise InputError(f"no such file: {path}; check the path") from None
     except (IsADirectoryError, PermissionError) as error:
         raise InputError(f"cannot read {path}: {error.strerror}; check the path") from None
     except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
         raise InputError(f"{path} is damaged or no .npz file; make it again or give an .npz file") from error
+    if layout is None:
+        return arrays
+    lengths: dict[str, int] = {}
+    found = {}
+    for name, form in layout.items():
+        if name in arrays:
+            found[name] = check_array(arrays[name], form.removeprefix("?"), lengths, f"{path}: '{name}'")
+        elif not form.startswith("?"):
+            held = ", ".join(sorted(arrays)) or "nothing"
+            raise InputError(f"{path} has no '{name}' but {held}; give a file that holds it")
+    return found
+
+
+def check_array(array: NDArray[Any], form: str, lengths: dict[str, int], what: str) -> NDArray[Any]:
+    """The array, of numbers that are not raw as float64 or int64. Its lengths are noted in `lengths`.
+
+    Raises InputError, which begins with `what`, if it does not have this form.
+    """
+    kind, _, shape = form.rstrip(")").partition(" (")
+    if array.dtype.kind not in KINDS[kind] and not (kind == "names" and not array.size):
+        raise InputError(f"{what} must be {kind}, not {array.dtype}; write the file again")
+    axes = [axis for axis in shape.split(", ") if axis]
+    if array.ndim == len(axes):
+        wanted = tuple(
+            int(axis) if axis.isdigit() else lengths.setdefault(axis, length)
+            for axis, length in zip(axes, array.shape, strict=True)
+        )
+    if array.ndim != len(axes) or array.shape != wanted:
+        raise InputError(f"{what} has shape {array.shape}, not ({shape}); write the file again")
+    if kind == "names" and len(set(array.tolist())) < len(array):
+        raise InputError(f"{what} must be distinct names; write the file again")
+    return array.astype(READ_AS.get(kind, array.dtype), copy=False)
 
 
 def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:

@@ -71,7 +71,7 @@ class Run:
     @property
     def angle_names(self) -> tuple[str, ...]:
         """Anatomical angles of a person, joints of a robot; what `angle` knows first of all."""
-        return self._recorded.angle_names
+        return self.track.angle_names
 
     @property
     def isb_angle_names(self) -> tuple[str, ...]:
@@ -101,11 +101,11 @@ class Run:
             column = track.pose[:, track.dof_names.index(name)]
             values = column if slides else np.unwrap(column)
         elif name in self.isb_angle_names:
-            shoulders = isb_angles(self.angle_names, self._recorded.angle)
+            shoulders = isb_angles(self.angle_names, self.track.angle)
             values = shoulders[:, self.isb_angle_names.index(name)]
         else:
             known = tuple(dict.fromkeys((*self.angle_names, *self.isb_angle_names, *track.dof_names)))
-            values = self._recorded.angle[:, index_of(name, known, "angle")]
+            values = self.track.angle[:, index_of(name, known, "angle")]
         return np.degrees(values) if degrees else values.copy()
 
     @cached_property
@@ -114,9 +114,7 @@ class Run:
 
     def angle_deviation(self, name: str, *, degrees: bool = False) -> Array:
         """How far an angle of `angle_names` may be off (F,), one standard deviation; NaN where it is lost."""
-        at = index_of(name, self.angle_names, "angle")
-        off = self.track.angle_deviation
-        values = np.full(len(self), np.nan) if off is None else off[:, at]
+        values: Array = self.track.angle_deviation[:, index_of(name, self.angle_names, "angle")]
         return np.degrees(values) if degrees else values.copy()
 
     def joint(self, name: str) -> Array:
@@ -126,18 +124,18 @@ class Run:
 
     def joint_deviation(self, name: str) -> Array:
         """How far a joint may be off (F,), one standard deviation, metres; NaN where it is lost."""
-        at, off = index_of(name, self.joint_names, "joint"), self.track.joint_deviation
-        return np.full(len(self), np.nan) if off is None else off[:, at].copy()
+        values: Array = self.track.joint_deviation[:, index_of(name, self.joint_names, "joint")]
+        return values.copy()
 
     def joint_off_probability(self, name: str) -> Array:
         """How probably a joint is more than 15 cm off (F,); NaN where it is lost."""
-        at, off = index_of(name, self.joint_names, "joint"), self.track.joint_off_probability
-        return np.full(len(self), np.nan) if off is None else off[:, at].copy()
+        values: Array = self.track.joint_off_probability[:, index_of(name, self.joint_names, "joint")]
+        return values.copy()
 
     def joint_seen(self, name: str) -> Array:
         """The share (F,) of the surface around a joint that the frame shows, 0 to 1; NaN where lost."""
-        at, seen = index_of(name, self.joint_names, "joint"), self.track.joint_seen
-        return np.full(len(self), np.nan) if seen is None else seen[:, at].copy()
+        values: Array = self.track.joint_seen[:, index_of(name, self.joint_names, "joint")]
+        return values.copy()
 
     def smooth(self, cutoff_hz: float = 6.0) -> Run:
         """The same run low-passed without delay; what is in its folder stays as it is."""

@@ -15,7 +15,7 @@ from coordinator.commands.finished import camera_in, find_sequence, own_truth
 from coordinator.results.configuration import digest_frame
 from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
 from coordinator.results.summary import read_summary
-from coordinator.results.track import read_track_with_angles
+from coordinator.results.track import read_track
 from coordinator.sources import find_format, open_source
 
 logger = logging.getLogger(__name__)
@@ -28,7 +28,7 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
     """
     if len(runs) > 1 and not as_csv:
         raise InputError("several runs are printed as a table; add --csv")
-    tracks = {run: read_track_with_angles(run) for run in runs}
+    tracks = {run: read_track(run) for run in runs}
     truths = {run: truth or own_truth(run, find_sequence(run)) for run in tracks}
     found = dict[Path, Evaluation]()
     for run, of_run in truths.items():

@@ -9,7 +9,6 @@ ANGLES. The format has one frame rate: frames that are missing in between, or lo
 from __future__ import annotations
 
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
 from coordinator.exports.recorded import MILLIMETRES, RecordedRun
-from coordinator.results.angles import ensure_angles
 
 Array = NDArray[np.float64]
 
@@ -36,9 +34,8 @@ def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     points[:, joints.shape[1] :, slots] = angles[~run.track.unknown].transpose(2, 1, 0)
     residuals = np.full((1, points.shape[1], count), MISSING)
     residuals[:, :, slots] = 0.0
-    if run.track.joint_deviation is not None:
-        off = run.track.joint_deviation[~run.track.unknown] * MILLIMETRES
-        residuals[0, : joints.shape[1], slots] = np.nan_to_num(off)
+    off = run.track.joint_deviation[~run.track.unknown] * MILLIMETRES
+    residuals[0, : joints.shape[1], slots] = np.nan_to_num(off)
 
     content = c3d()
     content["parameters"]["POINT"]["RATE"]["value"] = [run.rate]
@@ -71,11 +68,8 @@ def even_slots(run: RecordedRun) -> tuple[NDArray[np.int64], int]:
 
 def angle_points(run: RecordedRun) -> tuple[list[str], Array]:
     """Names, and values (F, N, 3) in degrees: all three of a ball joint; one and zeros of a hinge."""
-    if not run.angle_names:
-        return [], np.empty((len(run.track.frame), 0, 3))
-    body = run.body()
+    body, values = run.body(), np.degrees(run.track.angle)
     angles = angles_of(body.model, body.held, run.track.up)
-    values = np.degrees(replace(run, track=ensure_angles(run.track, angles)).angle)
     first = 3 * len(angles.spherical)
     balls = values[:, :first].reshape(len(values), -1, 3)
     hinges = np.stack([values[:, first:], *[np.zeros_like(values[:, first:])] * 2], axis=-1)

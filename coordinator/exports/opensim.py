@@ -50,7 +50,7 @@ def write_mot(run: RecordedRun, file: BinaryIO) -> None:
     """One line a frame: time, the angles, and OpenSim's coordinates."""
     track, kept = run.track, ~run.track.unknown
     slides = read_slides(run.folder, track)
-    columns = dict(zip(run.angle_names, np.degrees(run.angle).T, strict=True))
+    columns = dict(zip(track.angle_names, np.degrees(track.angle).T, strict=True))
     columns |= dict(zip(slides.names, slides.value.T, strict=True))
     if is_person(track.dof_names):
         columns |= opensim_coordinates(run)

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from common.camera import level_from_camera
 from coordinator.results.track import (
-    USUAL_RATE_HZ,
     Track,
     TrackedBody,
     emptied,
     filled,
-    read_track_with_angles,
+    read_track,
     read_tracked_body,
 )
+from coordinator.sources.camera import DEFAULT_FPS
 
 MILLIMETRES = 1000.0  # of a metre
 
@@ -43,16 +43,6 @@ class RecordedRun:
     def told(self) -> Track:
         """The track for readers of values: NaN in frames before the body was found."""
         return emptied(self.track, self.placed)
-
-    @property
-    def angle_names(self) -> tuple[str, ...]:
-        """What the angles (A,) are called; none where the body is not known."""
-        return self.track.angle_names or ()
-
-    @property
-    def angle(self) -> NDArray[np.float64]:
-        """Angles (F, A), radians."""
-        return np.empty((len(self.track.frame), 0)) if self.track.angle is None else self.track.angle
 
     @property
     def remark(self) -> str:
@@ -82,12 +72,12 @@ class RecordedRun:
         """Frames per second: the inverse of the median time between frames."""
         steps = np.diff(self.track.time_s)
         steps = steps[steps > 0]
-        return float(np.round(1.0 / np.median(steps), 6)) if len(steps) else USUAL_RATE_HZ
+        return float(np.round(1.0 / np.median(steps), 6)) if len(steps) else DEFAULT_FPS
 
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged."""
-    found = read_track_with_angles(folder)
+    found = read_track(folder)
     track = filled(found)
     shown = track if smooth_hz is None else smoothed(track, folder, smooth_hz)
     return RecordedRun(folder.resolve().name, shown, folder, track, found.placed, smooth_hz)

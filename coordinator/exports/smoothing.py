@@ -36,7 +36,7 @@ def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
         frames = np.maximum.accumulate(np.where(known, frames, np.argmax(known)))
     return replace(
         track,
-        angle=None if track.angle is None else low_pass(track.angle),
+        angle=low_pass(track.angle),
         joint_positions=low_pass(track.joint_positions),
         pose=smooth_pose(model, track.pose[frames], low_pass),
     )

@@ -108,8 +108,8 @@ def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int
         strengths = np.sqrt(weights[order] / weights[order].max(initial=np.finfo(float).tiny))
         for pixels, strength in zip(skeletons, strengths, strict=True):
             draw_skeleton(draw, model, pixels, (*OTHERS_COLOUR, round(255 * strength)), width // 2)
-        chance, (pixels,) = track.joint_off_probability, project_joints(model, track.pose[f][None], camera)
-        hollow = None if chance is None else chance[f] > FLAGGED
+        (pixels,) = project_joints(model, track.pose[f][None], camera)
+        hollow = track.joint_off_probability[f] > FLAGGED
         draw_skeleton(draw, model, pixels, (0, 0, 0), width + 2, hollow)
         draw_skeleton(draw, model, pixels, SKELETON_COLOUR, width, hollow)
     picture = picture.reduce(FINER)

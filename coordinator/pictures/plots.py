@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
 from coordinator.bodies.angles import angles_of
-from coordinator.results.angles import Slides, ensure_angles, hypotheses_near, slides_of
+from coordinator.results.angles import Slides, hypotheses_near, slides_of
 from coordinator.results.evaluation import Truth, compare, known_mean
 from coordinator.results.track import Track, TrackedBody
 
@@ -96,8 +96,6 @@ def shade_status(axes: Axes, track: Track) -> None:
 
 def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
     """A figure with a plot for each angle, in degrees; right and left stand side by side, on one scale."""
-    if track.angle is None or track.angle_names is None or track.angle_deviation is None:
-        raise ValueError("this track has no angles")
     at = [track.angle_names.index(name) for name in names]
     value, deviation = np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
     curves = [Curve(*each) for each in zip(names, "°" * len(names), value.T, deviation.T, strict=True)]
@@ -150,9 +148,7 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
     The truth is shown where it has all degrees of freedom of the track.
     """
     angles = angles_of(body.model, body.held, track.up)
-    reported = ensure_angles(track, angles).angle
-    assert reported is not None
-    true_pose = true_poses(track, truth)
+    reported, true_pose = track.angle, true_poses(track, truth)
     true, known = np.full(reported.shape, np.nan), np.isfinite(true_pose).all(axis=1)
     if known.any():
         true[known] = angles.near(angles.measure(true_pose[known]), reported[known])

@@ -74,11 +74,10 @@ def list_ranges(track: Track, slides: Slides) -> Iterator[Range]:
         ends = value[known].min(), value[known].max(), fastest, np.median(deviation[known])
         return Range(name.replace("_", " "), unit, form, *map(float, ends))
 
-    if names is not None and track.angle is not None and track.angle_deviation is not None:
-        for name in (name for _, members in group_angles(names) for name in members):
-            a = names.index(name)
-            value, deviation = np.degrees(track.angle[:, a]), np.degrees(track.angle_deviation[:, a])
-            yield reach(name, "°", "%.0f", value, deviation)
+    for name in (name for _, members in group_angles(names) for name in members):
+        a = names.index(name)
+        value, deviation = np.degrees(track.angle[:, a]), np.degrees(track.angle_deviation[:, a])
+        yield reach(name, "°", "%.0f", value, deviation)
     for name, value, deviation in zip(slides.names, slides.value.T, slides.deviation.T, strict=True):
         yield reach(name, " cm", "%.1f", 100.0 * value, 100.0 * deviation)
 
@@ -96,8 +95,6 @@ def find_doubts(track: Track) -> Iterator[tuple[str, str]]:
             if first < last:
                 text = f"{times[0]:.2f} to {times[1]:.2f} s (frames {frames[0]} to {frames[1]}): {status}"
             yield status, text
-    if track.joint_off_probability is None:
-        return
     chance = np.nan_to_num(track.joint_off_probability)
     shares = (chance > FLAGGED).mean(axis=0)
     for j in np.argsort(-shares, kind="stable"):

@@ -21,7 +21,7 @@ from coordinator.report.findings import describe_run, find_banner, find_doubts, 
 from coordinator.results.angles import Slides, read_slides
 from coordinator.results.configuration import flatten
 from coordinator.results.summary import people_in, read_summary
-from coordinator.results.track import Track, read_track_with_angles
+from coordinator.results.track import Track, read_track
 
 PICTURES = (FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
 MEDIA = {".png": "image/png", ".mp4": "video/mp4"}
@@ -56,7 +56,7 @@ def write_report(run: Path, out: Path) -> None:
 
 def describe_person(folder: Path) -> dict[str, Any]:
     """What the page shows of one person's results."""
-    track, summary = read_track_with_angles(folder), read_summary(folder)
+    track, summary = read_track(folder), read_summary(folder)
     slides = read_slides(folder, track)
     return {
         "folder": folder,
@@ -73,7 +73,7 @@ def describe_person(folder: Path) -> dict[str, Any]:
 
 def plot(track: Track, slides: Slides) -> Iterator[tuple[str, Markup]]:
     """A drawing of the angles of each part of the body, with its name, and one of the sliding joints."""
-    for group, members in group_angles(track.angle_names or ()):
+    for group, members in group_angles(track.angle_names):
         yield group, as_svg(plot_angles(track, members))
     if slides.names:
         yield "sliding joints", as_svg(plot_slides(track, slides))

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, TRANSLATION, BodyModel
 from coordinator.bodies.angles import Angles, is_person
-from coordinator.results.track import MODEL_FILE, USUAL_RATE_HZ, Track, filled, read_tracked_body
+from coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
+from coordinator.sources.camera import DEFAULT_FPS
 
 Array = NDArray[np.float64]
 
@@ -57,11 +58,6 @@ SHOWN_BY = {
 }
 
 
-def ensure_angles(track: Track, angles: Angles) -> Track:
-    """The track with these angles and no others: those that it has, unless another version wrote it."""
-    return track if track.angle_names == angles.names else with_angles(track, angles)
-
-
 def with_angles(track: Track, angles: Angles) -> Track:
     """The track with its body's angles (F, A), a person's smoothed, and how far each may be off."""
     known = filled(track)
@@ -70,7 +66,7 @@ def with_angles(track: Track, angles: Angles) -> Track:
         off = deviations(known, angles, reported, np.inf)
         off[known.unknown] = np.inf
         since = np.diff(known.time_s)
-        interval = np.where(since > SHORTEST_INTERVAL_S, since, 1.0 / USUAL_RATE_HZ)
+        interval = np.where(since > SHORTEST_INTERVAL_S, since, 1.0 / DEFAULT_FPS)
         beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
         columns = [smooth(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
         reported = np.array(columns).reshape(reported.T.shape).T
@@ -139,8 +135,6 @@ def hypotheses_near(track: Track, angles: Angles, about: Array) -> Array:
 def deviations_from_joints(track: Track, angles: Angles) -> Array:
     """Deviations (F, A) of angles by those of the joints that show them, radians; 0 where none are known."""
     off = np.zeros((len(track.frame), len(angles.names)))
-    if track.joint_deviation is None:
-        return off
     for angle, (end, pivot) in shown_by(angles.names, track.joint_names).items():
         bone = track.joint_positions[:, end] - track.joint_positions[:, pivot]
         length = np.maximum(np.linalg.norm(bone, axis=-1), SHORTEST_BONE_M)

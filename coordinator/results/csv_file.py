@@ -37,15 +37,13 @@ def angle_columns(track: Track) -> Columns:
     """Angles (F,) in degrees, the shoulders' as the ISB wants them, and how far each angle may be off."""
     angles = named(track.angle_names, track.angle)
     off = named(track.angle_names, track.angle_deviation)
-    isb = {}
-    if track.angle_names is not None and track.angle is not None:
-        isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))
+    isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))
     return in_degrees(angles | isb | {f"{name}_deviation": values for name, values in off.items()})
 
 
-def named(names: tuple[str, ...] | None, values: NDArray[np.float64] | None) -> Columns:
-    """Columns (F,) of values (F, N) by their names; none where they are not known."""
-    return {} if names is None or values is None else dict(zip(names, values.T, strict=True))
+def named(names: tuple[str, ...], values: NDArray[np.float64]) -> Columns:
+    """Columns (F,) of values (F, N) by their names."""
+    return dict(zip(names, values.T, strict=True))
 
 
 def in_degrees(radians: Columns) -> Columns:
@@ -59,8 +57,6 @@ def joint_columns(track: Track) -> Columns:
     for j, name in enumerate(track.joint_names):
         columns |= {f"{name}_{axis}": track.joint_positions[:, j, a] for a, axis in enumerate("xyz")}
     for what in ("deviation", "off_probability", "seen"):
-        values = getattr(track, f"joint_{what}")
-        if values is not None:
-            names = (f"{name}_{what}" for name in track.joint_names)
-            columns |= dict(zip(names, values.T, strict=True))
+        names = tuple(f"{name}_{what}" for name in track.joint_names)
+        columns |= named(names, getattr(track, f"joint_{what}"))
     return columns

@@ -33,19 +33,29 @@ class Truth:
     slides: tuple[str, ...] = ROOT_DOFS[:3]  # the degrees of freedom that are no angles
 
 
+TRUTH_LAYOUT = {
+    "joint_names": "names (J)",
+    "joint_positions": "numbers (F, J, 3)",
+    "frame": "?whole numbers (F)",
+    "dof_names": "?names (D)",
+    "pose": "?numbers (F, D)",
+    "slides": "?names (S)",
+}
+
+
 def read_truth(path: Path) -> Truth:
     """A truth file; without `frame`, its rows are the frames from 0. InputError if it is not one."""
-    arrays = read_arrays(path)
-    joint_names = arrays.names("joint_names")
-    joints = arrays.floats("joint_positions", (-1, len(joint_names), 3))
-    count = len(joints)
-    frame = arrays.integers("frame", (count,)) if "frame" in arrays else np.arange(count, dtype=np.int64)
-    dof_names = arrays.names("dof_names") if "dof_names" in arrays else ()
-    pose = arrays.floats("pose", (count, len(dof_names))) if dof_names else np.empty((count, 0))
+    arrays = read_arrays(path, TRUTH_LAYOUT)
+    if "dof_names" in arrays and "pose" not in arrays:
+        raise InputError(f"{path} has no 'pose', but dof_names; give both or neither")
+    names = ("joint_names", "dof_names", "slides")
+    joint_names, dof_names, slides = (tuple(arrays.get(name, np.empty(0)).tolist()) for name in names)
+    joints = arrays["joint_positions"]
+    pose = arrays["pose"] if dof_names else np.empty((len(joints), 0))
     for values in (joints, pose):
         values[~np.isfinite(values)] = np.nan
-    slides = ROOT_DOFS[:3] + (arrays.names("slides") if "slides" in arrays else ())
-    return Truth(frame, joint_names, joints, dof_names, pose, slides)
+    frame = arrays.get("frame", np.arange(len(joints)))
+    return Truth(frame, joint_names, joints, dof_names, pose, ROOT_DOFS[:3] + slides)
 
 
 def check_truth_of(run: Path, truth: Path) -> None:
@@ -87,7 +97,9 @@ class Errors:
     angle_deg: NDArray[np.float64]  # (F, A) of the reported pose
     best_angle_deg: NDArray[np.float64]  # (F, A) of the best hypothesis
     joint_m: NDArray[np.float64]  # (F, J)
-    joint_deviation_m: NDArray[np.float64] | None = None  # (F, J) that the track expects, if it does
+    joint_deviation_m: NDArray[np.float64] = field(
+        default_factory=lambda: np.empty((0, 0))
+    )  # as joint_m, expected
     slide_names: tuple[str, ...] = ()  # (S,) joints that slide, but for the root
     slide_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # (F, S)
 
@@ -95,7 +107,7 @@ class Errors:
 def evaluate(track: Track, truth: Truth) -> Evaluation:
     """Score a track; InputError where it shares no frame, or neither angle nor joint, with the truth."""
     errors, limbs = compare(track, truth), errors_by_angle(track, truth)
-    expected = errors.joint_deviation_m
+    off = errors.joint_m / errors.joint_deviation_m
     return Evaluation(
         frames=len(errors.frame),
         mean_angle_error_deg=overall(errors.angle_deg),
@@ -107,8 +119,8 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
         mean_slide_error_cm_by_dof=by_dof(errors.slide_names, errors.slide_m * 100.0),
         mean_joint_error_cm=overall(errors.joint_m * 100.0),
         pck10=share_within(errors.joint_m, NEAR_M),
-        within_deviation=None if expected is None else share_within(errors.joint_m / expected, 1.0),
-        within_two_deviations=None if expected is None else share_within(errors.joint_m / expected, 2.0),
+        within_deviation=share_within(off, 1.0),
+        within_two_deviations=share_within(off, 2.0),
         lost_from_frame=lost_from(errors),
     )
 
@@ -129,14 +141,14 @@ def compare(track: Track, truth: Truth) -> Errors:
     my_angles, my_joints = positions(track.dof_names, angles), positions(track.joint_names, joints)
     true_angles = truth.pose[theirs][:, positions(truth.dof_names, angles)]
     true_joints = truth.joint_positions[theirs][:, positions(truth.joint_names, joints)]
-    expected, out = track.joint_deviation, track.pose[mine][:, positions(track.dof_names, slides)]
+    out = track.pose[mine][:, positions(track.dof_names, slides)]
     return Errors(
         frame=frame,
         dof_names=angles,
         angle_deg=angle_error_deg(track.pose[mine][:, my_angles], true_angles),
         best_angle_deg=best_hypothesis(track.hypothesis_pose[mine][:, :, my_angles], true_angles),
         joint_m=np.linalg.norm(track.joint_positions[mine][:, my_joints] - true_joints, axis=-1),
-        joint_deviation_m=None if expected is None else expected[mine][:, my_joints],
+        joint_deviation_m=track.joint_deviation[mine][:, my_joints],
         slide_names=slides,
         slide_m=np.abs(out - truth.pose[theirs][:, positions(truth.dof_names, slides)]),
     )
@@ -147,8 +159,6 @@ def errors_by_angle(track: Track, truth: Truth) -> dict[str, NDArray[np.float64]
 
     The truth's follow from its joints; angles whose joints it lacks are left out.
     """
-    if track.angle is None or track.angle_names is None:
-        return {}
     _, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     true = angles_from_joints(truth.joint_names, truth.joint_positions[theirs])
     names = tuple(name for name in track.angle_names if name in true)

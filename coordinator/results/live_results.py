@@ -63,12 +63,12 @@ class LiveResults:
                     "residual": known(estimate.residual),
                     "pose": by_name(model.dof_names, estimate.pose),
                     "angles": by_name(angles.names, values),
-                    "angle_deviation": by_name(angles.names, first(track.angle_deviation)),
+                    "angle_deviation": by_name(angles.names, track.angle_deviation[0]),
                     "joints": places(model.joint_names, estimate.joint_positions),
                     "why": estimate.why,
-                    "joint_deviation": by_name(model.joint_names, first(track.joint_deviation)),
-                    "joint_off_probability": by_name(model.joint_names, first(track.joint_off_probability)),
-                    "joint_seen": by_name(model.joint_names, first(track.joint_seen)),
+                    "joint_deviation": by_name(model.joint_names, track.joint_deviation[0]),
+                    "joint_off_probability": by_name(model.joint_names, track.joint_off_probability[0]),
+                    "joint_seen": by_name(model.joint_names, track.joint_seen[0]),
                 }
             )
         )
@@ -88,11 +88,6 @@ class LiveResults:
     def end(self) -> None:
         """Say that no more will come."""
         self._outlet.put_surely(self._encode({"kind": END, "version": VERSION}))
-
-
-def first(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """The only frame's."""
-    return np.empty(0) if values is None else values[0]
 
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:

@@ -209,6 +209,9 @@ def assemble(
         hypothesis_pose=pose,
         hypothesis_weight=weight,
         status=np.array([e.status for e in estimates], dtype="<U9"),
+        angle_names=(),
+        angle=np.empty((len(estimates), 0)),
+        angle_deviation=np.empty((len(estimates), 0)),
         particles_answered=answered if timed else None,
         up=up,
     )

@@ -14,41 +14,61 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.errors import InputError
-from coordinator.files import LOG_FILE, ArrayFile, read_arrays
+from coordinator.files import LOG_FILE, read_arrays
 from coordinator.tracking.estimate import UNKNOWN
 
 Array = NDArray[np.float64]
 
 TRACK_FILE = "track.npz"
-USUAL_RATE_HZ = 30.0  # frames a second, where time stamps do not say
 
 logger = logging.getLogger(__name__)
 
 
+TRACK_LAYOUT = {
+    "frame": "whole numbers (F)",
+    "time_s": "numbers (F)",
+    "dof_names": "names (D)",
+    "pose": "numbers (F, D)",
+    "joint_names": "names (J)",
+    "joint_positions": "numbers (F, J, 3)",
+    "joint_deviation": "numbers (F, J)",
+    "joint_off_probability": "numbers (F, J)",
+    "joint_seen": "numbers (F, J)",
+    "hypothesis_pose": "numbers (F, M, D)",
+    "hypothesis_weight": "numbers (F, M)",
+    "status": "texts (F)",
+    "angle_names": "names (A)",
+    "angle": "numbers (F, A)",
+    "angle_deviation": "numbers (F, A)",
+    "particles_answered": "?whole numbers (F)",
+    "up": "?numbers (3)",
+}
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """Poses, joints, hypotheses and status of F frames; metres and radians, camera frame.
+    """What `track.npz` holds, see `TRACK_LAYOUT`: F frames, D degrees of freedom, J joints, A angles.
 
-    Frames have up to M hypotheses; where a frame has fewer, the rest is NaN.
+    Metres and radians, camera frame. Frames have up to M hypotheses; where there are fewer, the rest is NaN.
     """
 
-    frame: NDArray[np.int64]  # (F,)
-    time_s: NDArray[np.float64]  # (F,)
-    dof_names: tuple[str, ...]  # (D,)
-    pose: NDArray[np.float64]  # (F, D)
-    joint_names: tuple[str, ...]  # (J,)
-    joint_positions: NDArray[np.float64]  # (F, J, 3)
-    hypothesis_pose: NDArray[np.float64]  # (F, M, D)
-    hypothesis_weight: NDArray[np.float64]  # (F, M)
-    status: NDArray[np.str_]  # (F,) tracked, ambiguous, lost, searching or absent
-    joint_deviation: NDArray[np.float64] | None = None  # (F, J) one standard deviation; NaN where unknown
-    joint_off_probability: NDArray[np.float64] | None = None  # (F, J) of more than 15 cm; NaN where unknown
-    joint_seen: NDArray[np.float64] | None = None  # (F, J) share of its surface; NaN where unknown
-    angle_names: tuple[str, ...] | None = None  # (A,)
-    angle: NDArray[np.float64] | None = None  # (F, A) radians, continuous from frame to frame
-    angle_deviation: NDArray[np.float64] | None = None  # (F, A) one standard deviation; NaN where unknown
-    particles_answered: NDArray[np.int64] | None = None  # (F,) when the frame was due; None if never
-    up: NDArray[np.float64] | None = None  # (3,) unit vector away from the ground; None where it is not known
+    frame: NDArray[np.int64]
+    time_s: Array
+    dof_names: tuple[str, ...]
+    pose: Array
+    joint_names: tuple[str, ...]
+    joint_positions: Array
+    joint_deviation: Array  # one standard deviation; NaN where unknown
+    joint_off_probability: Array  # of more than 15 cm; NaN where unknown
+    joint_seen: Array  # share of its surface; NaN where unknown
+    hypothesis_pose: Array
+    hypothesis_weight: Array
+    status: NDArray[np.str_]  # tracked, ambiguous, lost, searching or absent
+    angle_names: tuple[str, ...]
+    angle: Array  # continuous from frame to frame
+    angle_deviation: Array  # one standard deviation; NaN where unknown
+    particles_answered: NDArray[np.int64] | None = None  # when the frame was due; None if never
+    up: Array | None = None  # unit vector away from the ground; None where it is not known
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
@@ -85,12 +105,9 @@ def emptied(track: Track, placed: NDArray[np.bool_]) -> Track:
 
 def where_missing(track: Track, missing: NDArray[np.bool_], value: Callable[[Array], Array | float]) -> Track:
     """The track with another pose, joints and angles in some frames (F,): what `value` makes of the field."""
-    changed: dict[str, Any] = {}
-    for name in ("pose", "joint_positions", "angle"):
-        values = getattr(track, name)
-        if values is not None:
-            changed[name] = values.copy()
-            changed[name][missing] = value(values)
+    changed = {name: getattr(track, name).copy() for name in ("pose", "joint_positions", "angle")}
+    for name, values in changed.items():
+        values[missing] = value(getattr(track, name))
     return replace(track, **changed)
 
 
@@ -119,34 +136,9 @@ def read_track(folder: Path) -> Track:
         inside = sorted(each.parent for each in folder.glob(f"*/{TRACK_FILE}"))
         where = f"a run in it, such as {inside[0]}" if inside else "the --out folder of a finished gepf track"
         raise InputError(f"{folder} holds no {TRACK_FILE}; give {where}")
-    arrays = read_arrays(folder / TRACK_FILE)
-    dof_names, joint_names = arrays.names("dof_names"), arrays.names("joint_names")
-    angle_names = arrays.names("angle_names") if "angle_names" in arrays else None
-    frame = arrays.integers("frame", (-1,))
-    weight = arrays.floats("hypothesis_weight", (len(frame), -1))
-    shapes = dict.fromkeys(
-        ("joint_deviation", "joint_off_probability", "joint_seen"), (len(frame), len(joint_names))
-    ) | {"up": (3,)}
-    if angle_names is not None:
-        shapes |= dict.fromkeys(("angle", "angle_deviation"), (len(frame), len(angle_names)))
-    optional: dict[str, Any] = {
-        name: arrays.floats(name, shape) for name, shape in shapes.items() if name in arrays
-    }
-    if "particles_answered" in arrays:
-        optional["particles_answered"] = arrays.integers("particles_answered", frame.shape)
-    track = Track(
-        frame=frame,
-        time_s=arrays.floats("time_s", (len(frame),)),
-        dof_names=dof_names,
-        pose=arrays.floats("pose", (len(frame), len(dof_names))),
-        joint_names=joint_names,
-        joint_positions=arrays.floats("joint_positions", (len(frame), len(joint_names), 3)),
-        hypothesis_pose=arrays.floats("hypothesis_pose", (*weight.shape, len(dof_names))),
-        hypothesis_weight=weight,
-        status=arrays.texts("status", (len(frame),)),
-        angle_names=angle_names,
-        **optional,
-    )
+    arrays = read_arrays(folder / TRACK_FILE, TRACK_LAYOUT)
+    names = {name: tuple(values.tolist()) for name, values in arrays.items() if name.endswith("_names")}
+    track = Track(**arrays | names)  # type: ignore[arg-type]
     finite = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))
     if not np.all(finite | track.unknown):
         raise InputError(f"{folder / TRACK_FILE} holds poses that are not finite; track the sequence again")
@@ -185,34 +177,14 @@ def read_tracked_body(folder: Path) -> TrackedBody:
         raise InputError(f"{folder} holds no {MODEL_FILE}; track the sequence again with this version")
     arrays = read_arrays(path)
     try:
-        values: dict[str, Any] = {f.name: field_of(arrays, f.name, str(f.type)) for f in fields(BodyModel)}
-        model = BodyModel(**values)
-    except ValueError as error:
-        raise InputError(f"{path} contradicts itself ({error}); track the sequence again") from error
-    if str(arrays.any(HASH)) != model.hash:
+        values = {f.name: arrays[f.name] for f in fields(BodyModel)}
+        plain = {f.name: values[f.name].tolist() for f in fields(BodyModel) if "NDArray" not in str(f.type)}
+        plain = {name: tuple(value) if isinstance(value, list) else value for name, value in plain.items()}
+        model = BodyModel(**values | plain)
+        held = dict(zip(arrays[HELD_NAMES].tolist(), arrays[HELD_VALUES].tolist(), strict=True))
+        same = str(arrays[HASH]) == model.hash
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is not as it was written ({error}); track the sequence again") from error
+    if not same:
         raise InputError(f"{path} is not as it was written; track the sequence again")
-    names = arrays.names(HELD_NAMES)
-    held = arrays.floats(HELD_VALUES, (len(names),))
-    return TrackedBody(model, dict(zip(names, held.tolist(), strict=True)))
-
-
-def field_of(arrays: ArrayFile, name: str, kind: str) -> str | tuple[str, ...] | NDArray[np.generic]:
-    """One field of a `BodyModel` in the type that it is declared with."""
-    if kind == "str":
-        return str(arrays.any(name))
-    return arrays.names(name) if kind.startswith("tuple") else arrays.any(name)
-
-
-def read_track_with_angles(folder: Path) -> Track:
-    """The track of a run's folder; angles that it was written without follow from the body, if that is there.
-
-    InputError if there is no track or it is damaged.
-    """
-    track = read_track(folder)
-    if track.angle is not None or not (folder / MODEL_FILE).exists():
-        return track
-    from coordinator.bodies.angles import angles_of
-    from coordinator.results.angles import with_angles
-
-    body = read_tracked_body(folder)
-    return with_angles(track, angles_of(body.model, body.held, track.up))
+    return TrackedBody(model, held)

@@ -52,12 +52,13 @@ class ArraySource(Source):
 
 def read_npz(path: Path, options: CameraOptions) -> Source:
     """An `.npz` file: `depth`, `intrinsics` (3, 3), for whole numbers `depth_scale`; optional `fps`."""
-    arrays = read_arrays(path)
-    scale, fps = (float(arrays.floats(key, ())) if key in arrays else None for key in ("depth_scale", "fps"))
-    matrix = options.matrix(path) if options.intrinsics else arrays.floats("intrinsics", (3, 3))
-    return ArraySource(
-        arrays.any("depth"), matrix, options.depth_scale or scale, fps or DEFAULT_FPS, path.stem
-    )
+    layout = {"depth": "raw numbers (F, H, W)", "depth_scale": "?numbers", "fps": "?numbers"}
+    if options.intrinsics is None:
+        layout["intrinsics"] = "numbers (3, 3)"
+    arrays = read_arrays(path, layout)
+    matrix = options.matrix(path) if options.intrinsics else arrays["intrinsics"]
+    scale = options.depth_scale or (float(arrays["depth_scale"]) if "depth_scale" in arrays else None)
+    return ArraySource(arrays["depth"], matrix, scale, float(arrays.get("fps", DEFAULT_FPS)), path.stem)
 
 
 def read_npy(path: Path, options: CameraOptions) -> Source:

@@ -17,7 +17,7 @@ from coordinator.cli import main
 from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
 from coordinator.exports.smoothing import angles_about, smooth_track
-from coordinator.results.track import TRACK_FILE, write_track
+from coordinator.results.track import write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_run
@@ -42,9 +42,9 @@ def test_opensim_reads_the_angles(tmp_path: Path) -> None:
     export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
     labels, times, values = opensim_table(tmp_path / "run.mot")
     run, kept = read_run(tmp_path / "run"), np.arange(20) != 3
-    assert labels[: len(run.angle_names)] == list(run.angle_names)
+    assert labels[: len(run.track.angle_names)] == list(run.track.angle_names)
     assert np.allclose(times, run.track.time_s[kept])
-    assert np.allclose(values[:, : len(run.angle_names)], np.degrees(run.angle)[kept], atol=1e-6)
+    assert np.allclose(values[:, : len(run.track.angle_names)], np.degrees(run.track.angle)[kept], atol=1e-6)
 
 
 def test_opensims_coordinates_turn_as_its_model_does(tmp_path: Path) -> None:
@@ -87,32 +87,10 @@ def test_a_c3d_reader_finds_joints_and_angles(tmp_path: Path) -> None:
     elbow = points[seen, labels.index("right_elbow_flexion"), 0]
     assert np.allclose(elbow, np.degrees(track.pose[seen, body.dof("r_elbow_flexion")]), atol=1e-3)
     held = read_run(tmp_path / "gap")
-    hip = held.angle[[0, 1, 2, 3, 5, 6, 7, 8, 9, 10]][
-        :, [held.angle_names.index(f"left_hip_{n}") for n in ("flexion", "abduction", "rotation")]
+    hip = held.track.angle[[0, 1, 2, 3, 5, 6, 7, 8, 9, 10]][
+        :, [held.track.angle_names.index(f"left_hip_{n}") for n in ("flexion", "abduction", "rotation")]
     ]
     assert np.allclose(points[seen, labels.index("left_hip_angles"), :3], np.degrees(hip), atol=1e-3)
-
-
-def test_a_c3d_of_a_run_with_other_angles_has_todays(tmp_path: Path) -> None:
-    """A version that knew fewer angles wrote the run: they are worked out again, not taken for others."""
-    body = person()
-    write_run(tmp_path / "run", body, swing(body, 5))
-    export_run(tmp_path / "run", "c3d", tmp_path / "now.c3d")
-    track = read_run(tmp_path / "run").track
-    assert track.angle is not None
-    assert track.angle_names is not None
-    fewer = replace(
-        track,
-        angle_names=track.angle_names[3:],
-        angle=track.angle[:, 3:],
-        angle_deviation=np.ones_like(track.angle[:, 3:]),
-    )
-    with (tmp_path / "run" / TRACK_FILE).open("wb") as file:
-        write_track(fewer, file)
-    export_run(tmp_path / "run", "c3d", tmp_path / "then.c3d")
-    (labels, points, _), (others, those, _) = (c3d_points(tmp_path / f"{n}.c3d") for n in ("now", "then"))
-    assert labels == others
-    np.testing.assert_allclose(points, those, atol=1e-3)
 
 
 def test_a_robot_has_mot_and_c3d_too(tmp_path: Path) -> None:
@@ -142,7 +120,7 @@ def test_a_low_pass_takes_the_tremor_and_shifts_nothing(tmp_path: Path) -> None:
     poses[:, body.dof("r_elbow_flexion")] = slow + fast
     write_run(tmp_path / "run", body, poses)
     run = read_run(tmp_path / "run", smooth_hz=4.0)
-    elbow = run.angle[:, run.angle_names.index("right_elbow_flexion")]
+    elbow = run.track.angle[:, run.track.angle_names.index("right_elbow_flexion")]
     inner = slice(20, -20)
     assert np.abs(np.degrees(elbow - slow))[inner].max() < 0.5
     assert np.array_equal(run.raw.pose, poses)
@@ -156,7 +134,7 @@ def test_the_cut_off_is_where_half_the_power_is_left(tmp_path: Path) -> None:
     t = np.arange(400) / RATE
     poses = np.stack([np.sin(2.0 * np.pi * 3.0 * t), np.zeros_like(t)], axis=1)
     write_run(tmp_path / "run", body, poses)
-    left = read_run(tmp_path / "run", smooth_hz=3.0).angle[100:300, 0]
+    left = read_run(tmp_path / "run", smooth_hz=3.0).track.angle[100:300, 0]
     assert np.ptp(left) / 2.0 == pytest.approx(np.sqrt(0.5), rel=0.02)
 
 
@@ -168,7 +146,7 @@ def test_frames_whose_pose_is_not_known_do_not_bend_their_neighbours(tmp_path: P
     poses[30:33] = [[3.0], [5.8], [8.4]]
     write_run(tmp_path / "run", body, poses, lost=(30, 31, 32), status=status)
     smooth = read_run(tmp_path / "run", smooth_hz=5.0)
-    assert np.allclose(smooth.angle, 0.3, atol=1e-6)
+    assert np.allclose(smooth.track.angle, 0.3, atol=1e-6)
     assert np.allclose(smooth.track.pose, 0.3, atol=1e-6)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -18,7 +19,7 @@ from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import DepthFrame
-from common.kinematics import joint_positions, pose_vertices
+from common.kinematics import pose_vertices
 from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import spread, tile, write_film
 from coordinator.pictures.overlay import View, paint, view_around
@@ -33,7 +34,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from tests.support.bodies import person
-from tests.support.runs import swing, write_run
+from tests.support.runs import make_track, swing, write_run
 
 Array = NDArray[np.float64]
 
@@ -69,13 +70,9 @@ def track(model: BodyModel, truth: Truth) -> Track:
     pose[-1, 1] += 0.8
     other = np.where(np.arange(FRAMES)[:, None] % 2 == 0, pose + 0.4, np.nan)
     weight = np.where(np.isnan(other[:, :1]), [1.0, np.nan], [0.7, 0.3])
-    return Track(
-        frame=np.arange(FRAMES),
-        time_s=np.arange(FRAMES) / 25.0,
-        dof_names=model.dof_names,
-        pose=pose,
-        joint_names=model.joint_names,
-        joint_positions=joint_positions(model, pose),
+    return make_track(
+        model,
+        pose,
         hypothesis_pose=np.stack([pose, other], axis=1),
         hypothesis_weight=weight,
         status=np.array(["tracked", "ambiguous", "tracked", "lost"]),
@@ -146,11 +143,9 @@ def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path
             """The one."""
             return DepthFrame(number, 0.0, depth, 1000.0, coarse)
 
-    one = replace(
-        track,
-        **{name: getattr(track, name)[:1] for name in ("frame", "time_s", "pose", "joint_positions")},
-        **{name: getattr(track, name)[:1] for name in ("hypothesis_pose", "hypothesis_weight", "status")},
-    )
+    arrays: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
+    arrays = {name: array[:1] for name, array in arrays.items() if isinstance(array, np.ndarray)}
+    one = replace(track, **arrays)
     files = draw_run(OneFrame(), TrackedBody(model, {}), one, tmp_path)  # type: ignore[arg-type]
     assert all(file.suffix == ".mp4" or pixels(file).std() > 5.0 for file in files)
 

@@ -19,7 +19,7 @@ from coordinator.cli import main
 from coordinator.report.findings import find_banner, find_doubts, list_ranges
 from coordinator.results.angles import Slides
 from coordinator.results.track import Track
-from tests.support.runs import swing, write_run
+from tests.support.runs import make_track, swing, write_run
 
 SUMMARY = {
     "sequence": "walk <b>&</b>",
@@ -104,20 +104,11 @@ def test_no_run_is_one_line(tmp_path: Path, run: Path, capsys: pytest.CaptureFix
 
 
 def track_of(status: list[str]) -> Track:
-    """A track of one angle and two hypotheses, a quarter of the weight 0.2 rad away over the half turn."""
-    count = len(status)
-    pose = np.full((count, 1), 3.1)
-    return Track(
-        frame=np.arange(10, 10 + count),
-        time_s=np.arange(count) / 30.0,
-        dof_names=("r_elbow_flexion",),
-        pose=pose,
-        joint_names=(),
-        joint_positions=np.zeros((count, 0, 3)),
-        hypothesis_pose=np.stack([pose, pose + 0.2 - 2.0 * np.pi], axis=1),
-        hypothesis_weight=np.tile([0.75, 0.25], (count, 1)),
-        status=np.array(status),
-    )
+    """A track of one elbow, 30 frames a second, from frame 10 on."""
+    body = activate(human(), ["r_elbow_flexion"], np.zeros(len(human().dof_names)))
+    count = np.arange(len(status))
+    track = make_track(body, np.zeros((len(status), 1)), status=np.array(status))
+    return replace(track, frame=10 + count, time_s=count / 30.0)
 
 
 def test_doubts_are_stretches_of_frames_and_then_joints() -> None:

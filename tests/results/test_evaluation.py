@@ -29,6 +29,12 @@ def make_track(**changes: Any) -> Track:
         "pose": np.zeros((FRAMES, len(DOFS))),
         "joint_names": JOINTS,
         "joint_positions": np.zeros((FRAMES, len(JOINTS), 3)),
+        "joint_deviation": np.full((FRAMES, len(JOINTS)), np.nan),
+        "joint_off_probability": np.full((FRAMES, len(JOINTS)), np.nan),
+        "joint_seen": np.full((FRAMES, len(JOINTS)), np.nan),
+        "angle_names": (),
+        "angle": np.empty((FRAMES, 0)),
+        "angle_deviation": np.empty((FRAMES, 0)),
         "hypothesis_pose": np.stack([np.zeros((FRAMES, 3)), np.full((FRAMES, 3), np.nan)], axis=1),
         "hypothesis_weight": np.tile([1.0, np.nan], (FRAMES, 1)),
         "status": np.full(FRAMES, "tracked", dtype="<U9"),
@@ -254,7 +260,7 @@ def test_a_truth_file_without_numbers_counts_from_zero(tmp_path: Path) -> None:
         ({"pose": np.zeros((FRAMES - 1, 3))}, "'pose' has shape"),
         ({"frame": np.arange(FRAMES) / 2}, "'frame' must be whole numbers"),
         ({"joint_names": np.array(["a", "a"])}, "distinct names"),
-        ({"joint_names": np.array([1, 2])}, "distinct names"),
+        ({"joint_names": np.array([1, 2])}, "must be names"),
         ({"joint_positions": np.full((FRAMES, 2, 3), "x")}, "must be numbers"),
         ({"joint_positions": np.full((FRAMES, 2, 3), None)}, "damaged"),
     ],
@@ -298,7 +304,6 @@ def test_a_track_is_read_from_a_runs_folder_only(tmp_path: Path) -> None:
 
 def test_a_body_without_angles_is_read_back(tmp_path: Path) -> None:
     """What only moves to and fro has none: an empty list of names, not a damaged one."""
-    none = np.empty((FRAMES, 0))
     with (tmp_path / "track.npz").open("wb") as file:
-        write_track(make_track(angle_names=(), angle=none, angle_deviation=none), file)
+        write_track(make_track(), file)
     assert read_track(tmp_path).angle_names == ()

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from coordinator.exports import export_run
-from coordinator.exports.recorded import read_run
 from coordinator.files import write_atomically
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.log import Recorded, frame_record, read_log, read_records
@@ -28,8 +27,6 @@ from coordinator.scene.scene import SceneChange
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
-from tests.support.bodies import person
-from tests.support.runs import swing, write_run
 from worker.warm_up import tiny_model
 
 MODEL = replace(
@@ -377,24 +374,10 @@ def test_the_csv_gives_back_the_same_numbers(run: Path) -> None:
     wrist = [[float(row[f"right_wrist_{axis}"]) for axis in "xyz"] for row in rows]
     np.testing.assert_array_equal(pose, track.pose)
     np.testing.assert_array_equal(wrist, track.joint_positions[:, 1])
-    assert track.angle is not None
-    assert track.angle_names is not None
     found = [[float(row[f"{name}_deg"]) for name in track.angle_names] for row in rows]
     np.testing.assert_array_equal(found, np.degrees(track.angle))
     assert list(rows[0])[3] == f"{track.angle_names[0]}_deg"
     assert [row[f"{track.angle_names[0]}_deviation_deg"] == "nan" for row in rows] == [False, False, True]
-
-
-def test_a_track_from_before_angles_gets_them(tmp_path: Path) -> None:
-    """A run's folder without angles is read as one with them, held joints counted."""
-    body = person()
-    write_run(tmp_path / "run", body, swing(body, 3), held={"r_elbow_twisting": 0.1})
-    assert read_track(tmp_path / "run").angle is None
-    track = read_run(tmp_path / "run").track
-    assert track.angle_names is not None
-    assert track.angle is not None
-    elbow = track.angle[:, track.angle_names.index("right_elbow_flexion")]
-    np.testing.assert_array_equal(elbow, track.pose[:, track.dof_names.index("r_elbow_flexion")])
 
 
 def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:

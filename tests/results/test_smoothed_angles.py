@@ -64,9 +64,6 @@ def tracked(
 
 def angle(track: Track, name: str) -> tuple[Array, Array]:
     """An angle (F,) and its deviation (F,), degrees."""
-    assert track.angle_names is not None
-    assert track.angle is not None
-    assert track.angle_deviation is not None
     at = track.angle_names.index(name)
     return np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
 

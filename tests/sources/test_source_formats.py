@@ -176,7 +176,7 @@ DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("walk.npz", "", cut, "walk.npz is damaged"),
     ("walk.npz", "", arrays(depth=None), "has no 'depth' but"),
     ("walk.npz", "", arrays(depth_scale=None), "needs depth_scale, its units per metre"),
-    ("walk.npz", "", arrays(depth=np.zeros((3, 4))), "depth has shape (3, 4)"),
+    ("walk.npz", "", arrays(depth=np.zeros((3, 4))), "'depth' has shape (3, 4)"),
     ("walk.npz", "", arrays(depth=np.full((1, 2, 2), -5)), "nor whole units from 0 to 65535"),
     ("walk.npz", "", arrays(intrinsics=np.zeros((3, 3))), "intrinsics are not fx 0 cx"),
     ("walk.npz", "", arrays(intrinsics=np.eye(4)), "'intrinsics' has shape (4, 4)"),

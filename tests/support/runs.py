@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import joint_positions
+from coordinator.bodies.angles import angles_of
+from coordinator.results.angles import with_angles
 from coordinator.results.track import (
     MODEL_FILE,
     TRACK_FILE,
@@ -37,6 +41,36 @@ def swing(model: BodyModel, frames: int, seed: int = 0) -> Array:
     return poses
 
 
+def make_track(
+    model: BodyModel, poses: Array, held: Mapping[str, float] | None = None, **changes: Any
+) -> Track:
+    """A track of poses (F, D) with their angles, one hypothesis a frame, all tracked; but for `changes`.
+
+    How far joints may be off is not known.
+    """
+    count = len(poses)
+    unknown = np.full((count, len(model.joint_names)), np.nan)
+    track = Track(
+        frame=np.arange(count),
+        time_s=np.arange(count) / RATE,
+        dof_names=model.dof_names,
+        pose=poses,
+        joint_names=model.joint_names,
+        joint_positions=joint_positions(model, poses),
+        joint_deviation=unknown,
+        joint_off_probability=unknown,
+        joint_seen=unknown,
+        hypothesis_pose=poses[:, None],
+        hypothesis_weight=np.ones((count, 1)),
+        status=np.array(["tracked"] * count),
+        angle_names=(),
+        angle=np.empty((count, 0)),
+        angle_deviation=np.empty((count, 0)),
+    )
+    track = replace(track, **changes)
+    return replace(with_angles(track, angles_of(model, held or {}, track.up)), **changes)
+
+
 def write_run(
     folder: Path,
     model: BodyModel,
@@ -54,18 +88,8 @@ def write_run(
     folder.mkdir(parents=True)
     count = len(poses)
     numbers = 100 + (np.arange(count, dtype=np.int64) if frames is None else frames)
-    track = Track(
-        frame=numbers,
-        time_s=numbers / RATE,
-        dof_names=model.dof_names,
-        pose=poses,
-        joint_names=model.joint_names,
-        joint_positions=joint_positions(model, poses),
-        hypothesis_pose=poses[:, None],
-        hypothesis_weight=np.ones((count, 1)),
-        status=np.array([status if f in lost else "tracked" for f in range(count)]),
-        up=up,
-    )
+    statuses = np.array([status if f in lost else "tracked" for f in range(count)])
+    track = make_track(model, poses, held, frame=numbers, time_s=numbers / RATE, status=statuses, up=up)
     with (folder / TRACK_FILE).open("wb") as file:
         write_track(track, file)
     with (folder / MODEL_FILE).open("wb") as file:
