@@ -19,10 +19,10 @@ import numba
 from numba.core import caching
 
 from common.errors import InputError
-from common.kernel_cache import LETTERS, PACKAGES, VARIABLE
 
 __all__ = ["numba"]
 
+PACKAGES = ("common", "worker", "coordinator", "gepf")
 ROOT = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^ *from ((?:{'|'.join(PACKAGES)})[\w.]*) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
 SETTING = "CACHE_LOCATOR_CLASSES"
@@ -102,7 +102,7 @@ class BySources:
         return sources(Path(self._py_file).resolve())
 
     def get_disambiguator(self) -> str:
-        return f"{self._lineno}-{self.get_source_stamp().hex()[:LETTERS]}"
+        return f"{self._lineno}-{self.get_source_stamp().hex()[:16]}"
 
     def forget_earlier(self, name: str) -> None:
         """Remove a function's kernels of other states of the sources, whose files' names begin so."""
@@ -134,7 +134,7 @@ class Nowhere:
         if is_ours(Path(py_file).resolve()):
             raise InputError(
                 f"compiled kernels cannot be kept beside {py_file} or in this user's cache;"
-                f" name a folder that can be written to in {VARIABLE}"
+                f" name a folder that can be written to in NUMBA_CACHE_DIR"
             )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -39,9 +38,15 @@ class Refined:
         """Only these particles, in this order."""
         return self._each(lambda array: array[particles])
 
-    def unanswered(self, particles: int) -> Refined:
-        """So many particles about which nothing is known, of the same shapes otherwise."""
-        return self._each(lambda array: np.full((particles, *array.shape[1:]), np.nan, array.dtype))
+    def spread(self, places: NDArray[np.int64], particles: int) -> Refined:
+        """So many particles: these at their places (N,), and nothing known of the others."""
+
+        def placed(array: NDArray[Any]) -> NDArray[Any]:
+            whole = np.full((particles, *array.shape[1:]), np.nan, array.dtype)
+            whole[places] = array
+            return whole
+
+        return self._each(placed)
 
     def _each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Refined:
         """What becomes of every array that there is."""
@@ -72,19 +77,6 @@ def triangle_size(side: int) -> int:
 
 def lower_triangular(triangles: NDArray[np.float32], side: int) -> NDArray[np.float64]:
     """Matrices (N, D, D), zero above the diagonal, from their lower triangles (N, D (D + 1) / 2)."""
-    matrices = np.zeros((len(triangles), side * side))
-    matrices[:, places(side)] = triangles
-    return matrices.reshape(len(triangles), side, side)
-
-
-@lru_cache(maxsize=16)
-def row_starts(side: int) -> NDArray[np.int64]:
-    """Where each row of a lower triangle begins."""
-    starts: NDArray[np.int64] = np.cumsum(np.arange(side))
-    return starts
-
-
-@lru_cache(maxsize=16)
-def places(side: int) -> NDArray[np.int64]:
-    """Where the entries of a lower triangle stand in a square matrix that is written as one row."""
-    return np.flatnonzero(np.tri(side, dtype=np.bool_))
+    matrices = np.zeros((len(triangles), side, side))
+    matrices[:, np.tri(side, dtype=np.bool_)] = triangles
+    return matrices

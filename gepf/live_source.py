@@ -40,7 +40,7 @@ class LiveSource(Closing):
             opened = open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
         with opened as bus:
             self._session = bus
-            bus.subscribe(self._key, self._frames.receive)
+            bus.subscribe(self._key, lambda _, payload: self._frames.receive(payload))
             log.info("listening on %s", self._key)
             yield from from_first_seen(iter(self._frames), log.info)
 

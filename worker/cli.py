@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import math
 import os
 import re
 import signal
@@ -12,10 +13,9 @@ import sys
 import threading
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -25,8 +25,7 @@ from common.protocol.keys import check_name
 from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
 from common.transport.endpoints import check_endpoint
 from common.transport.session import Security
-from worker.activity import StatusLine, counted
-from worker.connection import Destination, check_admission, check_alive, checked_timeout, connect_to
+from worker.connection import Identity, check_admission, check_alive, connect_to
 from worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
@@ -60,21 +59,13 @@ ConnectTimeout = Annotated[
     float | None,
     typer.Option(metavar="SECONDS", help="Give up when nobody answers for so long (default: try for ever)."),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only, show no line.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only.")]
 Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
 
 
 def main() -> None:
     """Entry point."""
     typer.run(work)
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """A worker's name, and where it works."""
-
-    name: str
-    at: Destination
 
 
 def work(  # noqa: PLR0913 one parameter an option
@@ -94,10 +85,10 @@ def work(  # noqa: PLR0913 one parameter an option
 
     def job() -> None:
         credentials = read_credentials(tls_ca, tls_cert, tls_key)
-        identity = choose_identity(connect, name, credentials, checked_timeout(connect_timeout))
+        identity = choose_identity(connect, name, credentials, connect_timeout)
         count = choose_lanes(lanes)
         if check:
-            check_alive(identity.name, identity.at.connect, identity.at.security)
+            check_alive(identity)
         else:
             serve(identity, partial(load_kernel, count), quiet=quiet, tied=tied)
 
@@ -110,12 +101,15 @@ def choose_identity(
     """A worker's identity from its options, checked; a certificate also gives its name."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
-    if credentials is None:
-        name = check_name("worker name", name or invent_name())
-        return Identity(name, Destination(tuple(connect), timeout=timeout))
-    name = check_name("worker name", name or holder_of(credentials))
-    check_holder(credentials, name)
-    return Identity(name, Destination(tuple(connect), Security(credentials), timeout))
+    if timeout is not None and not 0.0 < timeout < math.inf:
+        raise InputError(f"--connect-timeout {timeout:g} is no time to wait; give seconds above 0")
+    if name is None:
+        name = invent_name() if credentials is None else holder_of(credentials)
+    check_name("worker name", name)
+    if credentials is not None:
+        check_holder(credentials, name)
+    security = None if credentials is None else Security(credentials)
+    return Identity(name, tuple(connect), security, timeout)
 
 
 def choose_lanes(lanes: int | None) -> int:
@@ -138,57 +132,55 @@ def exit_with(job: Callable[[], None]) -> NoReturn:
     raise SystemExit(0)
 
 
-def serve(
-    identity: Identity, load: Callable[[], Kernel[Any]], *, quiet: bool = False, tied: bool = False
-) -> None:
+def serve(identity: Identity, load: Callable[[], Kernel], *, quiet: bool = False, tied: bool = False) -> None:
     """Get ready, then serve until SIGTERM or SIGINT, or, if tied, until standard input ends."""
     if quiet:
         logging.getLogger().setLevel(logging.WARNING)
     if tied:
         threading.Thread(target=end_with_parent, daemon=True).start()
-    log.info("loading, before connecting to %s; the first time this takes a minute", identity.at.name)
+    log.info("loading, before connecting to %s; the first time this takes a minute", identity.place)
     kernel = load()
     gc.freeze()  # a garbage collection would look through all of it, 0.1 s each
-    while serve_session(identity, kernel, quiet=quiet):
-        log.warning("nobody is at %s any more, though linked; connecting anew", identity.at.name)
+    while serve_session(identity, kernel):
+        log.warning("nobody is at %s any more, though linked; connecting anew", identity.place)
 
 
-def serve_session(identity: Identity, kernel: Kernel[Any], *, quiet: bool) -> bool:
+def serve_session(identity: Identity, kernel: Kernel) -> bool:
     """Connect and serve; True if that is to be done again, as the link has proved dead."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal
-    with connect_to(identity.at) as bus:
-        if identity.at.security is not None:
-            check_admission(bus, identity.name, identity.at.connect, identity.at.security)
+    with connect_to(identity) as bus:
+        if identity.security is not None:
+            check_admission(bus, identity, identity.security)
         service = Service(bus, identity.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, partial(end, service))
-        log.info("%s serves %s with %s", identity.name, identity.at.name, counted(kernel.lanes, "lane"))
-        with StatusLine(service.activity.line, quiet=quiet):
-            service.run()
+        lanes = "1 lane" if kernel.lanes == 1 else f"{kernel.lanes} lanes"
+        log.info("%s serves %s with %s", identity.name, identity.place, lanes)
+        service.run()
     return service.abandoned
 
 
-def load_kernel(lanes: int = 1) -> Kernel[Any]:
+def load_kernel(lanes: int = 1) -> Kernel:
     """The kernel, compiled and loaded, on so many lanes."""
     from worker.kernel.observation import observe
-    from worker.lanes import Lanes, SideBySide
+    from worker.lanes import Lanes
     from worker.warm_up import warm_up
 
-    side_by_side = SideBySide(Lanes(lanes))
+    side_by_side = Lanes(lanes)
     kernel = Kernel(observe, side_by_side.refine, lanes, side_by_side.prepare)
     warm_up(kernel)
     return kernel
 
 
-def end(service: Service[Any], *_: object) -> NoReturn:
+def end(service: Service, *_: object) -> NoReturn:
     """Handle a signal: exit, once; the coordinator sends requests without an answer elsewhere.
 
     Where a library swallows the exception, the service ends after the request at hand.
     """
     for other in (signal.SIGTERM, signal.SIGINT):
         signal.signal(other, signal.SIG_IGN)
-    service.finish()
+    service.stop()
     raise SystemExit(0)
 
 

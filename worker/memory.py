@@ -1,14 +1,14 @@
-"""What a worker remembers of runs: frames, observations and models, or else fetches from the run.
+"""What a worker keeps of runs: frames by number and models by hash. What it lacks it fetches from the run.
 
-Bounded, by run; the least recently used goes first.
+All is bounded; what was used least recently goes first.
 """
 
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
-from collections.abc import Callable, Hashable
-from typing import Generic, TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
 
 from common.body import BodyModel
 from common.errors import BusError, ProtocolError
@@ -17,162 +17,112 @@ from common.protocol import keys
 from common.protocol.frames import decode_frame
 from common.protocol.messages import RefineRequest
 from common.protocol.models import decode_model
+from common.recent import keep
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 
-K = TypeVar("K", bound=Hashable)
-V = TypeVar("V")
-O = TypeVar("O")  # noqa: E741 - what is made of a frame
-
-RUNS = 16
-FRAMES_OF_RUN = 2
-MODELS_OF_RUN = 16  # a start tries several sizes of a body at once
+RUNS_KEPT = 16
+FRAMES_KEPT = 2  # of a run: the current one and the next
+MODELS_KEPT = 64
+FRAME_DELAY_S = 0.2  # by which a published frame may come after the first request for it
+FETCH_TIMEOUT_S = 2.0
 
 
-PATIENCE = 0.2  # seconds that a published frame may be behind the first request for it
-FETCH_TIMEOUT = 2.0  # seconds
+@dataclass(slots=True, eq=False)
+class RunMemory:
+    """What is kept of one run."""
+
+    frames: dict[int, bytes] = field(default_factory=dict)  # by number, encoded
+    observations: dict[int, Any] = field(default_factory=dict)  # by number
+    settings: RefineSettings | None = None  # of the latest request
 
 
-class Recent(Generic[K, V]):
-    """A cache of at most `size` values; the least recently used goes first."""
-
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self._values: OrderedDict[K, V] = OrderedDict()
-
-    def find(self, key: K, make: Callable[[], V]) -> V:
-        """Return the value of a key; make it if it is not there."""
-        value = self._values[key] if key in self._values else make()
-        self.put(key, value)
-        return value
-
-    def put(self, key: K, value: V) -> None:
-        """Store a value as the most recently used."""
-        self._values[key] = value
-        self._values.move_to_end(key)
-        while len(self._values) > self._size:
-            self._values.popitem(last=False)
-
-    def values(self) -> list[V]:
-        """All values, the least recently used first."""
-        return list(self._values.values())
-
-    def get(self, key: K) -> V | None:
-        """The value of a key, if it is there."""
-        return self._values.get(key)
-
-    def __contains__(self, key: K) -> bool:
-        return key in self._values
-
-    def forget(self, key: K) -> None:
-        """Remove the value of a key, if it is there."""
-        self._values.pop(key, None)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-
-class RunMemory(Generic[O]):
-    """The cache of one run."""
-
-    def __init__(self) -> None:
-        self.frames: Recent[int, bytes] = Recent(FRAMES_OF_RUN)  # encoded
-        self.observations: Recent[int, O] = Recent(FRAMES_OF_RUN)
-        self.models: Recent[str, BodyModel] = Recent(MODELS_OF_RUN)
-        self.unread: int | None = None  # the newest frame, if it was not observed yet
-        self.settings: RefineSettings | None = None  # of the latest request
-
-
-class Memory(Generic[O]):
-    """The caches of the runs that were busy last. Frames are stored and read by different threads."""
-
-    def __init__(self) -> None:
-        self._runs: Recent[str, RunMemory[O]] = Recent(RUNS)
-        self._changed = threading.Condition()
-
-    def of(self, run: str) -> RunMemory[O]:
-        """The cache of a run."""
-        with self._changed:
-            return self._runs.find(run, RunMemory)
-
-    def forget(self, run: str) -> None:
-        """Remove the cache of a run, which has ended."""
-        with self._changed:
-            self._runs.forget(run)
-
-    def put_frame(self, run: str, number: int, payload: bytes) -> None:
-        """Store an encoded frame, and wake who waits for it."""
-        with self._changed:
-            memory = self._runs.find(run, RunMemory)
-            memory.frames.put(number, payload)
-            memory.unread = number
-            self._changed.notify_all()
-
-    def take_unread(self) -> tuple[RunMemory[O], int, bytes] | None:
-        """Return, once, a frame that was not observed yet, of a run that has sent a request before."""
-        with self._changed:
-            for memory in self._runs.values():
-                if memory.unread is not None and memory.models:
-                    number, memory.unread = memory.unread, None
-                    payload = memory.frames.get(number)
-                    if payload is not None and number not in memory.observations:
-                        return memory, number, payload
-            return None
-
-    def wait_for_frame(self, run: str, number: int, timeout: float) -> bytes | None:
-        """Return a frame if it is there or comes within the timeout (seconds)."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._get_frame(run, number) is not None, timeout)
-            return self._get_frame(run, number)
-
-    def _get_frame(self, run: str, number: int) -> bytes | None:
-        memory = self._runs.get(run)
-        return None if memory is None else memory.frames.get(number)
-
-    def __len__(self) -> int:
-        return len(self._runs)
-
-
-class Contents(Generic[O]):
-    """Finds the frames and bodies of requests.
+class Memory:
+    """What is kept of all runs. Frames arrive on a thread of the bus; the rest is for one thread.
 
     Args:
-        bus: Where they are fetched from, if they are not known.
-        memory: Of the runs, where their frames arrive.
+        bus: Where frames and models are fetched from.
+        observe: What is made of a frame.
     """
 
-    def __init__(self, bus: Bus, memory: Memory[O]) -> None:
+    def __init__(self, bus: Bus, observe: Callable[[SubjectFrame], Any]) -> None:
         self._bus = bus
-        self._memory = memory
+        self._observe = observe
+        self._runs: dict[str, RunMemory] = {}
+        self._models: dict[str, BodyModel] = {}  # by hash
+        self._changed = threading.Condition()
 
-    def frame(self, request: RefineRequest) -> SubjectFrame:
-        """A frame from the subscription; from the run itself, if it does not come."""
+    def __len__(self) -> int:
+        """How many runs it knows of."""
+        return len(self._runs)
+
+    def put_frame(self, run: str, number: int, payload: bytes) -> None:
+        """Keep an encoded frame, and wake who waits for it."""
+        with self._changed:
+            keep(self._of(run).frames, number, payload, FRAMES_KEPT)
+            self._changed.notify_all()
+
+    def forget(self, run: str) -> None:
+        """Drop what is kept of a run, which has ended."""
+        with self._changed:
+            self._runs.pop(run, None)
+
+    def observation(self, request: RefineRequest) -> Any:
+        """What a request's frame shows.
+
+        Raises ProtocolError for a frame that makes no sense, BusError if it is not found.
+        """
         run, number = request.run, request.frame
-        payload = self._memory.wait_for_frame(run, number, PATIENCE)
-        return decode_frame(
-            payload or self._fetch(keys.run_frame(run, number), f"frame {number} of run {run}")
-        )
+        with self._changed:
+            memory = self._of(run)
+            memory.settings = request.settings
+            if number in memory.observations:
+                return keep(memory.observations, number, memory.observations[number], FRAMES_KEPT)
+            self._changed.wait_for(lambda: number in memory.frames, FRAME_DELAY_S)
+            payload = memory.frames.get(number)
+        if payload is None:
+            payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
+        return keep(memory.observations, number, self._observe(decode_frame(payload)), FRAMES_KEPT)
 
-    def model(self, memory: RunMemory[O], request: RefineRequest) -> BodyModel:
-        """The model of a request; from the run itself, if its memory does not have it."""
-        model = memory.models.find(
-            request.model_hash, lambda: self._fetch_model(request.run, request.model_hash)
-        )
+    def observe_ahead(self, run: str) -> tuple[Any, RefineSettings] | None:
+        """What a run's newest frame shows, and the settings it may be requested with.
+
+        None if it was observed before, or the run has requested nothing yet.
+        """
+        with self._changed:
+            memory = self._runs.get(run)
+            if memory is None or memory.settings is None or not memory.frames:
+                return None
+            number, payload = list(memory.frames.items())[-1]
+        if number in memory.observations:
+            return None
+        observation = keep(memory.observations, number, self._observe(decode_frame(payload)), FRAMES_KEPT)
+        return observation, memory.settings
+
+    def model(self, request: RefineRequest) -> BodyModel:
+        """A request's model.
+
+        Raises ProtocolError if it makes no sense or does not fit the poses, BusError if it is not found.
+        """
+        wanted = request.model_hash
+        model = self._models.get(wanted)
+        if model is None:
+            name = f"model {wanted[:12]} of run {request.run}"
+            model = decode_model(self._fetch(keys.of_run(request.run, f"model/{wanted}"), name))
+            if model.hash != wanted:
+                raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
+        keep(self._models, wanted, model, MODELS_KEPT)
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
             )
         return model
 
-    def _fetch_model(self, run: str, model_hash: str) -> BodyModel:
-        name = f"model {model_hash[:12]} of run {run}"
-        model = decode_model(self._fetch(keys.run_model(run, model_hash), name))
-        if model.hash != model_hash:
-            raise ProtocolError(f"asked for model {model_hash} and got {model.hash}")
-        return model
+    def _of(self, run: str) -> RunMemory:
+        return keep(self._runs, run, self._runs.get(run) or RunMemory(), RUNS_KEPT)
 
     def _fetch(self, key: str, name: str) -> bytes:
-        payload = self._bus.fetch(key, FETCH_TIMEOUT)
+        payload = self._bus.fetch(key, FETCH_TIMEOUT_S)
         if payload is None:
             raise BusError(f"nobody has {name}")
         return payload

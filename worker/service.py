@@ -1,18 +1,19 @@
-"""The worker's loop: a request's bytes in, refine, the reply's bytes out; runs take turns.
+"""The worker's loop: a request's bytes in, refine, the reply's bytes out.
 
-What a worker remembers, frames and models, only saves it from asking again: a result depends on its
-request alone.
+What a worker keeps, frames and models, only saves it from fetching again: a result depends on its request
+alone. A coordinator has two requests at a worker at the most, so that several take turns by themselves.
 """
 
 from __future__ import annotations
 
 import logging
-from collections import OrderedDict, deque
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from queue import SimpleQueue
-from typing import Generic, Protocol, TypeVar
+from functools import partial
+from queue import Empty, SimpleQueue
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,71 +22,29 @@ from common.body import BodyModel
 from common.errors import BusError, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
-from common.protocol.frames import decode_frame
+from common.protocol.frames import number_of
 from common.protocol.messages import RefineRequest, decode_request, encode_refined, encode_refusal
 from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus
-from common.transport.channels import IncomingRequest, RequestReceiver
-from worker.activity import Activity
-from worker.connection import DeadLink
-from worker.memory import Contents, Memory, RunMemory
+from common.transport.channels import IncomingRequest
+from worker.memory import Memory
 
-T = TypeVar("T")
-
-MOST = 64  # requests that may wait
-
+MOST_WAITING = 64  # requests; later ones end without an answer, and so are sent elsewhere
+LOOK_S = 0.2  # between looks for the end, where a signal has not interrupted the wait for a request
+SILENCE_S = 10.0  # without a request, until the coordinator is asked whether it is there
+ANSWER_S = 2.0  # for its answer
 
 log = logging.getLogger(__name__)
-O = TypeVar("O")  # noqa: E741 - what `observe` makes of a frame
-O_contra = TypeVar("O_contra", contravariant=True)
 
 
-class FairQueue(Generic[T]):
-    """Requests in the order they came within a run, and round-robin between runs."""
-
-    def __init__(self) -> None:
-        self._waiting: OrderedDict[str, deque[T]] = OrderedDict()  # whose turn it is first
-
-    def __bool__(self) -> bool:
-        return bool(self._waiting)
-
-    def put(self, run: str, request: T) -> T | None:
-        """Add a request; a run that had none waiting comes last. Returns the request dropped for it, if any.
-
-        When too many wait, that is the oldest of the run that has most of them.
-        """
-        self._waiting.setdefault(run, deque()).append(request)
-        if sum(map(len, self._waiting.values())) <= MOST:
-            return None
-        longest = max(self._waiting, key=lambda name: len(self._waiting[name]))
-        oldest = self._waiting[longest].popleft()
-        if not self._waiting[longest]:
-            del self._waiting[longest]
-        return oldest
-
-    def take(self) -> T:
-        """Remove the next request and return it; IndexError if none waits."""
-        if not self._waiting:
-            raise IndexError("no request waits")
-        run, requests = self._waiting.popitem(last=False)
-        request = requests.popleft()
-        if requests:
-            self._waiting[run] = requests
-        return request
-
-    def forget(self, run: str) -> list[T]:
-        """Remove all requests of a run and return them."""
-        return list(self._waiting.pop(run, ()))
-
-
-class Refine(Protocol[O_contra]):
-    """Refines poses (N, D), with their covariances where those are asked for."""
+class Refine(Protocol):
+    """Refines poses (N, D), with their covariances where those are requested."""
 
     def __call__(
         self,
         model: BodyModel,
-        observation: O_contra,
+        observation: Any,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         /,
@@ -96,162 +55,115 @@ class Refine(Protocol[O_contra]):
         ...
 
 
-def nothing(observation: object, settings: RefineSettings) -> None:
-    """Prepare nothing."""
-
-
 @dataclass(frozen=True, slots=True)
-class Kernel(Generic[O]):
+class Kernel:
     """The functions that a worker computes with."""
 
-    observe: Callable[[SubjectFrame], O]
-    refine: Refine[O]
+    observe: Callable[[SubjectFrame], Any]
+    refine: Refine
     lanes: int = 1  # particles that it refines at once
-    prepare: Callable[[O, RefineSettings], None] = nothing  # what is observed, for a request to come
+    prepare: Callable[[Any, RefineSettings], None] | None = None  # an observation, for a request to come
 
 
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """A request of the bus, and its decoded content."""
-
-    request: IncomingRequest
-    content: RefineRequest
-
-
-class Service(Generic[O]):
+class Service:
     """One worker on the bus."""
 
-    def __init__(self, bus: Bus, name: str, kernel: Kernel[O]) -> None:
+    def __init__(self, bus: Bus, name: str, kernel: Kernel) -> None:
         self._bus = bus
         self._name = name
         self._kernel = kernel
-        self.activity = Activity(kernel.lanes)
-        self._memory: Memory[O] = Memory()
-        self._contents = Contents(bus, self._memory)
-        self._queue: FairQueue[Batch] = FairQueue()
-        self._ended_runs: SimpleQueue[str] = SimpleQueue()
-        self._requests: RequestReceiver | None = None
-        self._dead_link = DeadLink(bus)
+        self._memory = Memory(bus, kernel.observe)
+        self._work: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._asks_at = time.monotonic() + SILENCE_S
         self._stopped = False
-        self.abandoned = False  # nobody is at the other end: a new session is needed
+        self.abandoned = False  # nobody is at the other end of the link: a new session is needed
 
     def run(self) -> None:
-        """Announce the worker; serve until `stop` is called, the session ends or its link proves dead."""
-        self._bus.follow_frames(keys.ANY_RUN_FRAMES, self._keep_frame)
-        self._bus.watch(keys.ANY_RUN_ALIVE, self._notice_run)
-        self._requests = self._bus.request_receiver(keys.worker_refine(self._name))
-        self._bus.announce(keys.worker_lanes(self._name, self._kernel.lanes))
-        self._bus.announce(keys.worker_alive(self._name))  # last: from now on there will be requests
-        if self._stopped:
-            return
-        while (batch := self._next(self._requests)) is not None:
-            with batch.request:
-                self.serve(batch)
-
-    def finish(self) -> None:
-        """End `run` after the request at hand; may be called by a signal's handler, as it takes no lock."""
-        self._stopped = True
+        """Announce the worker; serve until `stop` is called or its link proves dead."""
+        self._bus.subscribe(keys.of_run("*", "frame"), self._keep_frame)
+        self._bus.watch(keys.of_run("*", "alive"), self._notice_run)
+        self._bus.serve_requests(keys.of_worker(self._name, "refine"), self._accept)
+        self._bus.announce(keys.of_worker(self._name, f"lanes/{self._kernel.lanes}"))
+        self._bus.announce(keys.of_worker(self._name, "alive"))  # last: from now on there will be requests
+        while not (self._stopped or self.abandoned):
+            try:
+                self._work.get(timeout=LOOK_S)()
+            except Empty:
+                self.abandoned = self._is_link_dead()
 
     def stop(self) -> None:
-        """End `run`; may be called from another thread."""
-        self.finish()
-        if self._requests is not None:
-            self._requests.close()
+        """End `run` after the request at hand; may be called by another thread or a signal's handler."""
+        self._stopped = True
 
-    def _next(self, requests: RequestReceiver) -> Batch | None:
-        """The next batch of the queue; None when there will be no more."""
-        wait = False
-        while self._goes_on() and (arrived := requests.receive(wait=wait)) is not None:
-            for request in arrived:
-                self._dead_link.hear()
-                self._admit(request)
-            self._drop_ended_runs()
-            if self._queue:
-                return self._queue.take()
-            wait = not self._observe_ahead()
-        return None
-
-    def _goes_on(self) -> bool:
-        """Whether there may be more requests."""
-        self.abandoned = not self._stopped and self._dead_link.is_found()
-        return not (self._stopped or self.abandoned)
-
-    def _observe_ahead(self) -> bool:
-        """Observe a frame that came before its requests; False if there is none."""
-        unread = self._memory.take_unread()
-        if unread is None:
-            return False
-        memory, number, payload = unread
-        with suppress(Exception):  # its requests will report what is wrong with it
-            observation = self._kernel.observe(decode_frame(payload))
-            memory.observations.put(number, observation)
-            if memory.settings is not None:
-                self._kernel.prepare(observation, memory.settings)
-        return True
-
-    def _admit(self, request: IncomingRequest) -> None:
-        """Queue a request, or refuse it if it cannot be decoded."""
+    def serve(self, request: IncomingRequest) -> None:
+        """Reply to a request, or refuse it with the reason."""
         try:
-            content = decode_request(request.payload)
-        except ProtocolError as error:
-            with request:
-                refuse(request, str(error))
-        else:
-            dropped = self._queue.put(content.run, Batch(request, content))
-            if dropped is not None:
-                with dropped.request:
-                    log.warning("dropped a request: too many wait")
-
-    def _drop_ended_runs(self) -> None:
-        """Drop the requests of runs that are gone: nobody waits for them."""
-        while not self._ended_runs.empty():
-            for batch in self._queue.forget(self._ended_runs.get()):
-                with batch.request:
-                    log.info("dropped a request: its run is gone")
-
-    def serve(self, batch: Batch) -> None:
-        """Reply to one batch, or refuse it with the reason."""
-        try:
-            payload = self.answer(batch.content)
+            payload = self.answer(decode_request(request.payload))
         except BusError as error:
-            refuse(batch.request, str(error), retryable=True)
+            refuse(request, str(error), retryable=True)
         except ProtocolError as error:
-            refuse(batch.request, str(error))
+            refuse(request, str(error))
         except Exception as error:  # noqa: BLE001 - no request may end the worker
-            refuse(batch.request, f"could not refine: {type(error).__name__}: {error}")
+            refuse(request, f"could not refine: {type(error).__name__}: {error}")
         else:
-            batch.request.reply(payload)
+            request.reply(payload)
 
     def answer(self, request: RefineRequest) -> bytes:
         """Refine a batch.
 
         Raises ProtocolError for a request that cannot be served, BusError if its frame or model is not found.
         """
-        memory: RunMemory[O] = self._memory.of(request.run)
-        model = self._contents.model(memory, request)
-        observation = memory.observations.find(request.frame, lambda: self._observe(request))
-        memory.settings = request.settings
+        model, observation = self._memory.model(request), self._memory.observation(request)
         refined = self._kernel.refine(
             model, observation, request.poses, request.settings, covariance=request.covariance
         )
-        self.activity.refined(request.run, len(request.poses))
+        self._work.put(partial(self._observe_ahead, request.run))
         return encode_refined(refined)
 
-    def _observe(self, request: RefineRequest) -> O:
-        return self._kernel.observe(self._contents.frame(request))
+    def _accept(self, request: IncomingRequest) -> None:
+        """Have a request served in its turn; called on a thread of the bus."""
+        if self._work.qsize() < MOST_WAITING:
+            self._work.put(partial(self._serve_waiting, request))
+            return
+        with request:
+            log.warning("dropped a request: too many wait")
 
-    def _keep_frame(self, key: str, number: int, payload: bytes) -> None:
-        """Store a published frame; called from a thread of the bus."""
-        self._memory.put_frame(keys.run_of(key), number, payload)
-        if self._requests is not None:
-            self._requests.wake()
+    def _serve_waiting(self, request: IncomingRequest) -> None:
+        self._asks_at = time.monotonic() + SILENCE_S
+        with request:
+            self.serve(request)
+
+    def _keep_frame(self, key: str, payload: bytes) -> None:
+        """Keep a published frame, and have it observed ahead of requests; called on a thread of the bus."""
+        run = keys.owner_of(key)
+        with suppress(ProtocolError):  # its requests will report what is wrong with it
+            self._memory.put_frame(run, number_of(payload), payload)
+            self._work.put(partial(self._observe_ahead, run))
+
+    def _observe_ahead(self, run: str) -> None:
+        with suppress(Exception):  # as above
+            ahead = self._memory.observe_ahead(run)
+            if ahead is not None and self._kernel.prepare is not None:
+                self._kernel.prepare(*ahead)
 
     def _notice_run(self, key: str, alive: bool) -> None:
-        """Forget a run when its coordinator is gone; called from a thread of the bus."""
-        run = keys.run_of(key)
+        """Forget a run when its coordinator is gone; called on a thread of the bus."""
         if not alive:
-            self._memory.forget(run)
-            self._ended_runs.put(run)
+            self._memory.forget(keys.owner_of(key))
+
+    def _is_link_dead(self) -> bool:
+        """Whether the link leads to a coordinator, and no run there answers.
+
+        When a coordinator closes in the very moment in which a worker connects, the link may stay for as long
+        as the coordinator's process lives. The bus takes it for a good one, and never connects to the next.
+        """
+        if time.monotonic() < self._asks_at:
+            return False
+        self._asks_at = time.monotonic() + SILENCE_S
+        with suppress(BusError):
+            present = keys.of_run("*", "present")
+            return self._bus.meets_coordinator() and self._bus.fetch(present, ANSWER_S) is None
+        return True
 
 
 def refuse(request: IncomingRequest, reason: str, *, retryable: bool = False) -> None:

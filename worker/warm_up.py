@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
@@ -14,10 +12,8 @@ from common.protocol.models import decode_model, encode_model
 from common.settings import RefineSettings
 from worker.service import Kernel
 
-O = TypeVar("O")  # noqa: E741 - what `observe` makes of a frame
 
-
-def warm_up(kernel: Kernel[O]) -> None:
+def warm_up(kernel: Kernel) -> None:
     """Send a tiny model and frame through the whole of a worker, as they would come off the wire."""
     model = decode_model(encode_model(tiny_model()))
     observation = kernel.observe(decode_frame(encode_frame(tiny_frame())))
@@ -27,22 +23,22 @@ def warm_up(kernel: Kernel[O]) -> None:
 
 
 def tiny_model() -> BodyModel:
-    """A pyramid of 20 cm that can move and turn freely."""
-    vertices = np.array([[-0.1, 0.1, 0.0], [0.1, 0.1, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, -0.1]])
+    """A tetrahedron of 20 cm, one corner towards the camera, that can move and turn freely."""
+    faces = [[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]]
     return BodyModel(
-        name="pyramid",
+        name="tetrahedron",
         dof_names=ROOT_DOFS,
-        kinds=np.repeat(np.array([TRANSLATION, ROTATION], dtype=np.int64), 3),
-        parents=np.arange(-1, 5, dtype=np.int64),
+        kinds=np.repeat([TRANSLATION, ROTATION], 3),
+        parents=np.arange(-1, len(ROOT_DOFS) - 1),
         axes=np.tile(np.eye(3), (2, 1)),
-        points=np.zeros((6, 3)),
-        limits=np.tile([-np.inf, np.inf], (6, 1)),
-        rest_spreads=np.ones(6),
-        balls=np.array([3], dtype=np.int64),
+        points=np.zeros((len(ROOT_DOFS), 3)),
+        limits=np.tile([-np.inf, np.inf], (len(ROOT_DOFS), 1)),
+        rest_spreads=np.ones(len(ROOT_DOFS)),
+        balls=np.array([3]),
         link_names=("all",),
-        link_dofs=np.array([5], dtype=np.int64),
-        vertices=vertices,
-        triangles=np.array([[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]], dtype=np.int64),
+        link_dofs=np.array([len(ROOT_DOFS) - 1]),
+        vertices=np.array([[-1, 1, 0], [1, 1, 0], [0, -1, 0], [0, 0, -1]]) / 10,
+        triangles=np.array(faces),
         skin_links=np.zeros((4, 1), dtype=np.int64),
         skin_weights=np.ones((4, 1)),
         joint_names=("all",),
@@ -53,8 +49,9 @@ def tiny_model() -> BodyModel:
 
 def tiny_frame() -> SubjectFrame:
     """A flat patch of 20 cm at a distance of 2 m."""
-    depth = np.zeros((32, 32), dtype=np.uint16)
-    depth[8:24, 8:24] = 2000
-    camera = Intrinsics(32, 32, 160.0, 160.0, 15.5, 15.5)
+    side = 32
+    depth = np.zeros((side, side), dtype=np.uint16)
+    depth[side // 4 : -side // 4, side // 4 : -side // 4] = 2 * 1000
+    camera = Intrinsics(side, side, 5.0 * side, 5.0 * side, (side - 1) / 2, (side - 1) / 2)
     picked = np.flatnonzero(depth).astype(np.uint32)
-    return SubjectFrame(DepthFrame(0, 0.0, depth, 1000.0, camera), picked, (0, 0, 32, 32))
+    return SubjectFrame(DepthFrame(0, 0.0, depth, 1000.0, camera), picked, (0, 0, side, side))

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.pool.dispatch.batches import split
+from coordinator.pool.scheduler import split
 
 Array = NDArray[np.float64]
 Depth = NDArray[np.uint16]

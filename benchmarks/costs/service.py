@@ -33,7 +33,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings, preset
 from coordinator.pool.options import WORKER_COMMAND, Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from worker.lanes import Lanes, SideBySide
+from worker.lanes import Lanes
 
 Array = NDArray[np.float64]
 
@@ -150,7 +150,7 @@ def two_lanes(rounds: int) -> dict[str, Any]:
             refiner.wait_for(count)
             refiner.publish(case.subject)
             calls[f"bus {count}"] = partial(refine_now, refiner, case.model, poses, settings)
-            alone = SideBySide(stack.enter_context(Lanes(count)))
+            alone = Lanes(count)
             calls[f"kernel {count}"] = partial(alone.refine, case.model, case.observation, poses, settings)
         times = {name: float(np.median(spent)) for name, spent in in_turns(calls, rounds).items()}
     return {

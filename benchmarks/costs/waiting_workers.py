@@ -18,7 +18,7 @@ from tests.support.asked import Asked, refining, unmoved
 from worker.service import Kernel, Service
 
 
-def waiting(seconds: float, lanes: int) -> Kernel[None]:
+def waiting(seconds: float, lanes: int) -> Kernel:
     """A kernel that takes so long for each particle of a lane, without computing."""
 
     def observe(subject: SubjectFrame) -> None:
@@ -33,7 +33,7 @@ def waiting(seconds: float, lanes: int) -> Kernel[None]:
     return Kernel(observe, refining(answer), lanes)
 
 
-def serve(endpoint: str, name: str, kernel: Kernel[None]) -> None:
+def serve(endpoint: str, name: str, kernel: Kernel) -> None:
     """Serve until the coordinator is gone."""
     with open_worker((endpoint,)) as bus:
         Service(bus, name, kernel).run()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from common.bounds import LARGEST_PIXEL, MAX_PIXELS
+from common.bounds import LARGEST, MAX_PIXELS, SMALLEST
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
@@ -17,9 +17,7 @@ from common.protocol.wire import (
     Array,
     Message,
     Natural,
-    check_finite,
-    check_indices,
-    check_range,
+    check,
     decode,
     encode,
     pack,
@@ -41,6 +39,15 @@ class FrameMessage(Message, frozen=True, tag="frame"):
     view: tuple[Pixel, Pixel, Pixel, Pixel]
     kinds: Array | None = None
     emptiness: float = 0.0
+
+
+class Numbered(msgspec.Struct, frozen=True):
+    """What has a frame's number."""
+
+    number: Natural
+
+
+NUMBER = msgspec.msgpack.Decoder(Numbered)
 
 
 class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
@@ -83,18 +90,29 @@ def decode_frame(payload: bytes) -> SubjectFrame:
     """A frame, or ProtocolError."""
     message = decode(payload, FrameMessage)
     frame = depth_frame(message)
-    picked = unpack("picked", message.picked, "<u4", ("P",), {})
-    check_picked(picked, frame.depth)
+    picked = unpack("picked", message.picked, "<u4", ("P",), {}, 0, frame.depth.size - 1)
+    if np.any(picked[1:] <= picked[:-1]):
+        raise ProtocolError("picked must be in ascending order")
+    if not np.all(frame.depth.ravel()[picked]):
+        raise ProtocolError("picked points at pixels without depth")
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
-    if not 0.0 <= message.emptiness <= 1.0:
-        raise ProtocolError(f"an emptiness of {message.emptiness} is not between 0 and 1")
+    check("emptiness", message.emptiness, 0.0, 1.0)
     kinds = None
     if message.kinds is not None:
-        kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {})
-        check_kinds(kinds, frame.depth)
+        kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {}, 0, UNMEASURED)
+        if not np.array_equal(kinds == SUBJECT, frame.depth > 0):
+            raise ProtocolError("kinds and depth differ in what is the subject's")
     return SubjectFrame(frame, picked, message.view, kinds, message.emptiness)
+
+
+def number_of(payload: bytes) -> int:
+    """The number of a frame, of which nothing else is read; ProtocolError if it has none."""
+    try:
+        return NUMBER.decode(payload).number
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        raise ProtocolError(f"not a frame: {error}") from error
 
 
 def encode_live(frame: DepthFrame) -> bytes:
@@ -123,37 +141,14 @@ def decode_live(payload: bytes) -> DepthFrame | None:
 def depth_frame(message: FrameMessage | LiveFrameMessage) -> DepthFrame:
     """The depth image in a message, or ProtocolError."""
     camera = message.intrinsics
-    check_camera(camera, message.depth_scale)
-    check_finite("the frame's time", message.time_s)
-    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
-    return DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
-
-
-def check_camera(camera: Intrinsics, depth_scale: float) -> None:
-    """ProtocolError unless the numbers make a camera."""
-    if not (camera.width > 0 and camera.height > 0 and camera.width * camera.height <= MAX_PIXELS):
+    if camera.width < 1 or camera.height < 1 or camera.width * camera.height > MAX_PIXELS:
         raise ProtocolError(
             f"a frame has 1 to {MAX_PIXELS} pixels, this one {camera.width} by {camera.height}"
         )
-    for what, value in (("a focal length", camera.fx), ("a focal length", camera.fy)):
-        check_range(what, value, 1e-3, LARGEST_PIXEL)
-    check_range("the depth scale", depth_scale, 1e-3, LARGEST_PIXEL)
-    for value in (camera.cx, camera.cy):
-        check_range("the camera's centre", value, -LARGEST_PIXEL, LARGEST_PIXEL)
-
-
-def check_kinds(kinds: NDArray[np.uint8], depth: NDArray[np.uint16]) -> None:
-    """ProtocolError unless these are kinds of pixels, the subject's those with depth."""
-    if kinds.size and kinds.max() > UNMEASURED:
-        raise ProtocolError(f"kinds go up to {kinds.max()}, not {UNMEASURED}")
-    if not np.array_equal(kinds == SUBJECT, depth > 0):
-        raise ProtocolError("kinds and depth differ in what is the subject's")
-
-
-def check_picked(picked: NDArray[np.uint32], depth: NDArray[np.uint16]) -> None:
-    """ProtocolError unless these are pixels with depth, in ascending order."""
-    if np.any(picked[1:] <= picked[:-1]):
-        raise ProtocolError("picked must be in ascending order")
-    check_indices("picked", picked[-1:], 0, depth.size)  # and so all of them
-    if not np.all(depth.ravel()[picked]):
-        raise ProtocolError("picked points at pixels without depth")
+    check("the depth scale", message.depth_scale, SMALLEST, LARGEST)
+    check("the focal lengths", np.array([camera.fx, camera.fy]), SMALLEST, LARGEST)
+    check("the camera's centre", np.array([camera.cx, camera.cy]), -LARGEST, LARGEST)
+    if not math.isfinite(message.time_s):
+        raise ProtocolError("the frame's time must be finite")
+    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
+    return DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)

@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.bounds import (
-    LARGEST_DEVIATION,
+    LARGEST,
     LARGEST_LOG_LIKELIHOOD,
-    LARGEST_POSE,
-    LARGEST_SETTING,
     MAX_DOFS,
     MAX_ITERATIONS,
     MAX_PARTICLES,
     POSITIVE_SETTINGS,
-    SMALLEST_POSITIVE,
-    most_covariances,
+    SMALLEST,
 )
 from common.errors import ProtocolError
 from common.protocol.keys import NAME
@@ -29,16 +26,13 @@ from common.protocol.wire import (
     Hash,
     Message,
     Natural,
-    check_finite,
-    check_magnitude,
-    check_numbers,
-    check_range,
+    check,
     decode,
     encode,
     pack,
     unpack,
 )
-from common.refinement import Refined, row_starts, triangle_size
+from common.refinement import Refined, triangle_size
 from common.settings import RefineSettings
 
 MAX_REASON = 1_000  # characters
@@ -58,16 +52,13 @@ class RequestMessage(Message, frozen=True, tag="request"):
 
 
 class ReplyMessage(Message, frozen=True, tag="reply"):
-    """Refined particles (N, D): all their poses, then log likelihoods, then residuals, in one row."""
+    """Refined particles (N, D): all their poses, then log likelihoods, then residuals, in one row.
+
+    Where covariances were requested, also the lower triangles of their roots.
+    """
 
     values: Array
-
-
-class SureReplyMessage(Message, frozen=True, tag="sure-reply"):
-    """The same, and how sure each of them is: the lower triangles of roots of covariances."""
-
-    values: Array
-    covariance_roots: Array
+    covariance_roots: Array | None = None
 
 
 class RefusalMessage(Message, frozen=True, tag="refusal"):
@@ -109,19 +100,10 @@ def encode_request(request: RefineRequest) -> bytes:
 def decode_request(payload: bytes) -> RefineRequest:
     """A batch, or ProtocolError."""
     message = decode(payload, RequestMessage)
-    poses = unpack("poses", message.poses, "<f8", ("N", "D"), {})
-    count, dofs = poses.shape
-    if not 0 < count <= MAX_PARTICLES:
-        raise ProtocolError(f"a batch has 1 to {MAX_PARTICLES} poses, this one {count}")
-    if not 0 < dofs <= MAX_DOFS:
-        raise ProtocolError(f"a pose has 1 to {MAX_DOFS} values, these {dofs}")
-    check_magnitude("poses", poses, LARGEST_POSE)
+    poses = unpack("poses", message.poses, "<f8", ("N", "D"), {}, -LARGEST, LARGEST)
+    check("the number of poses", poses.shape[0], 1, MAX_PARTICLES)
+    check("the number of a pose's values", poses.shape[1], 1, MAX_DOFS)
     check_settings(message.settings)
-    most = most_covariances(dofs)
-    if message.covariance and count > most:
-        raise ProtocolError(
-            f"covariances of {count} poses of {dofs} values are too many, expected up to {most}"
-        )
     return RefineRequest(
         message.run, message.frame, message.model, message.settings, poses, message.covariance
     )
@@ -131,20 +113,16 @@ def decode_request(payload: bytes) -> RefineRequest:
 def check_settings(settings: RefineSettings) -> None:
     """ProtocolError for numbers that no refinement can be done with."""
     for name, value in msgspec.structs.asdict(settings).items():
-        if isinstance(value, float):
-            check_finite(f"setting {name}", value)
-            least = SMALLEST_POSITIVE if name in POSITIVE_SETTINGS else 0.0
-            check_range(f"setting {name}", value, least, LARGEST_SETTING)
-        elif isinstance(value, int) and not 0 <= value <= MAX_ITERATIONS:
-            raise ProtocolError(f"setting {name} is {value}, expected 0 to {MAX_ITERATIONS}")
+        if not isinstance(value, str):
+            least = SMALLEST if name in POSITIVE_SETTINGS else 0.0
+            check(f"setting {name}", value, least, MAX_ITERATIONS if isinstance(value, int) else LARGEST)
 
 
 def encode_refined(refined: Refined) -> bytes:
     """Refined particles for the coordinator."""
     values = pack(np.concatenate((refined.poses.ravel(), refined.log_likelihood, refined.residual)))
-    if refined.covariance_roots is None:
-        return encode(ReplyMessage(values=values))
-    return encode(SureReplyMessage(values=values, covariance_roots=pack(refined.covariance_roots)))
+    roots = refined.covariance_roots
+    return encode(ReplyMessage(values=values, covariance_roots=None if roots is None else pack(roots)))
 
 
 def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool = False) -> Refined:
@@ -154,45 +132,23 @@ def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool =
     ProtocolError for anything else.
     """
     count, dofs = shape
-    message: ReplyMessage | SureReplyMessage = (
-        decode(payload, SureReplyMessage) if covariance else decode(payload, ReplyMessage)
-    )
+    message = decode(payload, ReplyMessage)
+    if (message.covariance_roots is not None) != covariance:
+        raise ProtocolError(f"the reply {'lacks' if covariance else 'has'} covariance_roots")
     values = unpack("the reply", message.values, "<f8", (count * (dofs + 2),), {})
     end = count * dofs
-    refined = Refined(values[:end].reshape(shape), values[end : end + count], values[end + count :])
-    check_refined(refined)
-    if isinstance(message, ReplyMessage):
-        return refined
-    packed = (count, triangle_size(dofs))
-    roots = unpack("the reply's covariance_roots", message.covariance_roots, "<f4", packed, {})
-    check_covariance_roots(roots, dofs)
-    return replace(refined, covariance_roots=roots)
-
-
-def check_refined(refined: Refined) -> None:
-    """ProtocolError unless these can be refined particles; where nothing was observed some are infinite."""
-    log_likelihood, residual = refined.log_likelihood, refined.residual
-    check_magnitude("the reply's poses", refined.poses, LARGEST_POSE)
-    check_magnitude(
-        "the reply's log_likelihood", log_likelihood[log_likelihood != -np.inf], LARGEST_LOG_LIKELIHOOD
-    )
-    if not residual.min(initial=0.0) >= 0.0:  # nor for a NaN
-        check_numbers("the reply's residual", residual)
-        raise ProtocolError("the reply's residual holds values below zero")
-
-
-def check_covariance_roots(roots: NDArray[np.float32], dofs: int) -> None:
-    """ProtocolError unless these (N, D (D + 1) / 2) are factors of covariances, none of them too wide."""
-    rows = row_starts(dofs)
-    if not roots[:, rows + np.arange(dofs)].min(initial=1.0) > 0.0:  # nor for a NaN
-        check_finite("the reply's covariance_roots", roots)
-        raise ProtocolError("the reply's covariance_roots have a diagonal that is not above zero")
-    largest = np.sqrt(np.add.reduceat(np.square(roots, dtype=np.float64), rows, axis=1).max(initial=0.0))
-    if not largest <= LARGEST_DEVIATION:
-        check_finite("the reply's covariance_roots", roots)
-        raise ProtocolError(
-            f"the reply's covariance has a deviation of {largest:g}, expected {LARGEST_DEVIATION:g}"
-        )
+    poses, log_likelihood, residual = values[:end], values[end : end + count], values[end + count :]
+    check("the reply's poses", poses, -LARGEST, LARGEST)
+    explained = log_likelihood[log_likelihood != -np.inf]
+    check("the reply's log_likelihood", explained, -LARGEST_LOG_LIKELIHOOD, LARGEST_LOG_LIKELIHOOD)
+    check("the reply's residual", residual, 0.0, np.inf)
+    roots = None
+    if message.covariance_roots is not None:  # no deviation is above 1 m or rad
+        packed, what = (count, triangle_size(dofs)), "the reply's covariance_roots"
+        roots = unpack(what, message.covariance_roots, "<f4", packed, {}, -1.0, 1.0)
+        if not np.all(roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] > 0.0):
+            raise ProtocolError(f"{what} have a diagonal that is not above zero")
+    return Refined(poses.reshape(shape), log_likelihood, residual, roots)
 
 
 def encode_refusal(reason: str, *, retryable: bool = False) -> bytes:

@@ -16,11 +16,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.bounds import MAX_BYTES
 from common.errors import ProtocolError, VersionError
 
-PROTOCOL = 9  # version of the messages between coordinator and workers
+PROTOCOL = 10  # version of the messages between coordinator and workers
 LIVE = 1  # version of the messages of cameras, which other programs write, too: docs/live.md
-MAX_BYTES = 64 * 2**20  # of one message
 
 DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]
 Extent = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
@@ -97,10 +97,20 @@ def pack(array: NDArray[Any]) -> Array:
     return Array(wire.str, array.shape, data)  # type: ignore[arg-type]
 
 
-def unpack(what: str, array: Array, dtype: str, dims: Dims, extents: dict[str, int]) -> NDArray[Any]:
+def unpack(
+    what: str,
+    array: Array,
+    dtype: str,
+    dims: Dims,
+    extents: dict[str, int],
+    least: float = -math.inf,
+    most: float | str = math.inf,
+) -> NDArray[Any]:
     """A writable array of native byte order; `extents` holds the letters' values and learns new ones.
 
-    Raises ProtocolError if dtype or shape are not the expected, or the bytes do not fill the shape.
+    Its values lie between `least` and `most`; a letter stands for the last index below its extent. Raises
+    ProtocolError if dtype or shape are not the expected, the bytes do not fill the shape, or a value lies
+    outside.
     """
     if array.dtype != dtype:
         raise ProtocolError(f"{what} has dtype {array.dtype}, expected {dtype}")
@@ -116,35 +126,17 @@ def unpack(what: str, array: Array, dtype: str, dims: Dims, extents: dict[str, i
         raise ProtocolError(
             f"{what} of shape {array.shape} has {array.data.nbytes} bytes, expected {expected}"
         )
-    return np.ndarray(array.shape, dtype, array.data).astype(NATIVE[dtype])
+    values = np.ndarray(array.shape, dtype, array.data).astype(NATIVE[dtype])
+    check(what, values, least, extents[most] - 1 if isinstance(most, str) else most)
+    return values
 
 
-def check_finite(what: str, array: NDArray[Any] | float) -> None:
-    """ProtocolError if there is an infinity or something that is not a number."""
-    if not np.all(np.isfinite(array)):
-        raise ProtocolError(f"{what} holds values that are not finite")
-
-
-def check_numbers(what: str, array: NDArray[Any]) -> None:
-    """ProtocolError if there is something that is not a number; infinities pass."""
-    if array.dtype.kind == "f" and np.any(np.isnan(array)):
-        raise ProtocolError(f"{what} holds values that are not numbers")
-
-
-def check_magnitude(what: str, array: NDArray[np.float64], largest: float) -> None:
-    """ProtocolError if there is a value beyond plus or minus `largest`, or something that is no number."""
-    if array.size and not np.abs(array).max() <= largest:  # nor for a NaN
-        check_finite(what, array)
-        raise ProtocolError(f"{what} holds values above {largest:g}")
-
-
-def check_range(what: str, value: float, least: float, largest: float) -> None:
-    """ProtocolError unless least <= value <= largest."""
-    if not least <= value <= largest:
-        raise ProtocolError(f"{what} is {value:g}, expected {least:g} to {largest:g}")
-
-
-def check_indices(what: str, array: NDArray[Any], least: int, end: int) -> None:
-    """ProtocolError unless least <= every index < end."""
-    if array.size and (array.min() < least or array.max() >= end):
-        raise ProtocolError(f"{what} points outside of {least}..{end - 1}")
+def check(what: str, values: NDArray[Any] | float, least: float, most: float) -> None:
+    """ProtocolError unless each of the values lies between two bounds, which what is no number does not."""
+    found = np.asarray(values)
+    if found.size == 0:
+        return
+    low, high = found.min(), found.max()
+    if not (low >= least and high <= most):
+        shown = f"{low:.10g}" if low == high else f"{low:.10g} to {high:.10g}"
+        raise ProtocolError(f"{what} must be {least:.10g} to {most:.10g}, not {shown}")

@@ -10,21 +10,10 @@ import time
 from collections.abc import Callable
 
 import zenoh
-from zenoh import ext, handlers
+from zenoh import handlers
 
 from common.closing import Closing
-from common.transport.channels import (
-    FramePublisher,
-    Payload,
-    Publisher,
-    RequestReceiver,
-    RequestSender,
-    mapped,
-    number_of,
-)
-
-FRAMES_KEPT = 2  # the current one and the next, for workers that join late
-HEARTBEAT_S = 0.5
+from common.transport.channels import IncomingRequest, Publisher, RequestSender, mapped
 
 
 class Bus(Closing):
@@ -39,51 +28,16 @@ class Bus(Closing):
         with mapped("closing the session"):
             self._session.close()  # type: ignore[no-untyped-call]
 
-    def publish_frames(self, key: str) -> FramePublisher:
-        """Publisher whose last samples are kept for those who join late."""
-        with mapped(f"publishing on {key}"):
-            return FramePublisher(
-                ext.declare_advanced_publisher(
-                    self._session,
-                    key,
-                    congestion_control=zenoh.CongestionControl.DROP,
-                    cache=ext.CacheConfig(max_samples=FRAMES_KEPT),
-                    sample_miss_detection=ext.MissDetectionConfig(
-                        heartbeat=None, sporadic_heartbeat=HEARTBEAT_S
-                    ),
-                    publisher_detection=True,
-                )
-            )
-
-    def follow_frames(self, key: str, on_frame: Callable[[str, int, bytes], None]) -> None:
-        """Have `on_frame(key, number, payload)` called for every frame, and for the last one before now."""
-
-        def receive(sample: zenoh.Sample) -> None:
-            number = number_of(sample.attachment)
-            if number is not None:
-                on_frame(str(sample.key_expr), number, sample.payload.to_bytes())
-
-        with mapped(f"subscribing to {key}"):
-            self._declared.append(
-                ext.declare_advanced_subscriber(
-                    self._session,
-                    key,
-                    receive,
-                    history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-                    recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-                )
-            )
-
     def publish(self, key: str) -> Publisher:
         """Publisher of messages for whoever listens now."""
         with mapped(f"publishing on {key}"):
             return Publisher(self._session, self._session.declare_publisher(key))
 
-    def subscribe(self, key: str, on_message: Payload) -> None:
-        """Have `on_message(payload)` called for every message that is published from now on."""
+    def subscribe(self, key: str, on_message: Callable[[str, bytes], None]) -> None:
+        """Have `on_message(key, payload)` called for every message that is published from now on."""
 
         def receive(sample: zenoh.Sample) -> None:
-            on_message(sample.payload.to_bytes())
+            on_message(str(sample.key_expr), sample.payload.to_bytes())
 
         with mapped(f"subscribing to {key}"):
             self._declared.append(self._session.declare_subscriber(key, receive))
@@ -109,13 +63,15 @@ class Bus(Closing):
             found = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
             return found[0] if found else None
 
-    def request_receiver(self, key: str) -> RequestReceiver:
-        """Receive the requests to this worker."""
-        receiver = RequestReceiver()
-        callback = handlers.Callback(receiver.put, drop=receiver.end, indirect=False)
+    def serve_requests(self, key: str, on_request: Callable[[IncomingRequest], None]) -> None:
+        """Have `on_request(request)` called for every request to this worker."""
+
+        def receive(query: zenoh.Query) -> None:
+            on_request(IncomingRequest(query))
+
+        callback = handlers.Callback(receive, drop=lambda: None, indirect=False)
         with mapped(f"serving {key}"):
-            receiver.queryable = self._session.declare_queryable(key, callback, complete=True)
-        return receiver
+            self._declared.append(self._session.declare_queryable(key, callback, complete=True))
 
     def request_sender(self, key: str, timeout: float) -> RequestSender:
         """Sends requests to the worker that serves a key; each ends within the timeout (seconds)."""

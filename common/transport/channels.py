@@ -1,22 +1,20 @@
-"""What goes over a session: published frames and messages, and requests to a worker, on both sides."""
+"""What goes over a session: published messages, and requests to a worker, on both sides."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from queue import Empty, SimpleQueue
+from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, Self
+from typing import Literal, Self
 
 import zenoh
-from zenoh import ext, handlers
+from zenoh import handlers
 
 from common.errors import BusError
 
-WAITING_REQUESTS = 64  # at one worker; the oldest is dropped, and so sent elsewhere
-SIGNALS_S = 0.2  # between looks for a signal that came just before a wait, which it would not end
-Payload = Callable[[bytes], None]
+Ending = Literal["reply", "refusal", "nothing"]
+"""How a request ended: with a result, with a reason why there is none, or without an answer."""
 
 
 @contextmanager
@@ -29,25 +27,9 @@ def mapped(doing: str) -> Iterator[None]:
 
 
 def bus_error(doing: str, error: zenoh.ZError) -> BusError:
-    """An error of Zenoh's as one of ours."""
-    return BusError(f"{doing}: {plain(str(error))}")
-
-
-def plain(text: Any) -> str:
-    """Zenoh's message up to where it names its own source files."""
-    return re.split(r"\.? at /", str(text), maxsplit=1)[0]
-
-
-class FramePublisher:
-    """Publishes frames under their numbers."""
-
-    def __init__(self, publisher: ext.AdvancedPublisher) -> None:
-        self._publisher = publisher
-
-    def put(self, number: int, payload: bytes) -> None:
-        """Publish one frame. A subscriber that is too slow for it can fetch it by number."""
-        with mapped("publishing a frame"):
-            self._publisher.put(payload, attachment=str(number))
+    """An error of Zenoh's as one of ours, up to where it names its own source files."""
+    message = re.split(r"\.? at /", str(error), maxsplit=1)[0]
+    return BusError(f"{doing}: {message}")
 
 
 class Publisher:
@@ -73,56 +55,6 @@ class Publisher:
         with mapped(f"publishing on {self._publisher.key_expr}"):
             key, block = self._publisher.key_expr, zenoh.CongestionControl.BLOCK
             self._session.put(key, payload, congestion_control=block)
-
-
-def number_of(attachment: zenoh.ZBytes | None) -> int | None:
-    """A frame's number from its attachment; None where that is no number."""
-    text = b"" if attachment is None else attachment.to_bytes()
-    return int(text) if re.fullmatch(rb"[0-9]{1,15}", text) else None
-
-
-class RequestReceiver:
-    """Requests to a worker, oldest first, on their way from a thread of the bus to the worker's own."""
-
-    def __init__(self) -> None:
-        self.queryable: zenoh.Queryable[None] | None = None
-        self._waiting: SimpleQueue[zenoh.Query | None] = SimpleQueue()  # None to wake the worker
-        self._ended = False
-
-    def put(self, query: zenoh.Query) -> None:
-        """Add a query; the oldest is dropped if too many wait. Called on a thread of the bus."""
-        if self._waiting.qsize() >= WAITING_REQUESTS:
-            with suppress(Empty):
-                oldest = self._waiting.get_nowait()
-                if oldest is not None:
-                    oldest.drop()  # type: ignore[no-untyped-call]
-        self._waiting.put(query)
-
-    def receive(self, *, wait: bool) -> list[IncomingRequest] | None:
-        """All that wait; if there are none and `wait`, the first within a while. None after the end."""
-        taken = []
-        with suppress(Empty):
-            taken.append(self._waiting.get(block=wait, timeout=SIGNALS_S))
-            while len(taken) < WAITING_REQUESTS:
-                taken.append(self._waiting.get_nowait())
-        return None if self._ended else [IncomingRequest(query) for query in taken if query is not None]
-
-    def wake(self) -> None:
-        """Have `receive` return; may be called from another thread."""
-        if self._waiting.empty():
-            self._waiting.put(None)
-
-    def end(self) -> None:
-        """No more requests will come; may be called from another thread."""
-        self._ended = True
-        self.wake()
-
-    def close(self) -> None:
-        """Take no more requests; may be called from another thread."""
-        self.end()
-        if self.queryable is not None:
-            with mapped("closing the queryable"):
-                self.queryable.undeclare()  # type: ignore[no-untyped-call]
 
 
 class IncomingRequest:
@@ -157,28 +89,28 @@ class RequestSender:
     def __init__(self, querier: zenoh.Querier) -> None:
         self._querier = querier
 
-    def send(
-        self, payload: bytes, on_reply: Payload, on_refusal: Payload, on_end: Callable[[], None]
-    ) -> None:
-        """Send a request. It ends with an answer, of several the first one, or else `on_end` is called."""
-        answered = False
+    def send(self, payload: bytes, on_end: Callable[[Ending, bytes], None]) -> None:
+        """Send a request. `on_end(ending, payload)` is called once, on a thread of the bus.
+
+        Of several answers the first one counts.
+        """
+        ended = False
+
+        def end(ending: Ending, payload: bytes = b"") -> None:
+            nonlocal ended
+            if not ended:
+                ended = True
+                on_end(ending, payload)
 
         def receive(reply: zenoh.Reply) -> None:
-            nonlocal answered
-            if answered:
-                return
-            answered = True
             if reply.ok is not None:
-                on_reply(reply.ok.payload.to_bytes())
+                end("reply", reply.ok.payload.to_bytes())
             elif reply.err is not None:
-                on_refusal(reply.err.payload.to_bytes())
+                end("refusal", reply.err.payload.to_bytes())
 
-        def end() -> None:
-            if not answered:
-                on_end()
-
+        callback = handlers.Callback(receive, drop=lambda: end("nothing"), indirect=False)
         try:  # not `mapped`, which costs more than the rest: this is done for every batch
-            self._querier.get(handlers.Callback(receive, drop=end, indirect=False), payload=payload)
+            self._querier.get(callback, payload=payload)
         except zenoh.ZError as error:
             raise bus_error("sending a request", error) from error
 

@@ -17,10 +17,7 @@ from common.transport.credentials import MEND, Credentials
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
 ENCRYPTED, LOCAL = "tls", "unixsock-stream"
 TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
-PATIENCE = 2.0  # seconds for each step
-ALERT_WAIT = 0.5  # seconds; a refusal follows the handshake by one way through the network
-NO_MESSAGE = b"\x01\x00\x00"  # one byte long, and of no kind that the bus has: it says goodbye
-TLS_ALERT = b"\x15"
+PATIENCE_S = 2.0  # for each step
 
 
 def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
@@ -68,45 +65,45 @@ def host_and_port(endpoint: str) -> tuple[str, int]:
 
 
 def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
-    """One line on why an endpoint refuses us; None if it does not, or nobody answers there."""
-    address = host_and_port(endpoint)
-    try:
-        if protocol_of(endpoint) == ENCRYPTED:
-            return probe_handshake(endpoint, address, credentials)
-        if protocol_of(endpoint) == "tcp" and speaks_tls(address):
-            return f"{endpoint} admits encrypted connections only; give tls/HOST:PORT with {TLS_OPTIONS}"
-    except OSError:
-        pass  # nobody is there, or the network failed: nothing that we could be refused by
-    return None
-
-
-def probe_handshake(endpoint: str, address: tuple[str, int], credentials: Credentials | None) -> str | None:
-    """Do a TLS handshake, and describe why either side ends it; None if neither does."""
+    """One line on why an endpoint refuses us; None if it does not, or answers no TLS handshake."""
+    protocol, (host, port) = protocol_of(endpoint), host_and_port(endpoint)
+    if protocol not in ("tcp", ENCRYPTED):
+        return None
+    refusal: ssl.SSLError | None = None
     try:
         with (
-            socket.create_connection(address, PATIENCE) as link,
-            context_for(credentials).wrap_socket(link, server_hostname=address[0]) as encrypted,
+            socket.create_connection((host, port), PATIENCE_S) as link,
+            context_for(credentials).wrap_socket(link, server_hostname=host) as encrypted,
+            suppress(TimeoutError),
         ):
-            encrypted.settimeout(ALERT_WAIT)
-            with suppress(TimeoutError):
-                encrypted.recv(1)  # the alert that refuses our certificate comes after the handshake
-    except ssl.SSLCertVerificationError as error:
-        mend = "give its authority with --tls-ca, or connect by a host name that it holds"
-        return f"{endpoint} shows a certificate that is not valid under ours: {error.verify_message}; {mend}"
+            encrypted.recv(1)  # the alert that refuses our certificate comes after the handshake
     except ssl.SSLError as error:
-        if credentials is None:
-            return f"{endpoint} refuses us without a certificate; add {TLS_OPTIONS}"
-        reason = (error.reason or "no reason given").lower().replace("_", " ")
-        mend = "have one signed by the authority there"
-        return f"{endpoint} refuses {credentials.cert}: {reason}; {mend}, or {MEND}"
-    except TimeoutError:
-        if speaks_plainly(address):
-            return f"{endpoint} is not encrypted on the other side; have that listen on tls/HOST:PORT"
-    return None
+        refusal = error
+    except OSError:  # nobody is there, or the network failed: nothing that we could be refused by
+        return None
+    if protocol == "tcp":
+        if refusal is not None and "ALERT" not in (refusal.reason or ""):
+            return None
+        return f"{endpoint} admits encrypted connections only; give tls/HOST:PORT with {TLS_OPTIONS}"
+    return None if refusal is None else describe_refusal(endpoint, credentials, refusal)
+
+
+def describe_refusal(endpoint: str, credentials: Credentials | None, refusal: ssl.SSLError) -> str:
+    """What is wrong with a certificate, on either side of a TLS handshake, and what to do about it."""
+    if isinstance(refusal, ssl.SSLCertVerificationError):
+        mend = "give its authority with --tls-ca, or connect by a host name that it holds"
+        return (
+            f"{endpoint} shows a certificate that is not valid under ours: {refusal.verify_message}; {mend}"
+        )
+    if credentials is None:
+        return f"{endpoint} refuses us without a certificate; add {TLS_OPTIONS}"
+    reason = (refusal.reason or "no reason given").lower().replace("_", " ")
+    mend = "have one signed by the authority there"
+    return f"{endpoint} refuses {credentials.cert}: {reason}; {mend}, or {MEND}"
 
 
 def context_for(credentials: Credentials | None) -> ssl.SSLContext:
-    """A client with our certificate; without one, a client that trusts whomever it meets."""
+    """A client with our certificate; without one, a client that trusts any server."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     if credentials is None:
         context.check_hostname = False
@@ -115,22 +112,3 @@ def context_for(credentials: Credentials | None) -> ssl.SSLContext:
         context.load_verify_locations(credentials.ca)
         context.load_cert_chain(credentials.cert, credentials.key)
     return context
-
-
-def speaks_tls(address: tuple[str, int]) -> bool:
-    """Whether a listener answers a TLS handshake, be it with a refusal."""
-    try:
-        with socket.create_connection(address, PATIENCE) as link, context_for(None).wrap_socket(link):
-            return True
-    except ssl.SSLError as error:
-        return "ALERT" in (error.reason or "")
-    except TimeoutError:
-        return False
-
-
-def speaks_plainly(address: tuple[str, int]) -> bool:
-    """Whether a listener that did not answer TLS answers a message that is none."""
-    with socket.create_connection(address, PATIENCE) as link:
-        link.sendall(NO_MESSAGE)
-        link.settimeout(PATIENCE)
-        return link.recv(1) not in (b"", TLS_ALERT)

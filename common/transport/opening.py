@@ -26,18 +26,12 @@ def open_coordinator(
 
     InputError if a router refuses us; one that is not there yet is tried in the background.
     """
-    return open_linked("peer", listen, connect, security, shared_pool_bytes=4 * 2**20)
+    return open_linked("peer", listen, connect, security)
 
 
-def open_linked(
-    mode: str,
-    listen: Sequence[str],
-    connect: Sequence[str],
-    security: Security | None,
-    shared_pool_bytes: int = 2**20,
-) -> Bus:
+def open_linked(mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None) -> Bus:
     """A session with links to all its endpoints. InputError if one refuses us before any lets us in."""
-    bus = open_session(session_settings(mode, listen, connect, security), shared_pool_bytes)
+    bus = open_session(session_settings(mode, listen, connect, security))
     if connect and not bus.is_linked(within=ATTEMPT_MS / 1000):
         try:
             check_refusals(connect, security)
@@ -55,17 +49,24 @@ def open_worker(
     """A session of a worker, which tries to connect for ever, unless it is refused; that is an InputError.
 
     `on_silence` is called after each attempt that nobody answered, with the seconds since the first began;
-    what it raises ends the attempts. While one lasts, 2 s, Python handles no signals. With several endpoints
-    the session is on all of them as they come.
+    what it raises ends the attempts. While one lasts, Python handles no signals. A session with several
+    endpoints is on all of them as they come, and here returns when the first has answered.
     """
+    began = time.monotonic()
     if len(connect) > 1:  # a client would be on one of them only
-        return open_linked("peer", (), connect, security)
+        bus = open_linked("peer", (), connect, security)
+        try:
+            while not bus.is_linked(within=ATTEMPT_MS / 1000):
+                on_silence(time.monotonic() - began)
+        except BaseException:
+            bus.close()
+            raise
+        return bus
     settings = session_settings("client", (), connect, security)
     settings["connect"] |= {"timeout_ms": ATTEMPT_MS, "exit_on_failure": True}
-    began = time.monotonic()
     while True:
         try:
-            return open_session(settings, shared_pool_bytes=2**20)
+            return open_session(settings)
         except BusError as error:
             if UNREACHABLE not in str(error):
                 raise
@@ -86,19 +87,14 @@ def check_refusals(connect: Sequence[str], security: Security | None) -> None:
             raise InputError(reason)
 
 
-def open_session(settings: dict[str, Any], shared_pool_bytes: int) -> Bus:
-    """A session as the settings say, with shared memory towards programs of this host."""
-    # For frames only: replies by shared memory are never given back.
-    shared = {"transport_optimization": {"pool_size": shared_pool_bytes, "messages": ["put"]}}
-    transport = settings["transport"] | {"shared_memory": shared}
-    config = json.dumps(settings | {"transport": transport})
-    endpoints = [*settings["listen"]["endpoints"], *settings["connect"]["endpoints"]]
+def open_session(settings: dict[str, Any]) -> Bus:
+    """A session as the settings say."""
+    listen, connect = (settings[side]["endpoints"] for side in ("listen", "connect"))
     try:
-        return Bus(zenoh.open(zenoh.Config.from_json5(config)))
+        return Bus(zenoh.open(zenoh.Config.from_json5(json.dumps(settings))))
     except zenoh.ZError as error:
         if "Address already in use" in str(error):
-            listen = settings["listen"]["endpoints"]
             taken = [endpoint for endpoint in listen if f"{endpoint}:" in str(error)] or listen
             message = f"{taken[0]} is in use by another program; end that, or choose another port"
             raise InputError(message) from error
-        raise bus_error("opening " + ", ".join(endpoints), error) from error
+        raise bus_error("opening " + ", ".join([*listen, *connect]), error) from error

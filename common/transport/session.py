@@ -14,14 +14,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from common.bounds import MAX_BYTES
 from common.protocol import keys
-from common.protocol.wire import MAX_BYTES
 from common.transport.credentials import Credentials
 
 LEASE_MS = 1_000  # a peer that is silent for so long is gone
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
 WAIT_BEFORE_CLOSE_US = 1_500_000  # above the lease, or a lost worker's token stays
-FOR_EVER_MS = -1
+SHARED_MEMORY_BYTES = (
+    4 * 2**20
+)  # for frames to programs of this host: half of what other users than root may lock
 COORDINATOR = "coordinator"
 ROUTER = "router"
 IN, OUT = "ingress", "egress"
@@ -49,7 +51,7 @@ def session_settings(
         "listen": {"endpoints": list(listen)},
         "connect": {
             "endpoints": list(connect),
-            "timeout_ms": FOR_EVER_MS,
+            "timeout_ms": -1,  # for ever
             "exit_on_failure": False,
             "retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 2},
         },
@@ -61,6 +63,10 @@ def session_settings(
                     "queue": {"congestion_control": {"block": {"wait_before_close": WAIT_BEFORE_CLOSE_US}}},
                 },
                 "rx": {"max_message_size": MAX_BYTES},
+            },
+            # For frames only: replies by shared memory are never given back.
+            "shared_memory": {
+                "transport_optimization": {"pool_size": SHARED_MEMORY_BYTES, "messages": ["put"]}
             },
         },
     }
@@ -94,8 +100,8 @@ def access_control(workers: Sequence[str]) -> Rules:
     everything = ["everything of ours"]
     rules = [
         allow(everything[0], (IN, OUT), (*READ, *SERVE, *PUBLISH), keys.ALL),
-        allow("ask a run", (IN,), READ, keys.READABLE),
-        allow("be sent to by a run", (OUT,), (*SERVE, *PUBLISH), keys.READABLE),
+        allow("ask a run", (IN,), READ, keys.ALL_RUNS),
+        allow("be sent to by a run", (OUT,), (*SERVE, *PUBLISH), keys.ALL_RUNS),
     ]
     subjects = [
         {"id": "our own", "link_protocols": ["unixsock-stream"]},
@@ -104,7 +110,7 @@ def access_control(workers: Sequence[str]) -> Rules:
     policies = [{"rules": everything, "subjects": ["our own", "the same side"]}]
     for worker in workers:
         be, hear = f"be {worker}", f"hear as {worker}"
-        own = (keys.worker_all(worker),)
+        own = keys.of_worker(worker, "**")
         rules.append(allow(be, (IN,), (*SERVE, "declare_liveliness_subscriber", "liveliness_query"), own))
         rules.append(allow(hear, (OUT,), ("query", "liveliness_token", "reply"), own))
         subjects.append({"id": worker, "cert_common_names": [worker]})
@@ -118,12 +124,12 @@ def access_control(workers: Sequence[str]) -> Rules:
     }
 
 
-def allow(name: str, flows: Iterable[str], messages: Iterable[str], key_expressions: Iterable[str]) -> Rules:
+def allow(name: str, flows: Iterable[str], messages: Iterable[str], key_expression: str) -> Rules:
     """One rule."""
     return {
         "id": name,
         "permission": "allow",
         "flows": list(flows),
         "messages": list(messages),
-        "key_exprs": list(key_expressions),
+        "key_exprs": [key_expression],
     }

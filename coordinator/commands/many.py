@@ -30,7 +30,7 @@ from coordinator.commands.job import Job, is_list
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
-from coordinator.pool.local_workers import shared_pool
+from coordinator.pool.local_worker import shared_pool
 from coordinator.results.summary import read_summary
 from coordinator.sources.live import live_key
 
@@ -99,16 +99,17 @@ def run_pool(jobs: Sequence[Job], at_once: int | None, show: Show, *, quiet: boo
     limit = at_once or max(2, pool.lanes + 1)  # each lane has work while a run is between two frames
     waiting = list(reversed(jobs))
     CONTEXT.set_forkserver_preload([__name__])
-    with shared_pool(pool) as shared:
+    with shared_pool(pool) as (endpoint, worker):
         try:
             while waiting or running:
                 while waiting and len(running) < limit:
                     job = waiting.pop()
-                    of_run = replace(job, pool=shared.of_a_run())
+                    of_run = replace(job, pool=replace(pool, shared_at=endpoint))
                     process = CONTEXT.Process(target=track_one, args=(of_run, quiet))
                     process.start()
                     running[process] = Ended(job, 0, time.monotonic())
-                for line in shared.workers.restart_dead():
+                line = worker.look_after(time.monotonic())
+                if line is not None:
                     show.say(line)
                 wait([process.sentinel for process in running], 0.5)
                 for process in [each for each in running if not each.is_alive()]:

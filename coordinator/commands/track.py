@@ -173,7 +173,6 @@ def open_outlets(job: Job, workers: Workers) -> list[LiveResults]:
 
 def describe_pool(pool: Pool) -> dict[str, object]:
     """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
-    pool = pool.requested or pool
     return {
         "workers": pool.workers,
         "listen": pool.listen,

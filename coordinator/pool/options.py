@@ -6,11 +6,9 @@ import sys
 from dataclasses import dataclass, field
 
 from common.cores import usable_cores
-from common.errors import NoWorkers
 from common.transport.session import Security
 
 WORKER_COMMAND = (sys.executable, "-m", "worker.cli")
-REPORT_AFTER_S = 5.0  # without a worker
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +23,7 @@ class Pool:
     deadline: float | None = None  # seconds from publishing a frame until unanswered particles are left out
     run: str | None = None  # None to invent a name
     worker_command: tuple[str, ...] = WORKER_COMMAND
-    patience: float = REPORT_AFTER_S  # seconds without any worker until that is reported
-    requested: Pool | None = None  # what the user requested, where runs share that and this leads to it
+    shared_at: str | None = None  # endpoint of this pool, where several runs of this host share it
 
     @property
     def lanes(self) -> int:
@@ -42,36 +39,6 @@ class Pool:
     def connect_endpoints(self) -> tuple[str, ...]:
         """Where we join others."""
         return (self.connect,) if self.connect else ()
-
-
-class NoWorkerTimeout:
-    """Keeps time while there is no worker; has no clock of its own."""
-
-    def __init__(self, pool: Pool) -> None:
-        requested = pool.requested or pool
-        self._pool = pool
-        self._notice = "no worker is there; waiting for one"
-        if requested.lanes:
-            self._notice = "the local worker is not ready yet; the first time it compiles for a minute or so"
-        self._command = f"gepf-worker --connect {requested.listen or requested.connect or 'ENDPOINT'}"
-        self._since: float | None = None
-        self._reported = False
-
-    def reset(self) -> None:
-        """A worker has come."""
-        self._since, self._reported = None, False
-
-    def check(self, now: float) -> str | None:
-        """A line to report, once, if no worker has come for a while; NoWorkers if the wait is over."""
-        self._since = now if self._since is None else self._since
-        seconds, limit = now - self._since, self._pool.worker_timeout
-        if limit is not None and seconds > limit:
-            self.reset()
-            raise NoWorkers(f"no worker came within {limit:g} s; start one with {self._command}")
-        if seconds > self._pool.patience and not self._reported:
-            self._reported = True
-            return self._notice
-        return None
 
 
 @dataclass(slots=True)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import threading
-from typing import TypeVar
 
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.models import encode_model
-from common.transport.bus import FRAMES_KEPT, Bus
+from common.recent import keep
+from common.transport.bus import Bus
 
-K = TypeVar("K")
-V = TypeVar("V")
-
+FRAMES_KEPT = 2  # the current one and the next, for workers that missed them
 MODELS_KEPT = 16  # a start tries several sizes of a body at once
 
 
@@ -28,10 +26,10 @@ class Publication:
         # By number, each with its message; the one that was used last comes last.
         self._frames: dict[int, tuple[SubjectFrame, bytes]] = {}
         self._models: dict[str, bytes] = {}  # by hash
-        bus.serve(keys.run_frame(run, "*"), self._find_frame)
-        bus.serve(keys.run_model(run, "*"), self._find_model)
-        bus.serve(keys.run_present(run), lambda _: b"")
-        self._publisher = bus.publish_frames(keys.run_frames(run))
+        bus.serve(keys.of_run(run, "frame/*"), self._find_frame)
+        bus.serve(keys.of_run(run, "model/*"), self._find_model)
+        bus.serve(keys.of_run(run, "present"), lambda _: b"")
+        self._publisher = bus.publish(keys.of_run(run, "frame"))
 
     def put(self, subject: SubjectFrame) -> None:
         """Make a frame the current one; send it, unless it was one of the last to be sent."""
@@ -50,7 +48,7 @@ class Publication:
         payload = encode_frame(subject)
         with self._lock:
             keep(self._frames, self._number, (subject, payload), FRAMES_KEPT)
-        self._publisher.put(self._number, payload)
+        self._publisher.put(payload)
 
     def offer(self, model: BodyModel) -> None:
         """Have a model ready for workers that fetch it."""
@@ -66,11 +64,3 @@ class Publication:
     def _find_model(self, key: str) -> bytes | None:
         with self._lock:
             return self._models.get(keys.last_of(key))
-
-
-def keep(values: dict[K, V], key: K, value: V, size: int) -> None:
-    """Put a value last, and drop the first ones above `size`."""
-    values.pop(key, None)
-    values[key] = value
-    while len(values) > size:
-        del values[next(iter(values))]

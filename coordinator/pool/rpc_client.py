@@ -1,4 +1,4 @@
-"""Carries out the scheduler's instructions on the bus, and hands it the replies; owns the clock."""
+"""Sends what the scheduler decides over the bus, and tells it how requests end; owns the clock."""
 
 from __future__ import annotations
 
@@ -7,94 +7,56 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from queue import Empty, SimpleQueue
 
-from common.bounds import most_covariances
-from common.errors import ProtocolError, SilentWorkers, VersionError
+import numpy as np
+
+from common.errors import NoWorkers, ProtocolError, SilentWorkers, VersionError
 from common.protocol import keys
 from common.protocol.messages import RefineRequest, decode_refined, decode_refusal, encode_request
 from common.refinement import Refined, concatenate
 from common.transport.bus import Bus
-from common.transport.channels import RequestSender
-from coordinator.pool.dispatch.events import (
-    LARGEST_BATCH,
-    Accept,
-    Done,
-    Ended,
-    Event,
-    Fail,
-    Instruction,
-    LanesCounted,
-    NoAnswer,
-    Refused,
-    Replied,
-    Send,
-    Started,
-    Ticked,
-    Unavailable,
-    WorkerJoined,
-    WorkerLeft,
-)
-from coordinator.pool.dispatch.scheduler import REQUEST_TIMEOUT_S, TICK_S, Scheduler
-from coordinator.pool.local_workers import LocalWorkers
-from coordinator.pool.options import NoWorkerTimeout
+from common.transport.channels import Ending, RequestSender
+from coordinator.pool.local_worker import LocalWorker
+from coordinator.pool.options import Pool
+from coordinator.pool.scheduler import REQUEST_TIMEOUT_S, TICK_S, Outcome, Request, Scheduler
+from coordinator.tracking.loop import Stopwatch
 
-NO_WORKER_ANSWERS = (
-    f"workers are there, and none of them answers within {REQUEST_TIMEOUT_S:.0f} s: the way to them is "
-    "broken, they hang, or they have too much to do at once, with so many particles or points"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """The payload of a reply; from a thread of the bus."""
-
-    ticket: int
-    payload: bytes
+ALONE_S = 5.0  # without a worker, after which that is reported
 
 
 @dataclass(slots=True, eq=False)
 class Refinement:
-    """One request: it goes out in batches, and comes back in the order of its particles."""
+    """A request for particles that is with the workers: it goes out in batches."""
 
+    client: RpcClient
     request: RefineRequest  # for all particles
     due: float = math.inf  # when to do with the particles that are refined, by the monotonic clock
-    complete: bool = False
-    _received: dict[int, Refined] = field(default_factory=dict)  # by ticket
-    _parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
+    parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
 
-    @property
-    def largest_batch(self) -> int:
-        """How many particles one reply may be about."""
-        most = most_covariances(self.request.poses.shape[1])
-        return min(LARGEST_BATCH, most) if self.request.covariance else LARGEST_BATCH
+    def result(self) -> Refined:
+        """Wait for the particles in the order given; NaN for those that are unanswered when they are due.
 
-    def is_due(self, now: float) -> bool:
-        """Whether to do with what has been refined; the first reply is waited for."""
-        return now >= self.due and bool(self._parts)
+        Raises NoWorkers when the wait for a worker is over, SilentWorkers when none of them answers,
+        ProtocolError when no worker can serve the request, BusError when the transport fails or local
+        workers do not start.
+        """
+        self.client.finish(self)
+        return self.gather()
 
-    def receive(self, ticket: int, payload: bytes, particles: int) -> None:
-        """Keep a batch's reply until it is accepted; ProtocolError if it makes no sense."""
-        shape = particles, self.request.poses.shape[1]
-        self._received[ticket] = decode_refined(payload, shape, covariance=self.request.covariance)
-
-    def accept(self, ticket: int, start: int) -> None:
-        """A reply is the first for the particles from `start` on."""
-        self._parts[start] = self._received.pop(ticket)
+    def is_over(self, now: float) -> bool:
+        """Whether all is refined, or it is time to do with what is; the first reply is waited for."""
+        refined = sum(len(part.poses) for part in self.parts.values())
+        return refined == len(self.request.poses) or (now >= self.due and refined > 0)
 
     def gather(self) -> Refined:
         """What has been refined, in the order of the particles, and NaN for the rest."""
-        if len(self._parts) == 1 and self.complete:
-            return self._parts[0]
-        parts: list[Refined] = []
-        stop = 0
-        for start, part in [*sorted(self._parts.items()), (len(self.request.poses), None)]:
-            if start > stop:
-                parts.append((part or parts[-1]).unanswered(start - stop))
-            if part is not None:
-                parts.append(part)
-                stop = start + len(part.poses)
-        return concatenate(parts)
+        starts = sorted(self.parts)
+        joined = concatenate([self.parts[start] for start in starts])
+        places = [np.arange(start, start + len(self.parts[start].poses)) for start in starts]
+        count = len(self.request.poses)
+        return joined if len(joined.poses) == count else joined.spread(np.concatenate(places), count)
 
 
 class RpcClient:
@@ -104,45 +66,49 @@ class RpcClient:
     is called with a line for people when workers come, go, or are missing.
     """
 
-    def __init__(
-        self, bus: Bus, local: LocalWorkers, timeout: NoWorkerTimeout, report: Callable[[str], None]
-    ) -> None:
+    def __init__(self, bus: Bus, pool: Pool, local: LocalWorker, report: Callable[[str], None]) -> None:
         self.scheduler = Scheduler()
+        self.clock = Stopwatch()
         self.malformed = 0  # replies
         self.seen: set[str] = set()  # workers that have ever been there
         self._bus = bus
+        self._pool = pool
         self._local = local
-        self._timeout = timeout
         self._report = report
+        self._lanes: dict[str, int] = {}  # by worker, there or not
         self._senders: dict[str, RequestSender] = {}  # by worker
-        self._inbox: SimpleQueue[Event | Reply] = SimpleQueue()
+        self._inbox: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._refinement: Refinement | None = None  # begun last
         self._next_poll = 0.0
-        self._unavailable = ""  # reported last
-        bus.watch(keys.ANY_WORKER_LANES, self._notice_lanes)
-        bus.watch(keys.ANY_WORKER_ALIVE, self._notice)
+        self._alone_since: float | None = None  # there has been no worker
+        self._alone_reported = False
+        self._waits_for = ""  # what a worker lacked, reported last
+        bus.watch(keys.of_worker("*", "lanes/*"), lambda *seen: self._inbox.put(partial(self._count, *seen)))
+        bus.watch(keys.of_worker("*", "alive"), lambda *seen: self._inbox.put(partial(self._notice, *seen)))
 
     @property
     def lanes(self) -> int:
         """Lanes of all workers that are there."""
         return sum(worker.lanes for worker in self.scheduler.workers.values())
 
-    def begin(self, refinement: Refinement) -> None:
-        """Send all batches of a refinement; what is left of the one before is given up."""
-        if self.scheduler.batches:
-            self._handle(Started(0))
-        self._catch_up()
-        self._refinement = refinement
-        particles = len(refinement.request.poses)
-        self._handle(Started(particles, refinement.due < math.inf, refinement.largest_batch))
+    def begin(self, request: RefineRequest, due: float) -> Refinement:
+        """Send all batches of a request; what is left of the one before is given up."""
+        with self.clock.stage("refine"):
+            self.scheduler.batches = []
+            self._catch_up()
+            self._refinement = Refinement(self, request, due)
+            now = time.monotonic()
+            self._send(self.scheduler.start(len(request.poses), now, by_deadline=due < math.inf))
+            return self._refinement
 
     def finish(self, refinement: Refinement) -> None:
         """Wait until the refinement that was begun last is complete, or due and refined in part."""
         if refinement is not self._refinement:
             raise RuntimeError("this request was given up when another one was submitted")
-        self._catch_up()  # what is there already is in time, however long that took
-        while not (refinement.complete or refinement.is_due(time.monotonic())):
-            self.step(refinement.due)
+        with self.clock.stage("refine"):
+            self._catch_up()  # what is there already is in time, however long that took
+            while not refinement.is_over(time.monotonic()):
+                self.step(refinement.due)
 
     def step(self, due: float = math.inf) -> None:
         """Handle what happens next, and look at the clock and the workers now and then."""
@@ -150,111 +116,120 @@ class RpcClient:
         if now >= self._next_poll:
             self._next_poll = now + TICK_S
             self._poll(now)
-            self._handle(Ticked())
+            self._send(self.scheduler.look(now))
             return
         with suppress(Empty):
-            patience = min(TICK_S, due - now) if due > now else TICK_S
-            self._handle(self._interpret(self._inbox.get(timeout=patience)))
-
-    def _notice(self, key: str, alive: bool) -> None:
-        """A worker has come or gone; called on a thread of the bus."""
-        worker = keys.worker_of(key)
-        self._inbox.put(WorkerJoined(worker) if alive else WorkerLeft(worker))
-
-    def _notice_lanes(self, key: str, alive: bool) -> None:
-        """A worker has announced how many lanes it has; called on a thread of the bus."""
-        if alive:
-            self._inbox.put(LanesCounted(keys.worker_of(key), keys.lanes_of(key)))
-
-    def _poll(self, now: float) -> None:
-        """Start local workers that have died again; NoWorkers if no worker has been there for too long."""
-        self._local.end_absent(self._senders, now)
-        for line in self._local.restart_dead():
-            self._report(line)
-        missing = None if self._senders else self._timeout.check(now)
-        if missing is not None:
-            self._report(missing)
+            self._inbox.get(timeout=min(TICK_S, due - now) if due > now else TICK_S)()
 
     def _catch_up(self) -> None:
         """Handle what has happened since."""
         while not self._inbox.empty():
-            self._handle(self._interpret(self._inbox.get()))
+            self._inbox.get()()
 
-    def _interpret(self, arrival: Event | Reply) -> Event:
-        match arrival:
-            case Reply():
-                return self._read(arrival)
-            case Unavailable(ticket, reason):
-                flight = self.scheduler.in_flight.get(ticket)
-                if flight is not None and reason != self._unavailable:
-                    self._unavailable = reason
-                    self._report(f"worker {flight.worker.name} waits: {reason}")
-            case WorkerJoined(worker):
-                self._add(worker)
-            case WorkerLeft(worker):
-                sender = self._senders.pop(worker, None)
-                if sender is not None:
-                    sender.close()
-                    self._report(f"worker {worker} left")
-        return arrival
+    def _poll(self, now: float) -> None:
+        """Look after the local worker; report once if there is no worker, and at last raise NoWorkers."""
+        line = self._local.look_after(now, present=self._local.name in self._senders)
+        if line is not None:
+            self._report(line)
+        if self._senders:
+            return
+        self._alone_since = now if self._alone_since is None else self._alone_since
+        alone, limit = now - self._alone_since, self._pool.worker_timeout
+        if limit is not None and alone > limit:
+            self._alone_since, self._alone_reported = None, False
+            where = self._pool.listen or self._pool.connect or "ENDPOINT"
+            raise NoWorkers(
+                f"no worker came within {limit:g} s; start one with gepf-worker --connect {where}"
+            )
+        if alone > ALONE_S and not self._alone_reported:
+            self._alone_reported = True
+            self._report(
+                "the local worker is not ready yet; the first time it compiles for a minute or so"
+                if self._pool.lanes
+                else "no worker is there; waiting for one"
+            )
 
-    def _add(self, worker: str) -> None:
-        self._local.mark_serving(worker)
-        if worker not in self._senders:
-            self._senders[worker] = self._bus.request_sender(keys.worker_refine(worker), REQUEST_TIMEOUT_S)
+    def _count(self, key: str, alive: bool) -> None:
+        """A worker has announced how many lanes it has."""
+        if alive:
+            worker = keys.owner_of(key)
+            self._lanes[worker] = keys.lanes_of(key)
+            if worker in self._senders:
+                self._notice(key, alive)
+
+    def _notice(self, key: str, alive: bool) -> None:
+        """A worker has come or gone."""
+        worker, now = keys.owner_of(key), time.monotonic()
+        if alive and worker not in self._senders:
+            refine = keys.of_worker(worker, "refine")
+            self._senders[worker] = self._bus.request_sender(refine, REQUEST_TIMEOUT_S)
             self.seen.add(worker)
-            self._timeout.reset()
+            self._alone_since, self._alone_reported = None, False
             self._report(f"worker {worker} joined")
+        elif not alive and worker in self._senders:
+            self._senders.pop(worker).close()
+            self._report(f"worker {worker} left")
+        if alive:
+            self._send(self.scheduler.join(worker, self._lanes.get(worker, 1), now))
+        else:
+            self._send(self.scheduler.leave(worker, now))
 
-    def _read(self, reply: Reply) -> Event:
-        ticket, replied = reply.ticket, Replied(reply.ticket)
-        flight = self.scheduler.in_flight.get(ticket)
-        if flight is None or self._refinement is None or not self.scheduler.is_current(ticket):
-            return replied
+    def _send(self, requests: list[Request]) -> None:
+        for request in requests:
+            assert self._refinement is not None
+            batch = self._refinement.request.batch(request.batch.start, request.batch.stop)
+            self._senders[request.worker.name].send(
+                encode_request(batch), partial(self._deliver, request.ticket, request.worker.name)
+            )
+
+    def _deliver(self, ticket: int, worker: str, ending: Ending, payload: bytes) -> None:
+        """A request has ended; called on a thread of the bus."""
+        self._inbox.put(partial(self._end, ticket, worker, ending, payload))
+
+    def _end(self, ticket: int, worker: str, ending: Ending, payload: bytes) -> None:
+        """A request has ended."""
+        outcome: Outcome = "nothing"
+        reason = ""
+        if ending == "reply":
+            outcome, reason = self._receive(ticket, worker, payload)
+        elif ending == "refusal":
+            outcome, reason = read_refusal(payload)
+            if outcome == "unavailable" and reason != self._waits_for:
+                self._waits_for = reason
+                self._report(f"worker {worker} waits: {reason}")
         try:
-            self._refinement.receive(ticket, reply.payload, flight.batch.stop - flight.batch.start)
+            self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason))
+        except SilentWorkers as error:
+            raise SilentWorkers(
+                f"workers are there, and none of them answers within {REQUEST_TIMEOUT_S:.0f} s (the last was "
+                f"{worker}): the way to them is broken, they hang, or they have too much to do at once, with "
+                "so many particles or points"
+            ) from error
+        except ProtocolError as error:
+            raise ProtocolError(f"no worker can refine the particles: {error}") from error
+
+    def _receive(self, ticket: int, worker: str, payload: bytes) -> tuple[Outcome, str]:
+        """Keep a reply that is of use, unless it makes no sense."""
+        batch, refinement = self.scheduler.wanted(ticket), self._refinement
+        if batch is None or refinement is None:
+            return "refined", ""
+        shape = batch.stop - batch.start, refinement.request.poses.shape[1]
+        try:
+            part = decode_refined(payload, shape, covariance=refinement.request.covariance)
         except ProtocolError as error:
             self.malformed += 1
-            self._report(f"worker {flight.worker.name} sent a reply that makes no sense: {error}")
-            return Refused(ticket, f"a reply made no sense: {error}")
-        return replied
-
-    def _handle(self, event: Event) -> None:
-        for instruction in self.scheduler.handle(event, time.monotonic()):
-            self._carry_out(instruction)
-
-    def _carry_out(self, instruction: Instruction) -> None:
-        refinement = self._refinement
-        assert refinement is not None
-        match instruction:
-            case Send():
-                self._send(instruction, refinement.request)
-            case Accept(ticket, start):
-                refinement.accept(ticket, start)
-            case Done():
-                refinement.complete = True
-            case NoAnswer(worker, again):
-                self._report(f"worker {worker} is there, and has not answered for {REQUEST_TIMEOUT_S:.0f} s")
-                if again:
-                    raise SilentWorkers(NO_WORKER_ANSWERS)
-            case Fail(reason):
-                raise ProtocolError(f"no worker can refine frame {refinement.request.frame}: {reason}")
-
-    def _send(self, send: Send, request: RefineRequest) -> None:
-        self._senders[send.worker].send(
-            encode_request(request.batch(send.start, send.stop)),
-            on_reply=lambda payload: self._inbox.put(Reply(send.ticket, payload)),
-            on_refusal=lambda payload: self._inbox.put(read_refusal(send.ticket, payload)),
-            on_end=lambda: self._inbox.put(Ended(send.ticket)),
-        )
+            self._report(f"worker {worker} sent a reply that makes no sense: {error}")
+            return "refused", f"a reply made no sense: {error}"
+        refinement.parts[batch.start] = part
+        return "refined", ""
 
 
-def read_refusal(ticket: int, payload: bytes) -> Event:
-    """A worker's reason, or the end of a request of which the bus itself knows no more."""
+def read_refusal(payload: bytes) -> tuple[Outcome, str]:
+    """A worker's reason; or the end of a request of which the bus itself knows no more."""
     try:
         refusal = decode_refusal(payload)
     except VersionError as error:
-        return Refused(ticket, f"{error}; install the same gepf on both sides")
+        return "refused", f"{error}; install the same gepf on both sides"
     except ProtocolError:
-        return Ended(ticket)
-    return (Unavailable if refusal.retryable else Refused)(ticket, refusal.reason)
+        return "nothing", ""
+    return "unavailable" if refusal.retryable else "refused", refusal.reason

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
-from common.bounds import most_iterations
+from common.bounds import MAX_ITERATIONS
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings
@@ -308,8 +308,7 @@ class TargetTracker:
         return self._method.propose(self.model, belief, observation, self._settings.filter, self._rng)
 
     def _send(self, proposal: Proposal[Any], settings: RefineSettings) -> Pending:
-        most = most_iterations(proposal.poses.shape, self._settings.points, len(self.model.vertices))
-        paced = pace_iterations(settings, proposal.interval, self._settings.pace_iterations, most)
+        paced = pace_iterations(settings, proposal.interval, self._settings.pace_iterations, MAX_ITERATIONS)
         covariance = proposal.asks_covariance(paced)
         return self._refiner.submit(self.model, proposal.poses, paced, covariance=covariance)
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from common.kernel_cache import VARIABLE
-from tests.support.processes.programs import fresh_python
+from tests.support.processes.programs import CACHE, fresh_python
 
 ROOT = Path(__file__).parents[2]
 CALLER = """from common.compiling import numba
@@ -104,8 +103,8 @@ def test_where_nothing_can_be_written_the_user_is_told_what_helps(checkout: Path
     (checkout / "worker" / "__pycache__").touch()
     nowhere = {"XDG_CACHE_HOME": os.devnull, "PYTHONDONTWRITEBYTECODE": "1"}
     told = fresh_python(checkout, RUN, **nowhere)
-    assert re.search(rf"InputError: compiled kernels cannot be kept .*{VARIABLE}", told.stderr)
-    assert fresh_python(checkout, RUN, **nowhere, **{VARIABLE: str(checkout / "kernels")}).stdout == "4 0\n"
+    assert re.search(rf"InputError: compiled kernels cannot be kept .*{CACHE}", told.stderr)
+    assert fresh_python(checkout, RUN, **nowhere, **{CACHE: str(checkout / "kernels")}).stdout == "4 0\n"
 
 
 def test_no_file_takes_numba_from_elsewhere() -> None:

@@ -40,6 +40,8 @@ from tests.support.messages import (
 )
 from worker.warm_up import tiny_frame, tiny_model
 
+NAMES = {"sure-reply": "reply"}  # of messages on the wire, where that is not the name of the case
+
 
 def changed(kind: str, change: Callable[[dict[str, Any]], object]) -> bytes:
     """The example of a kind with a change, written by another library than ours."""
@@ -150,22 +152,11 @@ def test_reply_survives() -> None:
 def test_covariances_survive_and_only_where_they_are_asked_for() -> None:
     """A reply that says more than was asked for is refused, and one that says less."""
     assert same(tiny_sure(), KINDS["sure-reply"].decode(KINDS["sure-reply"].payload))
-    refuse("sure-reply", KINDS["reply"].payload, "not a sure-reply message")
-    refuse("reply", KINDS["sure-reply"].payload, "not a reply message")
+    refuse("sure-reply", KINDS["reply"].payload, "the reply lacks covariance_roots")
+    refuse("reply", KINDS["sure-reply"].payload, "the reply has covariance_roots")
     asked = replace(tiny_request(), covariance=True)
     assert decode_request(encode_request(asked)).covariance
     assert not decode_request(encode_request(tiny_request())).covariance
-
-
-def test_covariances_that_would_not_fit_into_a_reply_are_not_begun() -> None:
-    """Of a thousand people they do; of a body with 500 degrees of freedom those of a hundred do not."""
-    fitting, too_many = np.zeros((1000, 27)), np.zeros((100, 500))
-    assert decode_request(encode_request(replace(tiny_request(), poses=fitting, covariance=True))).covariance
-    with pytest.raises(
-        ProtocolError, match="covariances of 100 poses of 500 values are too many, expected up to 66"
-    ):
-        decode_request(encode_request(replace(tiny_request(), poses=too_many, covariance=True)))
-    assert len(decode_request(encode_request(replace(tiny_request(), poses=too_many))).poses) == 100
 
 
 def test_reply_may_be_infinite_but_for_its_poses() -> None:
@@ -174,7 +165,7 @@ def test_reply_may_be_infinite_but_for_its_poses() -> None:
     refined.log_likelihood[0] = -np.inf
     assert decode_refined(encode_refined(refined), (COUNT, DOFS)).log_likelihood[0] == -np.inf
     refined.poses[0, 0] = np.inf
-    refuse("reply", encode_refined(refined), "poses holds values that are not finite")
+    refuse("reply", encode_refined(refined), "poses must be -100000 to 100000, not ")
 
 
 def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
@@ -218,7 +209,7 @@ def test_other_kind_is_refused(kind: str) -> None:
     """A message of another kind is not taken for the one that is expected."""
     other = "request" if kind == "refusal" else "refusal"
     payload = changed(other, set_to("version", value=version_of(kind)))
-    refuse(kind, payload, f"not a .*{kind}.* message")
+    refuse(kind, payload, f"not a .*{NAMES.get(kind, kind)}.* message")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -232,7 +223,7 @@ def test_every_truncation_is_refused(kind: str) -> None:
     """No beginning of a message passes for a message."""
     payload = KINDS[kind].payload
     for end in range(0, len(payload), max(1, len(payload) // 300)):
-        refuse(kind, payload[:end], f"not a .*{kind}.* message")
+        refuse(kind, payload[:end], f"not a .*{NAMES.get(kind, kind)}.* message")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -251,7 +242,7 @@ def test_every_truncation_is_refused(kind: str) -> None:
 )
 def test_rubbish_is_refused(kind: str, payload: bytes) -> None:
     """What is no message at all is refused."""
-    refuse(kind, payload, f"not a .*{kind}.* message")
+    refuse(kind, payload, f"not a .*{NAMES.get(kind, kind)}.* message")
 
 
 def test_too_large_is_refused_unread() -> None:
@@ -263,46 +254,54 @@ BAD = {
     "bytes": ("request", set_to("poses", 2, value=b"123"), "has 3 bytes, expected 144"),
     "negative": ("request", set_to("poses", 1, value=[-3, -6]), "Expected `int` >= 0"),
     "dtype": ("request", set_to("poses", 0, value="|O"), "Invalid enum value '|O'"),
-    "nan pose": ("request", set_to("poses", value=packed(POSES * np.nan)), "poses holds values that are not"),
-    "no pose": ("request", set_to("poses", value=packed(POSES[:0])), "a batch has 1 to"),
+    "nan pose": ("request", set_to("poses", value=packed(POSES * np.nan)), "poses must be .*not nan"),
+    "no pose": ("request", set_to("poses", value=packed(POSES[:0])), "number of poses must be 1 to"),
     "run": ("request", set_to("run", value="a/**"), "matching regex"),
     "hash": ("request", set_to("model", value="abc"), "matching regex"),
     "iterations": (
         "request",
         set_to("settings", "icp_iterations", value=10**9),
-        "icp_iterations is 1000000000",
+        "icp_iterations must be 0 to 100, not 1000000000",
     ),
     "nan setting": ("request", set_to("settings", "damping", value=float("nan")), "setting damping"),
     "choice": ("request", set_to("settings", "descent", value="fast"), "Invalid enum value 'fast'"),
     "picked range": (
         "frame",
         set_to("picked", value=packed(np.array([5000], np.uint32))),
-        "picked points outside",
+        "picked must be 0 to 1023, not 5000",
     ),
     "picked order": ("frame", set_to("picked", value=packed(np.array([5, 5], np.uint32))), "ascending order"),
     "depth size": ("frame", set_to("intrinsics", "width", value=31), r"expected \(32, 31\)"),
-    "focal": ("frame", set_to("intrinsics", "fx", value=0.0), "a focal length is 0, expected"),
-    "scale": ("frame", set_to("depth_scale", value=-1.0), "depth scale is -1, expected"),
+    "focal": ("frame", set_to("intrinsics", "fx", value=0.0), "focal lengths must be .* not 0"),
+    "scale": ("frame", set_to("depth_scale", value=-1.0), "depth scale must be .*not -1"),
     "kinds range": (
         "frame",
         set_to("kinds", value=packed(np.full((32, 32), UNMEASURED + 1, np.uint8))),
-        "kinds go up",
+        "kinds must be 0 to 4, not 5",
     ),
     "kinds": ("frame", set_to("kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))), "kinds and depth"),
     "view": ("frame", set_to("view", value=[3, 0, 2, 9]), "ends before it begins"),
     "vertex": (
         "model",
         set_to("arrays", "triangles", value=packed(np.full((4, 3), 4))),
-        "triangles points outside",
+        "triangles must be 0 to 3, not 4",
     ),
-    "link": ("model", set_to("arrays", "skin_links", value=packed(np.full((4, 1), -1))), "skin_links points"),
-    "ball": ("model", set_to("arrays", "balls", value=packed(np.array([4]))), "balls points outside"),
+    "link": (
+        "model",
+        set_to("arrays", "skin_links", value=packed(np.full((4, 1), -1))),
+        "skin_links must be 0",
+    ),
+    "ball": ("model", set_to("arrays", "balls", value=packed(np.array([4]))), "balls must be in"),
     "parent": (
         "model",
         set_to("arrays", "parents", value=packed(np.arange(6))),
         "contradicts itself: .*parent",
     ),
-    "huge vertex": ("model", set_to("arrays", "vertices", value=packed(np.full((4, 3), 1e9))), "above 1000"),
+    "huge vertex": (
+        "model",
+        set_to("arrays", "vertices", value=packed(np.full((4, 3), 1e9))),
+        "vertices must be",
+    ),
     "content": ("model", set_to("arrays", "vertices", value=packed(np.ones((4, 3)))), "names the hash"),
     "lost field": ("model", lambda content: content["arrays"].pop("axes"), r"lacks fields \['axes'\]"),
     "no pixels": (
@@ -315,31 +314,35 @@ BAD = {
         set_to("texts", value={str(k): "" for k in range(51)}),
         "Expected `object` of length <= 50",
     ),
-    "far pose": ("request", set_to("poses", value=packed(POSES * 1e9)), "poses holds values above 100000"),
-    "no noise": ("request", set_to("settings", "noise_depth", value=0.0), "noise_depth is 0, expected 1e-06"),
+    "far pose": ("request", set_to("poses", value=packed(POSES * 1e9)), "poses must be -100000 to 100000"),
+    "no noise": (
+        "request",
+        set_to("settings", "noise_depth", value=0.0),
+        "noise_depth must be .*not 0",
+    ),
     "limits": ("model", set_to("arrays", "limits", value=packed(np.tile([1.0, -1.0], (6, 1)))), "no room"),
     "reply likelihood": (
         "reply",
         set_to("values", value=reply(log_likelihood=np.inf)),
-        "log_likelihood holds values that are not finite",
+        "log_likelihood must be .*not inf",
     ),
     "reply count": ("reply", set_to("values", value=packed(np.zeros(16))), r"expected \(24\)"),
-    "reply pose": ("reply", set_to("values", value=reply(pose=1e9)), "poses holds values above"),
+    "reply pose": ("reply", set_to("values", value=reply(pose=1e9)), "poses must be"),
     "reply residual": (
         "reply",
         set_to("values", value=reply(residual=-1.0)),
-        "residual holds values below zero",
+        "residual must be 0 to inf, not -1",
     ),
     "roots nan": (
         "sure-reply",
         set_to("covariance_roots", value=roots(np.nan)),
-        "covariance_roots holds values that are not finite",
+        "covariance_roots must be -1 to 1, not nan",
     ),
     "roots diagonal": ("sure-reply", set_to("covariance_roots", value=roots(0.0)), "is not above zero"),
     "wide": (
         "sure-reply",
         set_to("covariance_roots", value=roots(0.1, 3.0)),
-        "of 3.00167, expected 1",
+        "covariance_roots must be -1 to 1, not 0 to 3",
     ),
 }
 

@@ -35,6 +35,7 @@ from common.protocol.messages import (
 from common.protocol.models import decode_model, encode_model
 from common.settings import preset
 from common.transport.bus import Bus
+from common.transport.channels import IncomingRequest
 from common.transport.opening import open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -52,7 +53,7 @@ from tests.support.processes.serving import (
 )
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
-from worker.service import Batch, Kernel, Service
+from worker.service import Kernel, Service
 from worker.warm_up import tiny_frame, warm_up
 
 Messages = Generator[str, None, None]  # what became of each
@@ -112,20 +113,20 @@ class Villain:
     def __init__(self, bus: Bus, worker: str) -> None:
         self._mutator = Mutator(1, HONEST)
         self._answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self._sender = bus.request_sender(keys.worker_refine(worker), LONGEST)
+        self._sender = bus.request_sender(keys.of_worker(worker, "refine"), LONGEST)
         self._models = {MODEL.hash: encode_model(MODEL)}
-        self._publisher = bus.publish_frames(keys.run_frames("evil"))
+        self._publisher = bus.publish(keys.of_run("evil", "frame"))
         self._frames: dict[str, bytes] = {}
         self.honest = replace(REQUEST, run="evil", frame=0, poses=POSES[:3])
-        bus.serve(keys.run_model("evil", "*"), lambda key: self._models.get(keys.last_of(key)))
-        bus.serve(keys.run_frame("evil", "*"), lambda key: self._frames.get(keys.last_of(key)))
+        bus.serve(keys.of_run("evil", "model/*"), lambda key: self._models.get(keys.last_of(key)))
+        bus.serve(keys.of_run("evil", "frame/*"), lambda key: self._frames.get(keys.last_of(key)))
         self._publish(encode_frame(tiny_frame()))
 
     def _publish(self, payload: bytes) -> None:
         """Send a frame under the next number."""
         self.honest = replace(self.honest, frame=self.honest.frame + 1)
         self._frames = {str(self.honest.frame): payload}
-        self._publisher.put(self.honest.frame, payload)
+        self._publisher.put(payload)
 
     def attack(self, k: int) -> tuple[str, bytes]:
         """One hostile request, frame or model; gives how the worker answered."""
@@ -148,17 +149,12 @@ class Villain:
     def ask(self, payload: bytes) -> tuple[str, bytes]:
         """Send a request and wait for its answer; ProtocolError if no coordinator would take it."""
         for _ in range(ATTEMPTS):
-            self._sender.send(
-                payload,
-                on_reply=lambda answer: self._answers.put(("served", answer)),
-                on_refusal=lambda answer: self._answers.put(("refused", answer)),
-                on_end=lambda: self._answers.put(("ended", b"")),
-            )
+            self._sender.send(payload, lambda ending, answer: self._answers.put((ending, answer)))
             outcome, answer = self._answers.get(timeout=2 * LONGEST)
-            if outcome == "served":
+            if outcome == "reply":
                 request = decode_request(payload)
                 decode_refined(answer, request.poses.shape, covariance=request.covariance)
-            if outcome != "ended":
+            if outcome != "nothing":
                 return outcome, answer
             time.sleep(1.0)
         raise AssertionError("a request was left without an answer")
@@ -177,13 +173,13 @@ def to_worker(endpoint: str) -> Messages:
         villain = Villain(bus, "victim")
         for k in itertools.count():
             outcome, answer = villain.attack(k)
-            assert outcome == "served" or not decode_refusal(answer).reason.startswith(NOT_OURS)
+            assert outcome == "reply" or not decode_refusal(answer).reason.startswith(NOT_OURS)
             if k % 10 == 0:
-                assert villain.ask(encode_request(villain.honest))[0] == "served"
+                assert villain.ask(encode_request(villain.honest))[0] == "reply"
             yield outcome
 
 
-class Liar(Service[float]):
+class Liar(Service):
     """A worker who is honest just often enough to be asked on: two of three answers are nonsense."""
 
     def __init__(self, bus: Bus, name: str, seed: int, heard: Counter[str]) -> None:
@@ -191,23 +187,24 @@ class Liar(Service[float]):
         self._mutator = Mutator(seed, HONEST)
         self._heard = heard
 
-    def serve(self, batch: Batch) -> None:
-        """Answer one batch."""
+    def serve(self, request: IncomingRequest) -> None:
+        """Answer one request."""
         turn = self._heard.total() if self._heard["honest answers"] else 0
         try:
-            honest = self.answer(batch.content)
+            content = decode_request(request.payload)
+            honest = self.answer(content)
         except ProtocolError as error:  # the frame is over, and others refined it
-            batch.request.refuse(encode_refusal(str(error)))
+            request.refuse(encode_refusal(str(error)))
             return
         if turn % 3 == 0:
             self._heard["honest answers"] += 1
-            batch.request.reply(honest)
+            request.reply(honest)
         elif turn % 30 == 1:
             self._heard["false refusals"] += 1
-            batch.request.refuse(self._mutator.mutate(encode_refusal("no")))
+            request.refuse(self._mutator.mutate(encode_refusal("no")))
         else:
             self._heard["lies"] += 1
-            batch.request.reply(self._nonsense(honest, batch.content.poses.shape))
+            request.reply(self._nonsense(honest, content.poses.shape))
 
     def _nonsense(self, honest: bytes, asked: tuple[int, ...]) -> bytes:
         """The honest answer, mutated until it is none."""
@@ -261,7 +258,7 @@ def refined_beside_liars(refiner: ZenohRefiner, said: list[str], number: int) ->
     [
         (to_decoders, 2000, {"accepted", "refused"}),
         (to_kernel, 60, {"served", "served without a likelihood"}),
-        (to_worker, 100, {"served", "refused"}),
+        (to_worker, 100, {"reply", "refusal"}),
         (to_coordinator, 50, {"lied"}),
     ],
 )

@@ -39,8 +39,8 @@ def route(address: str) -> None:
 def work_slowly(endpoint: str, name: str) -> None:
     """`gepf-worker`, with a long task in each batch; says when it has done one."""
     from tests.support.kernel.warm_kernel import KERNEL
-    from worker.cli import Identity, exit_with, serve
-    from worker.connection import Destination
+    from worker.cli import exit_with, serve
+    from worker.connection import Identity
     from worker.service import Kernel
 
     def refine(*asked: Any, covariance: bool = False) -> Any:
@@ -49,7 +49,7 @@ def work_slowly(endpoint: str, name: str) -> None:
         sys.stderr.write(f"{DONE}\n")
         return refined
 
-    exit_with(lambda: serve(Identity(name, Destination((endpoint,))), lambda: Kernel(KERNEL.observe, refine)))
+    exit_with(lambda: serve(Identity(name, (endpoint,)), lambda: Kernel(KERNEL.observe, refine)))
 
 
 class Site:

@@ -87,6 +87,7 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
 
     kernel = Kernel(observe_and_tell, refine, prepare=lambda _, settings: prepared.put(settings))
     with pool(endpoint) as refiner, serving(endpoint, "w", kernel):
+        refiner.wait_for(1)
         refiner.publish(frame(1))
         pending = refiner.submit(MODEL, POSES, SETTINGS)
         refiner.send_ahead(coming)
@@ -136,6 +137,7 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
         return observe(subject)
 
     with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(refuse_the_second, refine)):
+        refiner.wait_for(1)
         refiner.publish(frame(1))
         pending = refiner.submit(MODEL, POSES, SETTINGS)
         refiner.send_ahead(coming)
@@ -244,20 +246,24 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
             assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
 
 
-def test_run_says_that_it_waits(endpoint: str) -> None:
+def test_run_says_that_it_waits(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """That nobody is there is reported once."""
     said: list[str] = []
-    options = Pool(workers=0, listen=endpoint, worker_timeout=0.6, patience=0.1)
+    monkeypatch.setattr("coordinator.pool.rpc_client.ALONE_S", 0.1)
+    options = Pool(workers=0, listen=endpoint, worker_timeout=0.6)
     with ZenohRefiner(options, said.append) as refiner, pytest.raises(NoWorkers):
         refined_bytes(refiner, 1)
     assert said == ["no worker is there; waiting for one"]
 
 
 @pytest.mark.parametrize(("lanes", "says"), [(1, "the local worker is not ready yet"), (0, "no worker is")])
-def test_runs_that_share_a_worker_say_that_it_is_not_ready(endpoint: str, lanes: int, says: str) -> None:
+def test_runs_that_share_a_worker_say_that_it_is_not_ready(
+    endpoint: str, lanes: int, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """They wait for the pool's own, if it has one; others are invited to where the user said."""
-    requested = Pool(workers=lanes, listen="tcp/host:7447", connect="tcp/router:7447")
-    options = Pool(workers=0, connect=endpoint, worker_timeout=0.6, patience=0.1, requested=requested)
+    monkeypatch.setattr("coordinator.pool.rpc_client.ALONE_S", 0.1)
+    shared = Pool(lanes, listen="tcp/host:7447", connect="tcp/router:7447", shared_at=endpoint)
+    options = replace(shared, worker_timeout=0.6)
     said: list[str] = []
     invitation = "gepf-worker --connect tcp/host:7447"
     with ZenohRefiner(options, said.append) as refiner, pytest.raises(NoWorkers, match=invitation):
@@ -283,23 +289,15 @@ def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
 @contextmanager
 def answering(endpoint: str, name: str, answer: Callable[[IncomingRequest], None]) -> Iterator[None]:
     """Something on the bus that says it is a worker."""
+
+    def serve(request: IncomingRequest) -> None:
+        with request:
+            answer(request)
+
     with open_worker([endpoint]) as bus:
-        requests = bus.request_receiver(keys.worker_refine(name))
-        bus.announce(keys.worker_alive(name))
-
-        def serve() -> None:
-            while (arrived := requests.receive(wait=True)) is not None:
-                for request in arrived:
-                    with request:
-                        answer(request)
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        try:
-            yield
-        finally:
-            requests.close()
-            thread.join(60.0)
+        bus.serve_requests(keys.of_worker(name, "refine"), serve)
+        bus.announce(keys.of_worker(name, "alive"))
+        yield
 
 
 @pytest.mark.parametrize(
@@ -349,11 +347,11 @@ def test_of_many_answers_the_first_counts(endpoint: str) -> None:
     answers: SimpleQueue[bytes] = SimpleQueue()
     with open_coordinator([endpoint]) as bus, answering(endpoint, "chatterer", chatter):
         alive = threading.Event()
-        bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.set() if there else None)
+        bus.watch(keys.of_worker("*", "alive"), lambda _, there: alive.set() if there else None)
         assert alive.wait(60.0)
-        sender = bus.request_sender(keys.worker_refine("chatterer"), 5.0)
+        sender = bus.request_sender(keys.of_worker("chatterer", "refine"), 5.0)
         for _ in range(3):  # when one is answered, all answers to those before have come
-            sender.send(b"", on_reply=answers.put, on_refusal=answers.put, on_end=lambda: None)
+            sender.send(b"", lambda _, answer: answers.put(answer))
             assert answers.get(timeout=60.0) == b"0"
     assert answers.empty()
 
@@ -362,17 +360,12 @@ class Client:
     """Asks a worker directly."""
 
     def __init__(self, bus: Bus, worker: str) -> None:
-        self.sender = bus.request_sender(keys.worker_refine(worker), 10.0)
+        self.sender = bus.request_sender(keys.of_worker(worker, "refine"), 10.0)
 
     def ask(self, payload: bytes) -> tuple[str, bytes]:
-        """What came first: "reply" or "refusal" with its payload, or the "end"."""
+        """How it ended, and with which payload."""
         came: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self.sender.send(
-            payload,
-            on_reply=lambda reply: came.put(("reply", reply)),
-            on_refusal=lambda reply: came.put(("refusal", reply)),
-            on_end=lambda: came.put(("end", b"")),
-        )
+        self.sender.send(payload, lambda ending, answer: came.put((ending, answer)))
         return came.get(timeout=60.0)
 
 
@@ -381,7 +374,7 @@ def connected(endpoint: str) -> Iterator[Client]:
     """A worker, and someone who asks it without being a run."""
     with open_coordinator([endpoint]) as bus, serving(endpoint, "w"):
         alive: SimpleQueue[bool] = SimpleQueue()
-        bus.watch(keys.ANY_WORKER_ALIVE, lambda _, there: alive.put(there))
+        bus.watch(keys.of_worker("*", "alive"), lambda _, there: alive.put(there))
         assert alive.get(timeout=60.0)
         yield Client(bus, "w")
 
@@ -395,7 +388,7 @@ def connected(endpoint: str) -> Iterator[Client]:
             encode_request(REQUEST).replace(b"version" + bytes([PROTOCOL]), b"version\x02"),
             f"protocol version 2, expected {PROTOCOL}",
         ),
-        (encode_request(replace(REQUEST, poses=POSES * np.nan)), "poses holds values that are not finite"),
+        (encode_request(replace(REQUEST, poses=POSES * np.nan)), "poses must be .* not nan"),
         (encode_request(REQUEST), "nobody has model [0-9a-f]{12} of run ghost"),
     ],
     ids=["empty", "rubbish", "version", "nan", "unknown-run"],

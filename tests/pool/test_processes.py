@@ -24,8 +24,8 @@ from tests.support.asked import Asked, refining, unmoved
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, expected, frame, refined_bytes
 from tests.support.processes.warm_processes import start
-from worker.cli import Identity, exit_with, serve
-from worker.connection import Destination
+from worker.cli import exit_with, serve
+from worker.connection import Identity
 from worker.service import Kernel
 
 
@@ -59,15 +59,16 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """One process serves frame after frame, whatever its lanes, and ends by itself with the run."""
-    monkeypatch.setattr("coordinator.pool.local_workers.GRACE_S", 60.0)
+    monkeypatch.setattr("coordinator.pool.local_worker.GRACE_S", 60.0)
     with local(lanes) as refiner:
         refiner.wait_for(lanes)
         for number in range(5):
             assert refined_bytes(refiner, number) == expected(number)
-        processes = [worker.process for worker in refiner._local.workers.values()]
+        process = refiner._local.process
+        assert process is not None
         assert refiner.statistics.workers_seen == (f"{refiner.run}-0",)
         assert refiner.statistics.batches_sent == 5
-    assert [process.returncode for process in processes] == [0]
+    assert process.returncode == 0
 
 
 @contextmanager
@@ -103,7 +104,7 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> 
 
 def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody would end the wait otherwise: once the bus misses it, it is given some time and then killed."""
-    monkeypatch.setattr("coordinator.pool.local_workers.ABSENCE_S", 1.0)
+    monkeypatch.setattr("coordinator.pool.local_worker.ABSENCE_S", 1.0)
     said: list[str] = []
     with local(1, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
@@ -233,7 +234,7 @@ def serve_without_hearing(endpoint: str, asked: Path) -> None:
             time.sleep(600.0)
         return unmoved(asked_for.poses, covariance=asked_for.covariance)
 
-    identity = Identity("deaf", Destination((endpoint,)))
+    identity = Identity("deaf", (endpoint,))
     exit_with(lambda: serve(identity, lambda: Kernel(lambda _: None, refining(answer))))
 
 

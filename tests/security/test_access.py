@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgspec
 import pytest
@@ -26,9 +26,9 @@ from tests.support.processes.certificates import (
     listening,
     secure_worker,
 )
-from tests.support.processes.programs import INSTANT, started
+from tests.support.processes.programs import INSTANT, started, wait_until
 from tests.support.processes.serving import REQUEST, expected, refined_bytes
-from worker.connection import check_admission
+from worker.connection import Identity, check_admission
 
 SHORT = 0.3  # seconds in which something that must not happen would have happened
 
@@ -71,11 +71,12 @@ def test_local_workers_work_beside_secure_ones(place: str, ours: Folder) -> None
 
 def test_other_workers_name_is_never_seen(place: str, ours: Folder) -> None:
     """A valid certificate under another worker's name: no token, no request, and the run goes on."""
+    security = Security(ours.of("w0"))
     with listening(place, ours) as refiner, secure_worker(place, ours, "w0"):
         refiner.wait_for(1)
         with secure_worker(place, ours, "w0", claim="w1") as bus:
             with pytest.raises(InputError, match=r"does not let .*w0\.pem be worker 'w1'; have 'w1' listed"):
-                check_admission(bus, "w1", [place], Security(ours.of("w0")), patience_s=1.0)
+                check_admission(bus, Identity("w1", (place,), security), security)
             for number in range(3):
                 assert refined_bytes(refiner, number) == expected(number)
         assert refiner.statistics.workers_seen == ("w0",)
@@ -86,17 +87,18 @@ def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
     with listening(place, ours) as refiner, secure_worker(place, ours, "w0"):
         refiner.wait_for(1)
         assert refined_bytes(refiner, 1) == expected(1)
-        with open_worker([place], Security(ours.of(STRANGER))) as bus:
+        security = Security(ours.of(STRANGER))
+        with open_worker([place], security) as bus:
             seen: list[str] = []
-            bus.follow_frames(keys.ANY_RUN_FRAMES, lambda key, *_: seen.append(key))
-            bus.watch(keys.ANY_WORKER_ALIVE, lambda key, _: seen.append(key))
-            bus.announce(keys.worker_alive(STRANGER))
-            assert bus.fetch(keys.run_frame(refiner.run, 1), 1.0) is None
-            assert bus.fetch(keys.run_model(refiner.run, "*"), 1.0) is None
+            bus.subscribe(keys.of_run("*", "frame"), lambda key, _: seen.append(key))
+            bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
+            bus.announce(keys.of_worker(STRANGER, "alive"))
+            assert bus.fetch(keys.of_run(refiner.run, "frame/1"), 1.0) is None
+            assert bus.fetch(keys.of_run(refiner.run, "model/*"), 1.0) is None
             assert refined_bytes(refiner, 2) == expected(2)
             with pytest.raises(InputError, match=f"be worker '{STRANGER}'; have '{STRANGER}' listed"):
-                check_admission(bus, STRANGER, [place], Security(ours.of(STRANGER)), patience_s=SHORT)
-        assert set(seen) <= {keys.worker_alive(STRANGER)}  # its own, which never leaves it
+                check_admission(bus, Identity(STRANGER, (place,), security), security)
+        assert set(seen) <= {keys.of_worker(STRANGER, "alive")}  # its own, which never leaves it
         assert refiner.statistics.workers_seen == ("w0",)
 
 
@@ -105,23 +107,23 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
     with listening(place, ours) as refiner, secure_worker(place, ours, "w0") as honest:
         refiner.wait_for(1)
         assert refined_bytes(refiner, 1) == expected(1)
-        forged: list[int] = []
-        honest.follow_frames(keys.run_frames(refiner.run), lambda _, number, __: forged.append(number))
+        frames: list[bytes] = []
+        honest.subscribe(keys.of_run(refiner.run, "frame"), lambda _, payload: frames.append(payload))
         with open_worker([place], Security(ours.of("w1"))) as bus:
-            assert bus.fetch(keys.run_frame(refiner.run, 1), 1.0) is not None
+            assert bus.fetch(keys.of_run(refiner.run, "frame/1"), 1.0) is not None
             seen: list[str] = []
-            bus.watch(keys.ANY_WORKER_ALIVE, lambda key, _: seen.append(key))
-            bus.serve(keys.run_model(refiner.run, "*"), lambda _: b"forged")
-            answers: list[bytes] = []
-            ended = threading.Event()
-            sender = bus.request_sender(keys.worker_refine("w0"), 1.0)
-            sender.send(encode_request(REQUEST), answers.append, answers.append, ended.set)
-            bus.publish_frames(keys.run_frames(refiner.run)).put(77, b"forged")
-            assert ended.wait(60.0)
+            bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
+            bus.serve(keys.of_run(refiner.run, "model/*"), lambda _: b"forged")
+            answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
+            sender = bus.request_sender(keys.of_worker("w0", "refine"), 1.0)
+            sender.send(encode_request(REQUEST), lambda *how: answers.put(how))
+            bus.publish(keys.of_run(refiner.run, "frame")).put(b"forged")
+            assert answers.get(timeout=60.0) == ("nothing", b"")
             time.sleep(SHORT)
-            assert (seen, answers) == ([], [])
-            assert 77 not in forged
+            assert not seen
             assert refined_bytes(refiner, 2) == expected(2)
+            wait_until(lambda: bool(frames))
+            assert b"forged" not in frames
 
 
 def test_worker_process_with_a_certificate(place: str, ours: Folder) -> None:
@@ -142,7 +144,7 @@ def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> Non
     place = f"tls/127.0.0.1:{free_port()}"
     settings["listen"]["endpoints"] = [place]
     options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=60.0)
-    with open_session(settings, 2**20), ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"):
+    with open_session(settings), ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"):
         assert refined_bytes(refiner, 1) == expected(1)
     make_certificates(tmp_path, ("w0",), (), 1, Path("/certificates"))
     moved = msgspec.json.decode((tmp_path / "router.json5").read_bytes())

@@ -55,7 +55,7 @@ def test_listener_refuses_and_the_refused_learns_why(
         presented = None
     with open_coordinator([place], (), ours.listening):
         with pytest.raises(BusError, match="Unable to connect"):
-            open_session(settings, 2**20)
+            open_session(settings)
         line = why_refused(endpoint, presented)
         assert line is not None
         assert REFUSED[case] in line
@@ -126,7 +126,7 @@ def test_refused_process_says_so_in_one_line(
     }[case]
     seen: list[str] = []
     with open_coordinator([place], (), ours.listening) as bus:
-        bus.watch(keys.ANY_WORKER_ALIVE, lambda key, _: seen.append(key))
+        bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
         process = start(work_instantly, "--connect", place, *options, log=tmp_path / "log")
         process.join(60.0)
         assert process.exitcode == 2

@@ -70,7 +70,7 @@ class Still:
         return unmoved(asked.poses, covariance=asked.covariance)
 
     @property
-    def kernel(self) -> Kernel[Any]:
+    def kernel(self) -> Kernel:
         """What a worker is given."""
         return Kernel(KERNEL.observe, refining(self.refine))
 
@@ -227,7 +227,7 @@ def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) 
 
         def listen(stop: threading.Event) -> None:
             with open_worker([endpoint]) as bus:
-                bus.subscribe("robot/person", lambda payload: heard_.append((time.time(), payload)))  # noqa: B023
+                bus.subscribe("robot/person", lambda _, payload: heard_.append((time.time(), payload)))  # noqa: B023
                 stop.wait(0.5)
                 hearing.set()  # noqa: B023
                 stop.wait()
@@ -352,7 +352,7 @@ def arrivals(endpoint: str, recording: Path, *options: str) -> list[float]:
 
     def listen(stop: threading.Event) -> None:
         with open_coordinator([endpoint]) as bus:
-            bus.subscribe(KEY, lambda _: came.append(time.monotonic()))
+            bus.subscribe(KEY, lambda *_: came.append(time.monotonic()))
             listening.set()
             stop.wait()
 

@@ -30,7 +30,7 @@ class Asked:
         return refiner.submit(self.model, self.poses, self.settings, covariance=self.covariance)
 
 
-def refining(answer: Callable[[Asked, Any], Refined]) -> Refine[Any]:
+def refining(answer: Callable[[Asked, Any], Refined]) -> Refine:
     """A worker's kernel that gives this answer to what is asked, and to what it has observed."""
 
     def refine(

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
 from common.bounds import (
-    LARGEST_LENGTH,
-    LARGEST_POSE,
-    LARGEST_SETTING,
-    SMALLEST_POSITIVE,
+    LARGEST,
+    SMALLEST,
 )
 from common.camera import Intrinsics
 from common.errors import ProtocolError
@@ -27,8 +25,8 @@ from common.settings import RefineSettings
 from worker.warm_up import tiny_frame, tiny_model
 
 FAR_PIXEL = 2**31 - 1
-POSITIVE = (SMALLEST_POSITIVE, 1e-3, 0.01, 1.0, LARGEST_SETTING)
-ANY_SETTING = (0.0, 1e-300, 1e-6, 0.1, 1.0, LARGEST_SETTING)
+POSITIVE = (SMALLEST, 1e-3, 0.01, 1.0, LARGEST)
+ANY_SETTING = (0.0, 1e-300, 1e-6, 0.1, 1.0, LARGEST)
 
 T = TypeVar("T")
 
@@ -84,7 +82,7 @@ class Extremes:
     def _poses(self, dofs: int) -> NDArray[np.float64]:
         """Anywhere, or where the pyramid is seen."""
         if self._coin():
-            return self._numbers((2, dofs), LARGEST_POSE)
+            return self._numbers((2, dofs), LARGEST)
         near: NDArray[np.float64] = 0.01 * self._rng.normal(size=(2, dofs))
         near[:, 2:3] += 2.0
         return near
@@ -94,8 +92,8 @@ class Extremes:
         changes: tuple[dict[str, Any], ...] = (
             {},
             {"vertices": self._numbers((4, 3), 1.0)},
-            {"points": self._numbers((6, 3), LARGEST_LENGTH)},
-            {"limits": np.sort(self._numbers((6, 2), LARGEST_POSE), axis=1)},
+            {"points": self._numbers((6, 3), LARGEST)},
+            {"limits": np.sort(self._numbers((6, 2), LARGEST), axis=1)},
             {"axes": self._axes(6), "balls": np.zeros(0, dtype=np.int64)},
             {"triangles": self._rng.integers(0, 4, (6, 3))},
         )
@@ -103,7 +101,7 @@ class Extremes:
 
     def _spreads(self, dofs: int, balls: list[int]) -> NDArray[np.float64]:
         """Positive, and one of each ball."""
-        spreads = np.exp(self._rng.uniform(np.log(LEAST_SPREAD), np.log(LARGEST_LENGTH), dofs))
+        spreads = np.exp(self._rng.uniform(np.log(LEAST_SPREAD), np.log(LARGEST), dofs))
         for start in balls:
             spreads[start : start + 3] = spreads[start]
         return spreads
@@ -112,7 +110,7 @@ class Extremes:
         dofs, vertices = self._one_of((1, 2, 3, 6, 6, 9, 20)), self._one_of((1, 3, 4, 10, 60))
         links, triangles = self._one_of((1, 2, 3)), self._one_of((0, 1, 4, 30, 100))
         free = np.tile([-np.inf, np.inf], (dofs, 1))
-        limits = np.sort(self._numbers((dofs, 2), LARGEST_POSE), axis=1)
+        limits = np.sort(self._numbers((dofs, 2), LARGEST), axis=1)
         first = [start for start in range(0, dofs - 2, 3) if self._coin()]
         return BodyModel(
             name="extreme",
@@ -120,13 +118,13 @@ class Extremes:
             kinds=self._rng.integers(0, 2, dofs),
             parents=np.array([self._one_of((j - 1, int(self._rng.integers(-1, j)))) for j in range(dofs)]),
             axes=self._axes(dofs),
-            points=self._numbers((dofs, 3), LARGEST_LENGTH),
+            points=self._numbers((dofs, 3), LARGEST),
             limits=free if self._coin() else limits,
             rest_spreads=self._spreads(dofs, first),
             balls=np.array(first, dtype=np.int64),
             link_names=tuple(f"link-{k}" for k in range(links)),
             link_dofs=self._rng.integers(-1, dofs, links),
-            vertices=self._numbers((vertices, 3), LARGEST_LENGTH),
+            vertices=self._numbers((vertices, 3), LARGEST),
             triangles=self._rng.integers(0, vertices, (triangles, 3)),
             skin_links=self._rng.integers(0, links, (vertices, 2)),
             skin_weights=self._weights(vertices),
@@ -156,7 +154,7 @@ class Extremes:
             self._rng.integers(0, 2, shape) * 2000,
         )
         depth = self._one_of(depths).astype(np.uint16)
-        focal, centre = (160.0, 1e-3, 1e6, 1.0), (15.5, -1e6, 1e6, 0.0)
+        focal, centre = (160.0, SMALLEST, LARGEST, 1.0), (15.5, -LARGEST, LARGEST, 0.0)
         camera = Intrinsics(width, height, *map(self._one_of, (focal, focal, centre, centre)))
         views = (
             (0, 0, width, height),
@@ -165,7 +163,7 @@ class Extremes:
         )
         seen = np.flatnonzero(depth)
         picked = seen[self._rng.random(len(seen)) < self._one_of((1.0, 0.5, 0.05))].astype(np.uint32)
-        scale = self._one_of((1000.0, 1e-3, 1e6, 1.0))
+        scale = self._one_of((1000.0, SMALLEST, LARGEST, 1.0))
         return SubjectFrame(DepthFrame(0, 0.0, depth, scale, camera), picked, self._one_of(views))
 
     def _settings(self) -> RefineSettings:

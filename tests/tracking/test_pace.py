@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.bounds import check_work, most_iterations
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
@@ -25,19 +24,6 @@ def test_iterations_go_with_the_time_between_frames(interval: float, iterations:
     assert settings.refine.icp_iterations == 3
     for each, many in ((settings, iterations), (keep_up(settings), live), (preset("paper"), 3)):
         assert pace_iterations(each.refine, interval, each.pace_iterations, 100).icp_iterations == many
-
-
-def test_no_pace_asks_for_more_than_a_worker_accepts() -> None:
-    """With so many particles that five times the iterations would be refused, there are fewer; never none."""
-    settings, vertices = preset("default"), 2_000
-    for particles in (20, 3_000, 15_000, 100_000):
-        shape = (particles, 27)
-        most = most_iterations(shape, settings.points, vertices)
-        paced = pace_iterations(settings.refine, 0.1, settings.pace_iterations, most)
-        assert settings.refine.icp_iterations <= paced.icp_iterations <= 15
-        if most >= settings.refine.icp_iterations:
-            check_work(paced, shape, settings.points, vertices)
-    assert paced.icp_iterations == settings.refine.icp_iterations
 
 
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:

@@ -37,7 +37,7 @@ from worker.kernel.surface import pack_model
 from worker.kernel.visibility import update_visibility
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import make_workspace
-from worker.lanes import Lanes, SideBySide
+from worker.lanes import Lanes
 
 Array = NDArray[np.float64]
 
@@ -171,6 +171,5 @@ def test_it_depends_on_the_particle_alone(name: str) -> None:
     for n in range(3):
         alone = refine(model, observation, poses[n : n + 1], settings, covariance=True)
         assert as_bytes(alone) == as_bytes(together)[n : n + 1]
-    with Lanes(2) as threads:
-        of_lanes = SideBySide(threads).refine(model, observation, poses, settings, covariance=True)
+    of_lanes = Lanes(2).refine(model, observation, poses, settings, covariance=True)
     assert as_bytes(of_lanes) == as_bytes(together)

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from common.protocol import keys
-from common.transport.bus import Bus
 from common.transport.opening import open_coordinator, open_router, open_worker
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import INSTANT, started, wait_until
 from tests.support.processes.serving import expected, pool, refined_bytes, running
-from worker.connection import DeadLink
 from worker.service import Service
 
 
@@ -40,7 +37,7 @@ def test_a_worker_stays_at_a_router_and_with_a_run(
     open_end: Callable[[Any], Any], endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At a router there need not be a run; a coordinator answers, though it sends no requests."""
-    monkeypatch.setattr("worker.connection.ASKED_S", 0.1)
+    monkeypatch.setattr("worker.service.SILENCE_S", 0.1)
     with (
         open_end([endpoint] if open_end is open_router else endpoint),
         open_worker([endpoint]) as own,
@@ -55,57 +52,9 @@ def test_a_worker_leaves_a_run_that_is_announced_and_does_not_answer(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A token may outlive its run, where the link does."""
-    monkeypatch.setattr("worker.connection.ASKED_S", 0.1)
+    monkeypatch.setattr("worker.service.SILENCE_S", 0.1)
     with open_coordinator([endpoint]) as silent, open_worker([endpoint]) as own:
-        silent.announce(keys.run_alive("r"))
+        silent.announce(keys.of_run("r", "alive"))
         service = Service(own, "w", KERNEL)
         service.run()
         assert service.abandoned
-
-
-@dataclass
-class Far:
-    """The other end of a link: whether there is a coordinator, and whether its run answers."""
-
-    coordinator: bool = True
-    answers: bool = False
-
-    def meets_coordinator(self) -> bool:
-        """As it is set."""
-        return self.coordinator
-
-    def fetch(self, *_: object) -> bytes | None:
-        """Nothing more than that the other end is there."""
-        return b"" if self.answers else None
-
-
-def test_a_link_is_dead_when_it_is_asked_in_vain_many_times() -> None:
-    """In a row: a request, an answer, or no coordinator at all, and the count begins anew."""
-    now, far = 0.0, Far()
-    link = DeadLink(cast("Bus", far), lambda: now)
-
-    def is_found_within(seconds: float) -> bool:
-        nonlocal now
-        until = now + seconds
-        while now < until:
-            now += 0.1
-            if link.is_found():
-                return True
-        return False
-
-    assert is_found_within(60.0)
-    link.hear()
-    began = now
-    assert is_found_within(60.0)
-    patience = now - began
-    for comes_between in ("request", "answer", "no coordinator"):
-        link.hear()
-        assert not is_found_within(0.7 * patience)
-        far.answers, far.coordinator = comes_between == "answer", comes_between != "no coordinator"
-        if comes_between == "request":
-            link.hear()
-        else:
-            assert not is_found_within(3.0 * patience)
-        far.answers, far.coordinator = False, True
-        assert not is_found_within(0.7 * patience)
-        assert is_found_within(patience)

@@ -10,20 +10,21 @@ import pytest
 from common.errors import BusError
 from common.transport.opening import open_coordinator
 from tests.support.processes.serving import serving
-from worker.connection import check_alive
-
-PATIENCE = 0.5  # seconds
+from worker.connection import Identity, check_alive
 
 
-def test_a_worker_is_healthy_as_long_as_it_is_announced(endpoint: str) -> None:
+def test_a_worker_is_healthy_as_long_as_it_is_announced(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It is seen while it is at work, under its own name only, and no more once it has ended."""
     with open_coordinator([endpoint]):
         with serving(endpoint, "w"):
-            check_alive("w", [endpoint], None)
+            check_alive(Identity("w", (endpoint,)))
+            monkeypatch.setattr("worker.connection.SEEN_WITHIN_S", 0.5)
             with pytest.raises(BusError, match="worker 'v' is not seen at unixsock"):
-                check_alive("v", [endpoint], None, PATIENCE)
+                check_alive(Identity("v", (endpoint,)))
         with pytest.raises(BusError, match="'w' is not seen"):
-            check_alive("w", [endpoint], None, PATIENCE)
+            check_alive(Identity("w", (endpoint,)))
 
 
 @pytest.mark.slow

@@ -1,72 +1,99 @@
-"""Lanes: every number is taken once, all lanes work at the same time, and faults come out."""
+"""Lanes refine what one refines alone, byte for byte, whatever their number and what they refined before."""
 
 from __future__ import annotations
 
-import threading
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
+import msgspec
 import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.refinement import Refined
+from tests.support.bodies import hinges, puppet
+from tests.support.kernel.kernel_cases import DEFAULT, PAPER, starts, subject
+from worker.kernel.icp import Job, refine
+from worker.kernel.observation import observe
 from worker.kernel.shared_counter import take_next
 from worker.lanes import Lanes
 
 
-def never() -> None:
-    """Nothing is to be stopped."""
-    raise AssertionError("nothing should be stopped")
+def as_bytes(refined: Refined) -> bytes:
+    """All that came out."""
+    return refined.poses.tobytes() + refined.log_likelihood.tobytes() + refined.residual.tobytes()
 
 
-@pytest.mark.parametrize("count", [1, 2, 8])
-def test_all_lanes_work_at_once(count: int) -> None:
-    """Each lane is called once, with its number, while the others are still at work."""
-    meeting = threading.Barrier(count, timeout=60.0)
-    seen: list[int] = []
-
-    def work(lane: int) -> None:
-        meeting.wait()
-        seen.append(lane)
-
-    with Lanes(count) as lanes:
-        for _ in range(3):
-            lanes.run(work, count, never)
-    assert sorted(seen) == sorted(3 * list(range(count)))
+@pytest.mark.parametrize("lanes", [1, 3])
+def test_any_number_of_lanes_gives_the_same_bytes(lanes: int) -> None:
+    """Fewer, as many and more particles than lanes, with either preset."""
+    observation = observe(subject())
+    side_by_side = Lanes(lanes)
+    for count in (1, lanes, 20):
+        for settings in (PAPER, DEFAULT):
+            alone = refine(puppet(), observation, starts(count), settings)
+            together = side_by_side.refine(puppet(), observation, starts(count), settings)
+            assert as_bytes(together) == as_bytes(alone)
 
 
-def test_only_as_many_as_are_asked_for() -> None:
-    """A request of two particles wakes no third lane."""
-    seen: list[int] = []
-    with Lanes(5) as lanes:
-        lanes.run(seen.append, 2, never)
-    assert sorted(seen) == [0, 1]
+def test_a_lane_keeps_nothing_from_one_request_to_the_next() -> None:
+    """More points, fewer, another body and the first one again: each as with a workspace made anew."""
+    much = observe(subject())
+    little = replace(much, points=much.points[:128], count=128)
+    bent = np.zeros((3, len(hinges().dof_names)))
+    requests = [
+        (puppet(), little, starts(5)),
+        (puppet(), much, starts(5)),
+        (hinges(), much, bent),
+        (puppet(), little, starts(7)),
+        (puppet(), much, starts(2)),
+    ]
+    side_by_side = Lanes(2)
+    for model, observation, poses in requests:
+        together = side_by_side.refine(model, observation, poses, DEFAULT)
+        assert as_bytes(together) == as_bytes(refine(model, observation, poses, DEFAULT))
+
+
+def test_what_is_prepared_ahead_changes_nothing() -> None:
+    """For the settings of the request to come, or for others: the same bytes as without."""
+    side_by_side = Lanes(2)
+    for prepared in (DEFAULT, msgspec.structs.replace(DEFAULT, noise_depth=10.0 * DEFAULT.noise_depth)):
+        observation = observe(subject())
+        side_by_side.prepare(observation, prepared)
+        together = side_by_side.refine(puppet(), observation, starts(5), DEFAULT)
+        assert as_bytes(together) == as_bytes(refine(puppet(), observe(subject()), starts(5), DEFAULT))
 
 
 @pytest.mark.parametrize("faulty", [0, 1, 2])
-def test_a_fault_is_raised_when_all_have_returned(faulty: int) -> None:
-    """What a lane raises comes out, the others stop, and the next request is served."""
-    stopped = threading.Event()
+def test_what_a_lane_raises_comes_out_and_the_next_request_is_served(
+    faulty: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other lanes have returned by then."""
+    lanes, observation, own = Lanes(3), observe(subject()), Lanes._work_on
+    returned: list[int] = []
 
-    def work(lane: int) -> None:
+    def fail(self: Lanes, job: Job, lane: int) -> None:
         if lane == faulty:
             raise ZeroDivisionError
-        assert stopped.wait(60.0)
+        own(self, job, lane)
+        returned.append(lane)
 
-    with Lanes(3) as lanes:
+    with monkeypatch.context() as patch:
+        patch.setattr(Lanes, "_work_on", fail)
         with pytest.raises(ZeroDivisionError):
-            lanes.run(work, 3, stopped.set)
-        seen: list[int] = []
-        lanes.run(seen.append, 3, never)
-    assert sorted(seen) == [0, 1, 2]
+            lanes.refine(puppet(), observation, starts(40), DEFAULT)
+    assert sorted([*returned, faulty]) == [0, 1, 2]
+    together = lanes.refine(puppet(), observation, starts(5), DEFAULT)
+    assert as_bytes(together) == as_bytes(refine(puppet(), observation, starts(5), DEFAULT))
 
 
 def test_a_shared_counter_gives_each_number_once() -> None:
     """Threads that take from one counter at the same time never take the same number."""
     counter, taken = np.zeros(1, dtype=np.int64), np.zeros((4, 2_000_000), dtype=np.int8)
     take_all(counter.copy(), taken[0][:0])
-
-    with Lanes(4) as lanes:
-        lanes.run(lambda lane: take_all(counter, taken[lane]), 4, never)
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(lambda lane: take_all(counter, taken[lane]), range(4)))
     assert np.array_equal(taken.sum(axis=0), np.ones(taken.shape[1]))
 
 

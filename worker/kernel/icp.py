@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.bounds import LARGEST_POSE, check_work
+from common.bounds import LARGEST, check_work
 from common.compiling import numba
 from common.kinematics.manifold import clamp_to_limits
 from common.refinement import Refined, triangle_size
@@ -76,7 +76,7 @@ def refine_next(  # noqa: PLR0913 compiled code takes arrays
 @numba.njit(cache=True, nogil=True)
 def is_valid(pose: Array) -> bool:
     """Whether all values of pose (D,) are numbers that may travel; of others no index could be computed."""
-    return bool(np.all(np.abs(pose) <= LARGEST_POSE))
+    return bool(np.all(np.abs(pose) <= LARGEST))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -191,7 +191,7 @@ def make_job(
     covariance: bool = False,
 ) -> Job:
     """Pack the particles of a request; arguments and errors as of `refine`."""
-    check_work(settings, poses.shape, observation.count, len(model.vertices))
+    check_work(settings, len(poses), observation.count, len(model.vertices))
     count, dofs = poses.shape
     before = np.array(poses, dtype=np.float64, order="C")  # kernels are compiled for one layout
     return Job(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from common.bounds import GAUSS_NEWTON_ITERATIONS
 from common.settings import Descent, RefineSettings
 
 OUTLIER_DISTANCE = 0.1  # metres: residuals beyond it lose influence
@@ -24,7 +23,7 @@ class Steps(NamedTuple):
 
 
 STEPS: dict[Descent, Steps] = {
-    "plain": Steps(GAUSS_NEWTON_ITERATIONS, 0.0, 1, 0.0),
+    "plain": Steps(5, 0.0, 1, 0.0),
     "accelerated": Steps(2, 1.0, 3, DAMPING_SHARE),
 }
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from worker.cli import load_kernel
-from worker.lanes import Lanes, SideBySide
+from worker.lanes import Lanes
 from worker.service import Kernel
 
 KERNEL = load_kernel()
 
 
-def kernel_on(lanes: int) -> Kernel[Any]:
+def kernel_on(lanes: int) -> Kernel:
     """The kernel on lanes of this process: threads of a process do not live on in those forked from it."""
-    return Kernel(KERNEL.observe, SideBySide(Lanes(lanes)).refine, lanes)
+    return Kernel(KERNEL.observe, Lanes(lanes).refine, lanes)

@@ -11,9 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from common.kernel_cache import VARIABLE
-
 INSTANT = (sys.executable, "-m", "tests.support.processes.instant_worker")
+CACHE = "NUMBA_CACHE_DIR"
 WORKER = (sys.executable, "-m", "worker.cli")
 
 
@@ -48,7 +47,7 @@ def started(*arguments: str, command: tuple[str, ...] = WORKER) -> Iterator[subp
 
 def fresh_python(root: Path, code: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Code run with the packages in a folder, which keep compiled kernels where they do by themselves."""
-    clean = {name: value for name, value in os.environ.items() if name != VARIABLE}
+    clean = {name: value for name, value in os.environ.items() if name != CACHE}
     return subprocess.run(
         [sys.executable, "-c", code],
         cwd=root,

@@ -47,7 +47,7 @@ def as_bytes(refined: Refined) -> bytes:
 
 @contextmanager
 def serving(
-    endpoint: str, name: str, kernel: Kernel[Any] = KERNEL, through: Callable[[Bus], Any] = lambda bus: bus
+    endpoint: str, name: str, kernel: Kernel = KERNEL, through: Callable[[Bus], Any] = lambda bus: bus
 ) -> Iterator[None]:
     """A worker in a thread, which reaches the bus `through` something."""
     with open_worker([endpoint]) as bus, running(Service(through(bus), name, kernel)):
@@ -55,7 +55,7 @@ def serving(
 
 
 @contextmanager
-def running(service: Service[Any], seconds: float = 60.0) -> Iterator[Service[Any]]:
+def running(service: Service, seconds: float = 60.0) -> Iterator[Service]:
     """A service in a thread, which must end within the time when it is stopped."""
     thread = threading.Thread(target=service.run)
     thread.start()

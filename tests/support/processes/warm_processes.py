@@ -48,10 +48,10 @@ def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
 def work(endpoints: tuple[str, ...], name: str, lanes: int = 1) -> None:
     """`gepf-worker`."""
     from tests.support.kernel.warm_kernel import kernel_on
-    from worker.cli import Identity, exit_with, serve
-    from worker.connection import Destination
+    from worker.cli import exit_with, serve
+    from worker.connection import Identity
 
-    exit_with(lambda: serve(Identity(name, Destination(endpoints)), lambda: kernel_on(lanes)))
+    exit_with(lambda: serve(Identity(name, endpoints), lambda: kernel_on(lanes)))
 
 
 def work_instantly(*arguments: str) -> None:

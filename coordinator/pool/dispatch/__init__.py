@@ -1,1 +1,0 @@
-"""Who refines what: events in, instructions out; pure."""

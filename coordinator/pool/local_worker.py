@@ -1,0 +1,128 @@
+"""A worker of our own: a process that is started, started again when it dies, and ended with us."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from common.errors import BusError
+from common.transport.endpoints import LOCAL
+from common.transport.opening import open_router
+from coordinator.pool.options import Pool
+
+THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+FRUITLESS_STARTS = 3  # in a row, none of them serving, until we give up
+GRACE_S = 2.0  # for a process to end by itself
+ABSENCE_S = 10.0  # for which a worker that has served may be away
+LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
+
+
+class LocalWorker:
+    """The worker process of a pool, if that has lanes of its own; it connects to us at `endpoint`.
+
+    It ends when its standard input does, and so when we die.
+    """
+
+    def __init__(self, pool: Pool, name: str, endpoint: str, folder: Path) -> None:
+        self.name = name
+        self.restarted = 0
+        self._command = [*pool.worker_command, "--lanes", str(pool.lanes), "--connect", endpoint, "--tied"]
+        self._log = folder / f"{name}.log"  # its standard error, which would garble ours
+        self._fruitless = 0
+        self._served = False  # since it was started
+        self._away_since: float | None = None  # after that
+        self.process = self._start() if pool.lanes else None
+
+    def look_after(self, now: float, *, present: bool | None = None) -> str | None:
+        """Start it again if it has died; gives a line for people then. BusError if that has become pointless.
+
+        One that has served and is away for long, as one that is frozen, is killed.
+
+        Args:
+            now: Seconds from any origin.
+            present: Whether it is on the bus; None where that is not known.
+        """
+        if self.process is None:
+            return None
+        if present:
+            self._served, self._fruitless = True, 0
+        if present is not False or not self._served:
+            self._away_since = None
+        elif self._away_since is None:
+            self._away_since = now
+        elif now > self._away_since + ABSENCE_S:
+            self.process.kill()
+        return None if self.process.poll() is None else self._restart(self.process)
+
+    def stop(self) -> None:
+        """End it; if it does not end in time it is killed."""
+        if self.process is not None:
+            self.process.send_signal(signal.SIGTERM)
+            end(self.process)
+
+    def _restart(self, ended: subprocess.Popen[bytes]) -> str:
+        how = describe_end(ended.returncode)
+        self._fruitless += not self._served
+        if self._fruitless >= FRUITLESS_STARTS:
+            lines = self._log.read_text(errors="replace").split("\n")
+            last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+            raise BusError(f"local workers do not start; the last {how}: {last}")
+        end(ended)
+        self.process, self._served = self._start(), False
+        self.restarted += 1
+        return f"worker {self.name} {how}; starting it again"
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        with self._log.open("wb") as stderr:
+            return subprocess.Popen(
+                [*self._command, "--name", self.name],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                env={**os.environ, **dict.fromkeys(THREADS, "1")},
+                start_new_session=True,  # an interrupt from the keyboard is for us; we end it
+            )
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Wait for a process to end; kill it if it does not."""
+    if process.stdin is not None:
+        process.stdin.close()
+    try:
+        process.wait(GRACE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def describe_end(code: int) -> str:
+    """How a process ended, in words."""
+    return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+
+
+def private_folder() -> tempfile.TemporaryDirectory[str]:
+    """A folder of our own whose path is short enough for the socket at which we meet."""
+    usual = len(tempfile.gettempdir()) <= LONGEST_FOLDER
+    return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")
+
+
+@contextmanager
+def shared_pool(pool: Pool) -> Iterator[tuple[str, LocalWorker]]:
+    """One pool for several runs at once: a router within this process, and the local worker behind it.
+
+    Others may join as `pool` says. Gives the endpoint at which runs reach it, and the local worker.
+    """
+    with private_folder() as name:
+        folder = Path(name)
+        local = f"{LOCAL}/{folder / 'bus'}"
+        with open_router([local, *pool.listen_endpoints], pool.connect_endpoints, pool.security):
+            worker = LocalWorker(pool, "shared-0", local, folder)
+            try:
+                yield local, worker
+            finally:
+                worker.stop()

@@ -1,0 +1,192 @@
+"""Who refines what: what happens goes in, the requests to send come out; no clock, no socket.
+
+The particles are split into one batch for each worker, larger ones for those with more lanes; with a
+deadline, where what is refined in time counts, into several. A batch whose request ends without a result
+is sent to another worker. When nothing waits, a request that takes long is sent again, once, to an idle
+worker. The first result of a batch counts, later ones are ignored. A worker that gives neither a result nor
+a refusal rests; a batch that every worker refuses fails the refinement.
+
+A request stays in flight until it is answered or over, even when its refinement is done: a worker that is
+still busy with it cannot do other work.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
+from typing import Literal
+
+from common.bounds import MAX_PARTICLES
+from common.errors import ProtocolError, SilentWorkers
+
+MAX_IN_FLIGHT = 2  # requests at one worker: it finds the next one there when it is done with one
+DEADLINE_BATCH = 10  # particles for each lane, where there is a deadline
+TICK_S = 0.1  # between looks at the clock; nothing is late sooner
+LATE_FACTOR = 3.0  # times what particles took last, after which a request is late
+REST_S = 0.5  # of a worker that gave no result: it may just have gone, or come
+REQUEST_TIMEOUT_S = 30.0  # only a worker that lives and hangs takes so long
+
+Outcome = Literal["refined", "refused", "unavailable", "nothing"]
+"""How a request ended; unavailable: the worker lacks its frame or model; nothing: without an answer."""
+
+
+@dataclass(slots=True, eq=False)
+class Batch:
+    """Particles start..stop-1."""
+
+    start: int
+    stop: int
+    done: bool = False
+    sent: int = 0
+    in_flight: int = 0
+    refusals: dict[str, str] = field(default_factory=dict)  # reasons by worker
+
+
+@dataclass(slots=True, eq=False)
+class Worker:
+    """A worker that is there."""
+
+    name: str
+    lanes: int  # particles that it refines at once
+    in_flight: int = 0
+    rests_until: float = -math.inf
+
+
+@dataclass(slots=True, eq=False)
+class Request:
+    """A batch that was sent to a worker."""
+
+    ticket: int
+    worker: Worker
+    batch: Batch
+    sent_at: float
+
+    @property
+    def load(self) -> int:
+        """Particles for each lane of the worker."""
+        return math.ceil((self.batch.stop - self.batch.start) / self.worker.lanes)
+
+
+@dataclass(slots=True)
+class Scheduler:
+    """The state between two events. Times are in seconds from any origin."""
+
+    workers: dict[str, Worker] = field(default_factory=dict)
+    in_flight: dict[int, Request] = field(default_factory=dict)  # by ticket, the oldest first
+    batches: list[Batch] = field(default_factory=list)  # none when nothing is to be refined
+    sent: int = 0
+    sent_again: int = 0
+    refused: int = 0
+    pace: float = math.inf  # seconds for a particle of each lane, in the last request with a result
+    answered_at: float = -math.inf  # by any worker
+
+    def start(self, particles: int, now: float, *, by_deadline: bool = False) -> list[Request]:
+        """Refine so many particles; what is left of the refinement before is given up."""
+        workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, w.in_flight))
+        lanes = [worker.lanes for worker in workers] or [1]
+        share = particles / sum(lanes)  # for each lane
+        rounds = max(max(lanes) * share / MAX_PARTICLES, by_deadline * share / DEADLINE_BATCH)
+        ranges = split(particles, lanes * max(1, math.ceil(rounds)))
+        self.batches = [Batch(start, stop) for start, stop in ranges]
+        return self.look(now)
+
+    def join(self, name: str, lanes: int, now: float) -> list[Request]:
+        """A worker is there, with so many lanes."""
+        self.workers.setdefault(name, Worker(name, lanes)).lanes = lanes
+        return self.look(now)
+
+    def leave(self, name: str, now: float) -> list[Request]:
+        """A worker is gone, and what it was working on with it."""
+        for request in [each for each in self.in_flight.values() if each.worker.name == name]:
+            self._land(request)
+        self.workers.pop(name, None)
+        return self.look(now)
+
+    def end(self, ticket: int, outcome: Outcome, now: float, reason: str = "") -> list[Request]:
+        """A request is over.
+
+        Raises ProtocolError if all workers have refused its batch, SilentWorkers if it has met the timeout
+        and no worker has answered anything since it was sent.
+        """
+        self.answered_at = self.answered_at if outcome == "nothing" else now
+        request, is_wanted = self.in_flight.get(ticket), self.wanted(ticket) is not None
+        if request is None:
+            return []
+        self._land(request)
+        batch, worker = request.batch, request.worker
+        if outcome == "refined":
+            self.pace = (now - request.sent_at) / request.load
+            batch.done |= is_wanted
+            if all(each.done for each in self.batches):
+                self.batches = []
+        elif outcome == "refused":
+            self.refused += 1
+            batch.refusals[worker.name] = reason
+            if is_wanted and batch.refusals.keys() >= self.workers.keys():
+                self.batches = []
+                raise ProtocolError("; ".join(dict.fromkeys(batch.refusals.values())))
+        else:
+            worker.rests_until = now + REST_S
+            if now >= request.sent_at + REQUEST_TIMEOUT_S and self.answered_at <= request.sent_at:
+                raise SilentWorkers(worker.name)
+        return self.look(now)
+
+    def look(self, now: float) -> list[Request]:
+        """Send what waits to workers with room, the least busy first; if nothing waits, what is late."""
+        waiting = [batch for batch in self.batches if not (batch.done or batch.in_flight)]
+        sends: list[Request] = []
+        for batch in waiting:
+            by_all = batch.refusals.keys() >= self.workers.keys()
+            free = [w for w in self._awake(now) if by_all or w.name not in batch.refusals]
+            if free:
+                sends.append(self._send(batch, min(free, key=lambda w: w.in_flight), now))
+        return sends or ([] if waiting else self._send_late_again(now))
+
+    def wanted(self, ticket: int) -> Batch | None:
+        """The batch of a ticket, if a result would be of use."""
+        request = self.in_flight.get(ticket)
+        is_wanted = request is not None and not request.batch.done and request.batch in self.batches
+        return request.batch if request is not None and is_wanted else None
+
+    def _awake(self, now: float) -> list[Worker]:
+        """Workers that do not rest and have room for a request."""
+        return [w for w in self.workers.values() if w.rests_until <= now and w.in_flight < MAX_IN_FLIGHT]
+
+    def _send_late_again(self, now: float) -> list[Request]:
+        sends: list[Request] = []
+        late = [request for request in self.in_flight.values() if self._is_late(request, now)]
+        for idle in [worker for worker in self._awake(now) if not worker.in_flight]:
+            batch = next(
+                (r.batch for r in late if r.batch.in_flight == 1 and idle.name not in r.batch.refusals), None
+            )
+            if batch is not None:
+                sends.append(self._send(batch, idle, now))
+        return sends
+
+    def _is_late(self, request: Request, now: float) -> bool:
+        usual = LATE_FACTOR * self.pace * request.load
+        return self.wanted(request.ticket) is not None and now >= request.sent_at + max(TICK_S, usual)
+
+    def _send(self, batch: Batch, worker: Worker, now: float) -> Request:
+        request = self.in_flight[self.sent] = Request(self.sent, worker, batch, now)
+        self.sent += 1
+        self.sent_again += batch.sent > 0
+        for each in (batch, worker):
+            each.in_flight += 1
+        batch.sent += 1
+        return request
+
+    def _land(self, request: Request) -> None:
+        """Take a request out of flight."""
+        del self.in_flight[request.ticket]
+        for each in (request.batch, request.worker):
+            each.in_flight -= 1
+
+
+def split(particles: int, lanes: Sequence[int]) -> list[tuple[int, int]]:
+    """Consecutive ranges (start, stop) as large as the numbers of lanes of the workers; none is empty."""
+    total = sum(lanes)
+    ends = [math.ceil(particles * share / total) for share in accumulate(lanes, initial=0)]
+    return [(start, stop) for start, stop in pairwise(ends) if start < stop]
