@@ -86,15 +86,13 @@ def test_certificate_of_another_host_is_refused(ours: Folder) -> None:
     assert "connect by a host name that it holds" in line
 
 
-def test_tls_towards_plain_tcp_is_reported(ours: Folder) -> None:
-    """A worker with a certificate whose coordinator listens without encryption reports that."""
+def test_who_speaks_no_tls_refuses_nobody(ours: Folder) -> None:
+    """Neither a listener without encryption, with which a worker may only have to wait, nor nobody at all."""
     port = free_port()
     with open_coordinator([f"tcp/127.0.0.1:{port}"]):
-        line = why_refused(f"tls/127.0.0.1:{port}", ours.of("w0"))
-        assert line is not None
-        assert "is not encrypted on the other side" in line
+        assert why_refused(f"tls/127.0.0.1:{port}", ours.of("w0")) is None
         assert why_refused(f"tcp/127.0.0.1:{port}", None) is None
-    assert why_refused(f"tls/127.0.0.1:{port}", ours.of("w0")) is None  # without an other side: no refusal
+    assert why_refused(f"tls/127.0.0.1:{port}", ours.of("w0")) is None
 
 
 def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreign: Folder) -> None:
