@@ -14,6 +14,8 @@ setup: $(STAMP) ## virtual environment in .venv with gepf, gepf-worker and the t
 
 $(STAMP): pyproject.toml constraints.txt .ci/setup
 	@.ci/setup .venv
+	@# pip compiles nothing: what is imported here starts in half the time from now on
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -c 'import open3d, coordinator.commands.demo, worker.service'
 	@touch $@
 
 demo: setup ## people who move fast, tracked with one particle and with many; table and pictures in demo/
