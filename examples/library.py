@@ -17,9 +17,8 @@ def main(path: str, frames: int | None = None) -> None:
     with Tracker(workers=None, start=source.init) as tracker:  # workers=2 for two processes
         for frame in islice(source, frames):
             estimate = tracker.track(frame)
-            wrist = tracker.model.joint_names.index("right_wrist")
-            x, y, z = estimate.joint_positions[wrist]
-            give = tracker.joint_deviation(estimate)[wrist]
+            x, y, z = estimate.joint("right_wrist")
+            give = estimate.joint_deviation("right_wrist")
             print(
                 f"frame {estimate.frame}, {estimate.status}: right wrist at {x:.2f} {y:.2f} {z:.2f} m, "
                 f"give or take {give:.2f} m; {len(estimate.hypothesis_weight)} hypotheses"

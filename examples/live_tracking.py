@@ -19,7 +19,7 @@ def main(key: str, endpoint: str, start: str | None = None) -> None:
             x, y, z = estimate.joint("right_wrist")
             known = f": {x:.2f} {y:.2f} {z:.2f} m" if estimate.status in ("tracked", "ambiguous") else ""
             print(f"frame {estimate.frame} {estimate.status}{known}", flush=True)
-    print(f"{camera.skipped} of {camera.received} frames were skipped")
+    print(f"{camera.counts['skipped']} of {camera.counts['received']} frames were skipped")
 
 
 if __name__ == "__main__":

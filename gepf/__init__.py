@@ -38,29 +38,23 @@ if TYPE_CHECKING:
     from gepf.tracker import PeopleTracker as PeopleTracker
     from gepf.tracker import Tracker as Tracker
 
-_HOMES = {
-    "ArraySource": "coordinator.sources",
-    "BodyModel": "common.body",
-    "DepthFrame": "common.frame",
-    "Estimate": "gepf.named",
-    "GepfError": "common.errors",
-    "InputError": "common.errors",
-    "Intrinsics": "common.camera",
-    "LiveSource": "gepf.live_source",
-    "Measures": "coordinator.bodies.human.measures",
-    "PeopleTracker": "gepf.tracker",
-    "Pool": "coordinator.pool.options",
-    "Run": "gepf.run",
-    "Settings": "common.settings",
-    "Source": "coordinator.sources",
-    "TlsFiles": "coordinator.security.access",
-    "Tracker": "gepf.tracker",
-    "live": "gepf.live_source",
-    "load": "gepf.run",
-    "open_source": "coordinator.sources",
-    "preset": "common.settings",
-    "settings_for": "coordinator.filters.methods",
+_PUBLIC = {
+    "common.body": ("BodyModel",),
+    "common.camera": ("Intrinsics",),
+    "common.errors": ("GepfError", "InputError"),
+    "common.frame": ("DepthFrame",),
+    "common.settings": ("Settings", "preset"),
+    "coordinator.bodies.human.measures": ("Measures",),
+    "coordinator.filters.methods": ("settings_for",),
+    "coordinator.pool.options": ("Pool",),
+    "coordinator.security.access": ("TlsFiles",),
+    "coordinator.sources": ("ArraySource", "Source", "open_source"),
+    "gepf.live_source": ("LiveSource", "live"),
+    "gepf.named": ("Estimate",),
+    "gepf.run": ("Run", "load"),
+    "gepf.tracker": ("PeopleTracker", "Tracker"),
 }
+_HOMES = {name: module for module, names in _PUBLIC.items() for name in names}
 """Public name -> the module that it is in, which is loaded when the name is first used."""
 
 __all__ = list(_HOMES)

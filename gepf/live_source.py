@@ -19,20 +19,22 @@ from gepf.refiners import said_in_python, secure
 log = logging.getLogger("gepf")
 
 
-class LiveSource(Closing):
+class LiveSource(LiveFrames, Closing):
     """The newest depth image whenever one is asked for, from a key on which others publish.
 
-    An iteration hears what is published from when it begins, and lasts until the publisher says that the
-    stream is over, it was silent for too long, or `close`; left early, it hears no more, and another one may
-    go on. Images that come while one is tracked are superseded by the next, and counted. `live` makes one.
+    An iteration receives what is published from when it begins, and lasts until the publisher says that the
+    stream is over, it was silent for too long, or `close`; left early, it receives no more, and another one
+    may follow. `counts` says how many images came, and how many of them were skipped for a newer one,
+    or rejected as they did not belong to the stream. `stream` changes before the first image of another
+    stream, with which tracking has to start anew. `live` makes one.
 
     A context manager, for iterations that are neither finished nor left by a `for`.
     """
 
     def __init__(self, key: str, reached: Pool, idle: float | None) -> None:
-        self._key, self._reached = key, reached
-        self._frames = LiveFrames(key, log.info, idle=idle)
-        self._session: Bus | None = None  # of an iteration that goes on
+        super().__init__(key, log.info, idle=idle)
+        self._reached = reached
+        self._session: Bus | None = None  # of the present iteration
 
     def __iter__(self) -> Iterator[DepthFrame]:
         reached = self._reached
@@ -40,40 +42,15 @@ class LiveSource(Closing):
             opened = open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
         with opened as bus:
             self._session = bus
-            bus.subscribe(self._key, lambda _, payload: self._frames.receive(payload))
+            bus.subscribe(self._key, lambda _, payload: self.receive(payload))
             log.info("listening on %s", self._key)
-            yield from from_first_seen(iter(self._frames), log.info)
+            yield from from_first_seen(super().__iter__(), log.info)
 
     def close(self) -> None:
-        """Hear no more, and end the iteration after the image that waits, if any; on any thread."""
-        self._frames.end()
+        """Receive no more, and end the iteration after the image that waits, if any; on any thread."""
+        self.end()
         if self._session is not None:
             self._session.close()
-
-    @property
-    def received(self) -> int:
-        """How many depth images came so far."""
-        return self._frames.counts["received"]
-
-    @property
-    def skipped(self) -> int:
-        """How many of them were superseded by a newer one before they could be tracked."""
-        return self._frames.counts["skipped"]
-
-    @property
-    def rejected(self) -> int:
-        """How many of them were of another camera, or of the past, and were left out."""
-        return self._frames.counts["rejected"]
-
-    @property
-    def stream(self) -> int:
-        """Changes before the first image of another stream; tracking has to start anew with it."""
-        return self._frames.stream
-
-    @property
-    def malformed(self) -> int:
-        """How many messages came besides that make no sense."""
-        return self._frames.counts["malformed"]
 
 
 def live(

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from common.body import TRANSLATION, BodyModel
 from common.errors import InputError
-from coordinator.bodies.angles import Angles, angles_of
+from coordinator.bodies.angles import angles_of
 from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
+from coordinator.tracking.state import Start
 
 Array = NDArray[np.float64]
 
@@ -36,26 +37,28 @@ class Estimate(estimate.Estimate):
     @property
     def angle_names(self) -> tuple[str, ...]:
         """What `angle` knows, besides the degrees of freedom by their MPEG-4 names."""
-        return self._angles.names
+        return angles_of(self.model, self.held).names
 
     def joint(self, name: str) -> Array:
-        """A joint's place (3,), camera frame, metres; InputError names the joints that there are."""
+        """A joint's position (3,), camera frame, metres; InputError names the joints that there are."""
         at: Array = self.joint_positions[index_of(name, self.joint_names, "joint")]
         return at
 
     def joint_deviation(self, name: str) -> float:
         """How far a joint may be off, one standard deviation, metres; NaN where it is lost."""
-        return float(certainty_of(self.model, self).deviation[index_of(name, self.joint_names, "joint")])
+        return self._of_joint("deviation", name)
 
     def joint_off_probability(self, name: str) -> float:
-        """How probably a joint is more than 15 cm off; NaN where it is lost."""
-        return float(
-            certainty_of(self.model, self).off_probability[index_of(name, self.joint_names, "joint")]
-        )
+        """The probability that a joint is more than 15 cm off; NaN where it is lost."""
+        return self._of_joint("off_probability", name)
 
     def joint_seen(self, name: str) -> float:
         """The share, 0 to 1, of the surface around a joint that the frame shows; NaN where it is lost."""
-        return float(certainty_of(self.model, self).seen[index_of(name, self.joint_names, "joint")])
+        return self._of_joint("seen", name)
+
+    def _of_joint(self, what: str, name: str) -> float:
+        at = index_of(name, self.joint_names, "joint")
+        return float(getattr(certainty_of(self.model, self), what)[at])
 
     def angle(self, name: str, *, degrees: bool = False) -> float:
         """An angle, radians unless `degrees`: the value nearest to zero, as one frame knows no others.
@@ -69,18 +72,15 @@ class Estimate(estimate.Estimate):
             value = self.pose[at]
         else:
             known = tuple(dict.fromkeys((*self.angle_names, *self.model.dof_names)))
-            value = self._angles.measure(self.pose[None])[0, index_of(name, known, "angle")]
+            angles = angles_of(self.model, self.held)
+            value = angles.measure(self.pose[None])[0, index_of(name, known, "angle")]
         return float(np.degrees(value) if degrees else value)
 
-    @property
-    def _angles(self) -> Angles:
-        return angles_of(self.model, self.held)
 
-
-def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float]) -> Estimate:
+def named(plain: estimate.Estimate, start: Start) -> Estimate:
     """An estimate with its body."""
     values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
-    return Estimate(**values, model=model, held=held)
+    return Estimate(**values, model=start.model, held=start.held)
 
 
 def refuse_degrees(name: str) -> InputError:

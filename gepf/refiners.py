@@ -6,7 +6,7 @@ Faults of endpoints and certificates are named by the library's arguments, not b
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
@@ -32,27 +32,19 @@ IN_PYTHON = {
 
 
 def open_refiner(workers: Workers | None, tls: TlsFiles | None, stack: ExitStack) -> Refiner:
-    """Who refines, until the stack is closed."""
+    """Who refines, until the stack is closed; InputError for a pool that nobody could join."""
     if workers is None:
         return DirectRefiner()
-    with said_in_python():
-        return stack.enter_context(ZenohRefiner(choose_workers(workers, tls), log.info))
-
-
-def choose_workers(workers: Workers, tls: TlsFiles | None = None) -> Pool:
-    """A pool from its short forms, with certificates; InputError for one that nobody could join."""
-    match workers:
-        case Pool() if tls is None:
-            return workers
-        case Pool():
-            return replace(workers, security=secure(workers.listen, workers.connect, tls))
-        case str():
-            with said_in_python({"connect=": "workers="}):
-                return Pool(0, connect=workers, security=secure(None, workers, tls))
-        case _ if workers < 1:
+    if isinstance(workers, int):
+        if workers < 1:
             raise InputError(f"workers={workers} would refine nothing; give None, 1 or more, or a Pool")
-        case _:
-            return Pool(workers)
+        pool = Pool(workers)
+    else:
+        pool = Pool(0, connect=workers) if isinstance(workers, str) else workers
+        if isinstance(workers, str) or tls is not None:
+            pool = replace(pool, security=secure(pool.listen, pool.connect, tls))
+    with said_in_python():
+        return stack.enter_context(ZenohRefiner(pool, log.info))
 
 
 def secure(
@@ -64,12 +56,12 @@ def secure(
 
 
 @contextmanager
-def said_in_python(names: Mapping[str, str] = IN_PYTHON) -> Iterator[None]:
+def said_in_python() -> Iterator[None]:
     """Have faults of the input name the library's arguments, where they name the command line's options."""
     try:
         yield
     except InputError as error:
         line = str(error)
-        for option, name in names.items():
+        for option, name in IN_PYTHON.items():
             line = line.replace(option, name)
         raise InputError(line) from error

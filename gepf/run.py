@@ -19,7 +19,6 @@ from coordinator.exports.recorded import RecordedRun, read_run
 from coordinator.results.angles import read_slides
 from coordinator.results.csv_file import write_csv
 from coordinator.results.summary import read_summary
-from coordinator.results.track import Track
 from gepf.named import index_of, refuse_degrees
 
 if TYPE_CHECKING:
@@ -30,63 +29,33 @@ Array = NDArray[np.float64]
 
 
 class Run:
-    """What `gepf track` left in a folder, or `Tracker.save` wrote."""
+    """What `gepf track` left in a folder, or `Tracker.save` wrote.
+
+    folder, summary: Where the run is, and all settings, versions and counts, as in `summary.json`.
+    track: All arrays of `track.npz`, radians and metres.
+    frame, time_s, status: Of each frame (F,): number, seconds, and how sure the tracker is.
+    joint_names: What `joint` knows.
+    angle_names: Anatomical angles of a person, joints of a robot; what `angle` knows first of all.
+    isb_angle_names: The shoulders' angles as the ISB wants them; `angle` knows these, too.
+    dof_names: Degrees of freedom of the pose, by their MPEG-4 names; `angle` knows these, too.
+    """
 
     def __init__(self, recorded: RecordedRun) -> None:
         self._recorded = recorded
+        self.folder, self.track = recorded.folder, recorded.track
+        track = self.track
+        self.frame, self.time_s, self.status = track.frame, track.time_s, track.status
+        self.joint_names, self.dof_names = track.joint_names, track.dof_names
+        self.angle_names = track.angle_names
+        self.isb_angle_names = isb_names(self.angle_names)
 
-    @property
-    def folder(self) -> Path:
-        """Where the run is."""
-        return self._recorded.folder
-
-    @property
+    @cached_property
     def summary(self) -> dict[str, Any]:
         """All settings, versions and counts, as in `summary.json`."""
         return read_summary(self.folder)
 
-    @property
-    def track(self) -> Track:
-        """All arrays of `track.npz`, radians and metres."""
-        return self._recorded.track
-
     def __len__(self) -> int:
-        return len(self.track.frame)
-
-    @property
-    def frame(self) -> NDArray[np.int64]:
-        """Frame numbers (F,)."""
-        return self.track.frame
-
-    @property
-    def time_s(self) -> Array:
-        """When each frame was taken (F,), seconds."""
-        return self.track.time_s
-
-    @property
-    def status(self) -> NDArray[np.str_]:
-        """How sure the tracker is of each frame (F,): `tracked`, `ambiguous`, `lost` and others."""
-        return self.track.status
-
-    @property
-    def angle_names(self) -> tuple[str, ...]:
-        """Anatomical angles of a person, joints of a robot; what `angle` knows first of all."""
-        return self.track.angle_names
-
-    @property
-    def isb_angle_names(self) -> tuple[str, ...]:
-        """The shoulders' angles as the ISB wants them; `angle` knows these, too."""
-        return isb_names(self.angle_names)
-
-    @property
-    def dof_names(self) -> tuple[str, ...]:
-        """Degrees of freedom of the pose, by their MPEG-4 names; `angle` knows these, too."""
-        return self.track.dof_names
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """What `joint` knows."""
-        return self.track.joint_names
+        return len(self.frame)
 
     def angle(self, name: str, *, degrees: bool = False) -> Array:
         """An angle (F,) by its plain, ISB's or MPEG-4 name, radians unless `degrees`; metres of what slides.
@@ -114,28 +83,24 @@ class Run:
 
     def angle_deviation(self, name: str, *, degrees: bool = False) -> Array:
         """How far an angle of `angle_names` may be off (F,), one standard deviation; NaN where it is lost."""
-        values: Array = self.track.angle_deviation[:, index_of(name, self.angle_names, "angle")]
-        return np.degrees(values) if degrees else values.copy()
+        values = column(self.track.angle_deviation, name, self.angle_names, "angle")
+        return np.degrees(values) if degrees else values
 
     def joint(self, name: str) -> Array:
-        """A joint's places (F, 3), camera frame, metres; InputError lists the joints that there are."""
-        at: Array = self.track.joint_positions[:, index_of(name, self.joint_names, "joint")]
-        return at.copy()
+        """A joint's positions (F, 3), camera frame, metres; InputError lists the joints that there are."""
+        return column(self.track.joint_positions, name, self.joint_names, "joint")
 
     def joint_deviation(self, name: str) -> Array:
         """How far a joint may be off (F,), one standard deviation, metres; NaN where it is lost."""
-        values: Array = self.track.joint_deviation[:, index_of(name, self.joint_names, "joint")]
-        return values.copy()
+        return column(self.track.joint_deviation, name, self.joint_names, "joint")
 
     def joint_off_probability(self, name: str) -> Array:
-        """How probably a joint is more than 15 cm off (F,); NaN where it is lost."""
-        values: Array = self.track.joint_off_probability[:, index_of(name, self.joint_names, "joint")]
-        return values.copy()
+        """The probability that a joint is more than 15 cm off (F,); NaN where it is lost."""
+        return column(self.track.joint_off_probability, name, self.joint_names, "joint")
 
     def joint_seen(self, name: str) -> Array:
         """The share (F,) of the surface around a joint that the frame shows, 0 to 1; NaN where lost."""
-        values: Array = self.track.joint_seen[:, index_of(name, self.joint_names, "joint")]
-        return values.copy()
+        return column(self.track.joint_seen, name, self.joint_names, "joint")
 
     def smooth(self, cutoff_hz: float = 6.0) -> Run:
         """The same run low-passed without delay; what is in its folder stays as it is."""
@@ -178,6 +143,11 @@ class Run:
         for name in chosen:
             index_of(name, self.angle_names, "angle")
         return plot_angles(self.track, chosen)
+
+
+def column(values: Array, name: str, names: tuple[str, ...], kind: str) -> Array:
+    """One of `names` in all frames (F, ...)."""
+    return values[:, index_of(name, names, kind)].copy()
 
 
 def load(folder: str | Path) -> Run:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from common.body import BodyModel
 from common.closing import Closing
@@ -21,7 +21,7 @@ from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import apply_method, keep_up
-from coordinator.results.log import assemble, certainty_of, floor_up
+from coordinator.results.log import assemble, floor_up
 from coordinator.results.recorder import save_run
 from coordinator.results.summary import PERSON
 from coordinator.results.track import TrackedBody
@@ -29,7 +29,6 @@ from coordinator.security.access import TlsFiles
 from coordinator.sources.arrays import whole_depth
 from coordinator.sources.camera import DEFAULT_FPS, pinhole
 from coordinator.tracking import tracker as tracking
-from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import given_start, read_start
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
@@ -65,26 +64,25 @@ class FrameLoop(Closing):
         self._stack.close()
 
     def _track(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> list[Estimate]:
-        frame = self._frame_of(depth, time_s)
-        self._frames += 1
-        return name_all(self._tracker.track(frame))
+        (estimates,) = self._follow([self._frame_of(depth, time_s)], look_ahead=False)
+        return estimates
 
-    def _follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
-        if not isinstance(frames, LiveSource):
-            for tracked in self._tracker.follow(frames):
-                self._frames += 1
-                yield name_all(tracked)
-            return
-        if self._frames == 0:  # late frames get no more time, and no frame waits for what has to be loaded
+    def _follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
+        """Track a source; each stream of live input anew, and no frame of it is read ahead."""
+        live = frames if isinstance(frames, LiveSource) else None
+        if (
+            live is not None and self._frames == 0
+        ):  # late frames get no more time, and no frame waits for loading
             self._settings = keep_up(self._settings)
             self._tracker = self._make(self._settings)
             self._tracker.prepare()
-        last = frames.stream
-        for stream, part in groupby(frames, lambda _: frames.stream):
+        last = 0 if live is None else live.stream
+        for stream, part in groupby(frames, lambda _: 0 if live is None else live.stream):
             if stream != last:
                 self._tracker, last = self._make(self._settings), stream
-            for frame in part:
-                yield self._track(frame, None)
+            for tracked in self._tracker.follow(part, look_ahead=look_ahead and live is None):
+                self._frames += 1
+                yield [named(each.estimate, each.state.start) for each in tracked]
 
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """A frame as it is, or an array (H, W) as the next frame."""
@@ -194,10 +192,6 @@ class Tracker(FrameLoop):
             raise InputError("there is nothing to save; give the estimates that `track` returned")
         return self._save(given, 0, Path(folder))
 
-    def joint_deviation(self, estimate: Estimate) -> NDArray[np.float64]:
-        """Expected distance (J,) of an estimate's joints from the true ones, metres; NaN where it is lost."""
-        return certainty_of(self.model, estimate).deviation
-
 
 class PeopleTracker(FrameLoop):
     """Follows up to so many people through depth frames; all of them are found, with their measures.
@@ -260,11 +254,6 @@ class PeopleTracker(FrameLoop):
             self._save((frame[place] for frame in given), place, folder / f"{PERSON}{place + 1}")
             for place in range(self.found)
         ]
-
-
-def name_all(tracked: Sequence[Tracked]) -> list[Estimate]:
-    """Estimates that know their bodies."""
-    return [named(each.estimate, each.state.start.model, each.state.start.held) for each in tracked]
 
 
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:

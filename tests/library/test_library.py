@@ -67,10 +67,9 @@ def test_how_far_joints_may_be_off_is_estimated() -> None:
     """Metres for each joint while tracked, NaN when the frame is lost."""
     frame = shown("standing").frames[0]
     tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX)
-    known = tracker.joint_deviation(tracker.track(frame.metres()))
-    assert known.shape == (len(tracker.model.joint_names),)
-    assert np.all((known > 0.0) & (known < 0.5))
-    assert np.isnan(tracker.joint_deviation(tracker.track(np.zeros(frame.depth.shape)))).all()
+    tracked, lost = tracker.track(frame.metres()), tracker.track(np.zeros(frame.depth.shape))
+    assert all(0.0 < tracked.joint_deviation(name) < 0.5 for name in tracked.joint_names)
+    assert np.isnan(lost.joint_deviation("head"))
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_pa
         with routing, started(*playing, *ours.options("coordinator"), command=GEPF):
             numbers = [frame.number for frame in live]
     assert numbers[-1] == 2
-    assert (live.received, live.malformed) == (3, 0)
+    assert (live.counts["received"], live.counts["malformed"]) == (3, 0)
 
 
 @pytest.mark.parametrize("way", ["listen", pytest.param("router", marks=pytest.mark.slow)])
@@ -68,7 +68,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours
         (lambda: gepf.live(KEY, listen=place, tls=files_of(ours, "w0")), "is for 'w0', not for"),
         (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", tls=tls), "listen=.* is not encrypted"),
         (lambda: gepf.live("camera/depth", listen=place, tls=tls), "use gepf/live/camera/depth"),
-        (lambda: gepf.Tracker(workers=place), r"^workers=.* needs a certificate; add tls=TlsFiles\("),
+        (lambda: gepf.Tracker(workers=place), r"^connect=.* needs a certificate; add tls=TlsFiles\("),
         (lambda: gepf.PeopleTracker(workers=pool, tls=tls), "^listen=.* is not encrypted"),
     ]
     for mistake, says in mistakes:
