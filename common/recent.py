@@ -1,4 +1,4 @@
-"""Values that were used last; the others are dropped."""
+"""Values that were used last; the others are dropped. What both sides keep of a run."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from typing import TypeVar
 
 K = TypeVar("K")
 V = TypeVar("V")
+
+FRAMES_KEPT = 2  # of a run: the current one and the next
+MODELS_KEPT = 16  # of a run
 
 
 def keep(values: dict[K, V], key: K, value: V, size: int) -> V:

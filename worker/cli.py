@@ -19,6 +19,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from common.bounds import MAX_PARTICLES
 from common.cores import usable_cores
 from common.errors import GepfError, InputError
 from common.protocol.keys import check_name
@@ -29,8 +30,6 @@ from worker.connection import Identity, check_admission, check_alive, connect_to
 from worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
-
-MOST_LANES = 1024
 
 Connect = Annotated[
     list[str], typer.Option(metavar="ENDPOINT", help="Where a coordinator or router listens: tls/HOST:PORT.")
@@ -114,8 +113,8 @@ def choose_identity(
 
 def choose_lanes(lanes: int | None) -> int:
     """How many particles to refine at once; by default as many as there are cores."""
-    if lanes is not None and not 1 <= lanes <= MOST_LANES:
-        raise InputError(f"--lanes {lanes} cannot work; give 1 to {MOST_LANES}, or none for all cores")
+    if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
+        raise InputError(f"--lanes {lanes} cannot work; give 1 to {MAX_PARTICLES}, or none for all cores")
     return lanes or usable_cores()
 
 

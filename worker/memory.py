@@ -17,15 +17,12 @@ from common.protocol import keys
 from common.protocol.frames import decode_frame
 from common.protocol.messages import RefineRequest
 from common.protocol.models import decode_model
-from common.recent import keep
+from common.recent import FRAMES_KEPT, MODELS_KEPT, keep
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 
 RUNS_KEPT = 16
-FRAMES_KEPT = 2  # of a run: the current one and the next
-MODELS_KEPT = 64
 FRAME_DELAY_S = 0.2  # by which a published frame may come after the first request for it
-FETCH_TIMEOUT_S = 2.0
 
 
 @dataclass(slots=True, eq=False)
@@ -111,7 +108,7 @@ class Memory:
             model = decode_model(self._fetch(keys.of_run(request.run, f"model/{wanted}"), name))
             if model.hash != wanted:
                 raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
-        keep(self._models, wanted, model, MODELS_KEPT)
+        keep(self._models, wanted, model, RUNS_KEPT * MODELS_KEPT)
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
@@ -122,7 +119,7 @@ class Memory:
         return keep(self._runs, run, self._runs.get(run) or RunMemory(), RUNS_KEPT)
 
     def _fetch(self, key: str, name: str) -> bytes:
-        payload = self._bus.fetch(key, FETCH_TIMEOUT_S)
+        payload = self._bus.fetch(key)
         if payload is None:
             raise BusError(f"nobody has {name}")
         return payload

@@ -33,7 +33,6 @@ from worker.memory import Memory
 MOST_WAITING = 64  # requests; later ones end without an answer, and so are sent elsewhere
 LOOK_S = 0.2  # between looks for the end, where a signal has not interrupted the wait for a request
 SILENCE_S = 10.0  # without a request, until the coordinator is asked whether it is there
-ANSWER_S = 2.0  # for its answer
 
 log = logging.getLogger(__name__)
 
@@ -162,7 +161,7 @@ class Service:
         self._asks_at = time.monotonic() + SILENCE_S
         with suppress(BusError):
             present = keys.of_run("*", "present")
-            return self._bus.meets_coordinator() and self._bus.fetch(present, ANSWER_S) is None
+            return self._bus.meets_coordinator() and self._bus.fetch(present) is None
         return True
 
 

@@ -35,8 +35,6 @@ from common.protocol.wire import (
 from common.refinement import Refined, triangle_size
 from common.settings import RefineSettings
 
-MAX_REASON = 1_000  # characters
-
 RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
 
 
@@ -64,7 +62,7 @@ class ReplyMessage(Message, frozen=True, tag="reply"):
 class RefusalMessage(Message, frozen=True, tag="refusal"):
     """Why a request was not served; retryable if only its frame or model was not found."""
 
-    reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
+    reason: Annotated[str, msgspec.Meta(max_length=1000)]
     retryable: bool = False
 
 
@@ -153,7 +151,7 @@ def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool =
 
 def encode_refusal(reason: str, *, retryable: bool = False) -> bytes:
     """Why a request cannot be served."""
-    return encode(RefusalMessage(reason=reason[:MAX_REASON], retryable=retryable))
+    return encode(RefusalMessage(reason=reason[:1000], retryable=retryable))
 
 
 def decode_refusal(payload: bytes) -> RefusalMessage:

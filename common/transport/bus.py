@@ -15,6 +15,8 @@ from zenoh import handlers
 from common.closing import Closing
 from common.transport.channels import IncomingRequest, Publisher, RequestSender, mapped
 
+FETCH_TIMEOUT_S = 2.0
+
 
 class Bus(Closing):
     """One session. Everything that is declared on it ends with it."""
@@ -54,7 +56,7 @@ class Bus(Closing):
         with mapped(f"serving {key}"):
             self._declared.append(self._session.declare_queryable(key, answer))
 
-    def fetch(self, key: str, timeout: float) -> bytes | None:
+    def fetch(self, key: str, timeout: float = FETCH_TIMEOUT_S) -> bytes | None:
         """What is served under a key, or None if nobody answers within the timeout (seconds)."""
         with mapped(f"fetching {key}"):
             replies = self._session.get(

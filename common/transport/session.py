@@ -20,7 +20,6 @@ from common.transport.credentials import Credentials
 
 LEASE_MS = 1_000  # a peer that is silent for so long is gone
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
-WAIT_BEFORE_CLOSE_US = 1_500_000  # above the lease, or a lost worker's token stays
 SHARED_MEMORY_BYTES = (
     4 * 2**20
 )  # for frames to programs of this host: half of what other users than root may lock
@@ -46,6 +45,7 @@ def session_settings(
 ) -> dict[str, Any]:
     """Explicit endpoints only: no multicast, no gossip. Connects for ever, in the background if a peer."""
     first, longest = RETRY_MS
+    above_lease_us = 3 * LEASE_MS * 1000 // 2  # or a lost worker's token stays
     settings: dict[str, Any] = {
         "mode": mode,
         "listen": {"endpoints": list(listen)},
@@ -60,7 +60,7 @@ def session_settings(
             "link": {
                 "tx": {
                     "lease": LEASE_MS,
-                    "queue": {"congestion_control": {"block": {"wait_before_close": WAIT_BEFORE_CLOSE_US}}},
+                    "queue": {"congestion_control": {"block": {"wait_before_close": above_lease_us}}},
                 },
                 "rx": {"max_message_size": MAX_BYTES},
             },

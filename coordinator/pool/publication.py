@@ -9,11 +9,8 @@ from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.models import encode_model
-from common.recent import keep
+from common.recent import FRAMES_KEPT, MODELS_KEPT, keep
 from common.transport.bus import Bus
-
-FRAMES_KEPT = 2  # the current one and the next, for workers that missed them
-MODELS_KEPT = 16  # a start tries several sizes of a body at once
 
 
 class Publication:

@@ -39,8 +39,8 @@ class Batch:
     start: int
     stop: int
     done: bool = False
-    sent: int = 0
-    in_flight: int = 0
+    was_sent: bool = False
+    in_flight: set[int] = field(default_factory=set)  # tickets
     refusals: dict[str, str] = field(default_factory=dict)  # reasons by worker
 
 
@@ -50,7 +50,7 @@ class Worker:
 
     name: str
     lanes: int  # particles that it refines at once
-    in_flight: int = 0
+    in_flight: set[int] = field(default_factory=set)  # tickets
     rests_until: float = -math.inf
 
 
@@ -69,22 +69,20 @@ class Request:
         return math.ceil((self.batch.stop - self.batch.start) / self.worker.lanes)
 
 
-@dataclass(slots=True)
 class Scheduler:
     """The state between two events. Times are in seconds from any origin."""
 
-    workers: dict[str, Worker] = field(default_factory=dict)
-    in_flight: dict[int, Request] = field(default_factory=dict)  # by ticket, the oldest first
-    batches: list[Batch] = field(default_factory=list)  # none when nothing is to be refined
-    sent: int = 0
-    sent_again: int = 0
-    refused: int = 0
-    pace: float = math.inf  # seconds for a particle of each lane, in the last request with a result
-    answered_at: float = -math.inf  # by any worker
+    def __init__(self) -> None:
+        self.workers: dict[str, Worker] = {}
+        self.in_flight: dict[int, Request] = {}  # by ticket, the oldest first
+        self.batches: list[Batch] = []  # none when nothing is to be refined
+        self.sent = self.sent_again = self.refused = 0  # requests
+        self._pace = math.inf  # seconds for a particle of each lane, in the last request with a result
+        self._answered_at = -math.inf  # by any worker
 
     def start(self, particles: int, now: float, *, by_deadline: bool = False) -> list[Request]:
         """Refine so many particles; what is left of the refinement before is given up."""
-        workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, w.in_flight))
+        workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
         lanes = [worker.lanes for worker in workers] or [1]
         share = particles / sum(lanes)  # for each lane
         rounds = max(max(lanes) * share / MAX_PARTICLES, by_deadline * share / DEADLINE_BATCH)
@@ -99,9 +97,9 @@ class Scheduler:
 
     def leave(self, name: str, now: float) -> list[Request]:
         """A worker is gone, and what it was working on with it."""
-        for request in [each for each in self.in_flight.values() if each.worker.name == name]:
-            self._land(request)
-        self.workers.pop(name, None)
+        worker = self.workers.pop(name, None)
+        for ticket in [] if worker is None else list(worker.in_flight):
+            self._land(self.in_flight[ticket])
         return self.look(now)
 
     def end(self, ticket: int, outcome: Outcome, now: float, reason: str = "") -> list[Request]:
@@ -110,14 +108,14 @@ class Scheduler:
         Raises ProtocolError if all workers have refused its batch, SilentWorkers if it has met the timeout
         and no worker has answered anything since it was sent.
         """
-        self.answered_at = self.answered_at if outcome == "nothing" else now
+        self._answered_at = self._answered_at if outcome == "nothing" else now
         request, is_wanted = self.in_flight.get(ticket), self.wanted(ticket) is not None
         if request is None:
             return []
         self._land(request)
         batch, worker = request.batch, request.worker
         if outcome == "refined":
-            self.pace = (now - request.sent_at) / request.load
+            self._pace = (now - request.sent_at) / request.load
             batch.done |= is_wanted
             if all(each.done for each in self.batches):
                 self.batches = []
@@ -129,7 +127,7 @@ class Scheduler:
                 raise ProtocolError("; ".join(dict.fromkeys(batch.refusals.values())))
         else:
             worker.rests_until = now + REST_S
-            if now >= request.sent_at + REQUEST_TIMEOUT_S and self.answered_at <= request.sent_at:
+            if now >= request.sent_at + REQUEST_TIMEOUT_S and self._answered_at <= request.sent_at:
                 raise SilentWorkers(worker.name)
         return self.look(now)
 
@@ -141,7 +139,7 @@ class Scheduler:
             by_all = batch.refusals.keys() >= self.workers.keys()
             free = [w for w in self._awake(now) if by_all or w.name not in batch.refusals]
             if free:
-                sends.append(self._send(batch, min(free, key=lambda w: w.in_flight), now))
+                sends.append(self._send(batch, min(free, key=lambda w: len(w.in_flight)), now))
         return sends or ([] if waiting else self._send_late_again(now))
 
     def wanted(self, ticket: int) -> Batch | None:
@@ -152,37 +150,36 @@ class Scheduler:
 
     def _awake(self, now: float) -> list[Worker]:
         """Workers that do not rest and have room for a request."""
-        return [w for w in self.workers.values() if w.rests_until <= now and w.in_flight < MAX_IN_FLIGHT]
+        return [w for w in self.workers.values() if w.rests_until <= now and len(w.in_flight) < MAX_IN_FLIGHT]
 
     def _send_late_again(self, now: float) -> list[Request]:
+        late = [request.batch for request in self.in_flight.values() if self._is_late(request, now)]
         sends: list[Request] = []
-        late = [request for request in self.in_flight.values() if self._is_late(request, now)]
         for idle in [worker for worker in self._awake(now) if not worker.in_flight]:
-            batch = next(
-                (r.batch for r in late if r.batch.in_flight == 1 and idle.name not in r.batch.refusals), None
-            )
+            again = (batch for batch in late if len(batch.in_flight) == 1 and idle.name not in batch.refusals)
+            batch = next(again, None)
             if batch is not None:
                 sends.append(self._send(batch, idle, now))
         return sends
 
     def _is_late(self, request: Request, now: float) -> bool:
-        usual = LATE_FACTOR * self.pace * request.load
+        usual = LATE_FACTOR * self._pace * request.load
         return self.wanted(request.ticket) is not None and now >= request.sent_at + max(TICK_S, usual)
 
     def _send(self, batch: Batch, worker: Worker, now: float) -> Request:
         request = self.in_flight[self.sent] = Request(self.sent, worker, batch, now)
         self.sent += 1
-        self.sent_again += batch.sent > 0
+        self.sent_again += batch.was_sent
+        batch.was_sent = True
         for each in (batch, worker):
-            each.in_flight += 1
-        batch.sent += 1
+            each.in_flight.add(request.ticket)
         return request
 
     def _land(self, request: Request) -> None:
         """Take a request out of flight."""
         del self.in_flight[request.ticket]
         for each in (request.batch, request.worker):
-            each.in_flight -= 1
+            each.in_flight.remove(request.ticket)
 
 
 def split(particles: int, lanes: Sequence[int]) -> list[tuple[int, int]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from queue import SimpleQueue
@@ -23,7 +22,7 @@ from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
-from common.transport.opening import open_coordinator, open_router, open_worker
+from common.transport.opening import open_coordinator, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.instant_worker import observe, refine
@@ -150,20 +149,6 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
     assert (as_bytes(one), three) == (expected(1), expected(3))
 
 
-def test_two_runs_on_one_pool_behind_a_router(endpoint: str) -> None:
-    """Workers and runs that meet at a router: both runs get the bytes that they would get alone."""
-    with open_router([endpoint]), ExitStack() as stack:
-        options = Pool(workers=0, connect=endpoint, worker_timeout=60.0)
-        runs = [stack.enter_context(ZenohRefiner(options)) for _ in range(2)]
-        runs[0].publish(frame(0))
-        for k in range(2):
-            stack.enter_context(serving(endpoint, f"w{k}"))
-        with ThreadPoolExecutor(2) as both:
-            for number in range(1, 9, 2):
-                results = both.map(refined_bytes, runs, [number, number + 1])
-                assert list(results) == [expected(number), expected(number + 1)]
-
-
 class FetchingLate:
     """A bus on which fetching is in vain as often as `in_vain` yields."""
 
@@ -171,9 +156,9 @@ class FetchingLate:
         self._bus = bus
         self._in_vain = in_vain
 
-    def fetch(self, key: str, timeout: float) -> bytes | None:
+    def fetch(self, key: str) -> bytes | None:
         """What is stored under a key, or nothing."""
-        return self._bus.fetch(key, timeout) if next(self._in_vain, None) is None else None
+        return self._bus.fetch(key) if next(self._in_vain, None) is None else None
 
     def __getattr__(self, name: str) -> Any:
         """All else is the bus's own."""
@@ -195,15 +180,6 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     assert sum("nobody has model" in line for line in said) == 1
 
 
-def test_late_worker_gets_frame_and_model(endpoint: str) -> None:
-    """A worker that comes long after the frame was published serves it all the same."""
-    with pool(endpoint) as refiner:
-        refiner.publish(frame(1))
-        refiner.publish(frame(2))
-        with serving(endpoint, "late"):
-            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(2)
-
-
 def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
     """A run without workers waits, and goes on by itself when one comes."""
     said: list[str] = []
@@ -215,31 +191,10 @@ def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
     assert said == ["worker w joined"]
 
 
-def test_frame_is_observed_once_by_a_worker(endpoint: str) -> None:
-    """However many batches a frame has, it is decoded and observed once."""
-    seen: list[int] = []
-
-    def count(subject: SubjectFrame) -> float:
-        seen.append(subject.frame.number)
-        return observe(subject)
-
-    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(count, refine)):
-        for number in range(3):
-            refined_bytes(refiner, number, np.tile(POSES, (4, 1)))
-    assert seen == [0, 1, 2]
-
-
-def test_nobody_comes(endpoint: str) -> None:
-    """The wait for workers can be bounded, and its end says how to start one."""
-    options = Pool(workers=0, listen=endpoint, worker_timeout=0.2)
-    with ZenohRefiner(options) as refiner, pytest.raises(NoWorkers, match="gepf-worker --connect unixsock"):
-        refined_bytes(refiner, 1)
-
-
 def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
-    """Who tries again after a job that failed gets the new job's result, with nothing of the old one."""
+    """The wait is bounded, and its end says how to start a worker; then only the new job is done."""
     with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=0.2)) as refiner:
-        with pytest.raises(NoWorkers):
+        with pytest.raises(NoWorkers, match="gepf-worker --connect unixsock"):
             refined_bytes(refiner, 1)
         with serving(endpoint, "w"):
             time.sleep(0.2)  # for its coming to be waiting to be handled
