@@ -70,9 +70,7 @@ class FrameLoop(Closing):
     def _follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
         """Track a source; each stream of live input anew, and no frame of it is read ahead."""
         live = frames if isinstance(frames, LiveSource) else None
-        if (
-            live is not None and self._frames == 0
-        ):  # late frames get no more time, and no frame waits for loading
+        if live is not None and self._frames == 0:  # no frame waits for loading, or for the one before
             self._settings = keep_up(self._settings)
             self._tracker = self._make(self._settings)
             self._tracker.prepare()

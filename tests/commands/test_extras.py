@@ -1,4 +1,4 @@
-"""What is installed with the extras that pyproject.toml names."""
+"""What is installed without extras."""
 
 from __future__ import annotations
 
@@ -9,30 +9,10 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-EXTRAS = PROJECT["optional-dependencies"]
 BEHIND = {"scipy"}  # numba calls its LAPACK where a kernel has np.linalg
 MODULES = {"eclipse-zenoh": "zenoh"}  # package -> what is imported, where that differs
-
-
-def installed(extra: str) -> set[str]:
-    """Requirements of an extra, those of extras that it names among them."""
-    found: set[str] = set()
-    for requirement in EXTRAS[extra]:
-        if requirement.startswith("gepf["):
-            found |= installed(requirement.removeprefix("gepf[").removesuffix("]"))
-        else:
-            found.add(requirement)
-    return found
-
-
-@pytest.mark.parametrize("extra", ["view", "tables"])
-def test_extras_of_a_coordinator_hold_a_coordinator(extra: str) -> None:
-    """Whoever installs one of them has the command that it is for."""
-    assert installed(extra) > set(EXTRAS["coordinator"])
 
 
 def imported(file: Path) -> Iterator[str]:

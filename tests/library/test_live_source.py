@@ -18,7 +18,7 @@ import pytest
 import gepf
 from common.protocol.frames import encode_live, encode_live_end
 from common.transport.opening import open_router, open_worker
-from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, frame_of, shown
+from tests.support.people import SETTINGS, STANDING, as_bytes, shown
 from tests.support.processes.programs import in_thread, started, wait_until
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
@@ -84,23 +84,6 @@ def test_the_newest_frame_is_always_the_next(endpoint: str) -> None:
     assert (live.counts["received"], live.counts["skipped"]) == (20, 20 - len(seen))
 
 
-@pytest.mark.slow
-def test_before_anybody_comes_everybody_is_absent(endpoint: str) -> None:
-    """An empty room is a frame like any other for one person or several."""
-    wall = [frame_of(number, np.full((CAMERA.height, CAMERA.width), 4.0)) for number in range(2)]
-    for tracker, expected in (
-        (gepf.Tracker(PERSON, SETTINGS), "absent"),
-        (gepf.PeopleTracker(2, SETTINGS), ["absent", "absent"]),
-    ):
-        done = threading.Semaphore(0)
-        with camera(endpoint, [*map(encode_live, wall), END], lambda: done.acquire(timeout=60.0)):  # noqa: B023
-            found = []
-            for estimate in tracker.follow(gepf.live(KEY, listen=endpoint, idle_timeout=60.0)):
-                found.append([e.status for e in estimate] if isinstance(estimate, list) else estimate.status)
-                done.release()
-        assert found == [expected, expected]
-
-
 def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
     """A `break` ends the session; another iteration listens anew.
 
@@ -146,15 +129,9 @@ def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -
     ("mistake", "says"),
     [
         (lambda: gepf.live(KEY), "give listen or connect an endpoint"),
-        (lambda: gepf.live("camera/*", listen="tcp/127.0.0.1:1"), "such as camera/depth"),
-        (lambda: gepf.live(KEY, listen="nowhere"), "nowhere"),
         (lambda: gepf.live(KEY, listen="tcp/0.0.0.0:7447"), "listen=.* lets everyone in.*insecure=True"),
         (lambda: gepf.live(KEY, connect="tls/host:7447"), r"connect=.* add tls=TlsFiles\(ca, cert, key\)"),
         (lambda: gepf.live(KEY, connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
-        (
-            lambda: gepf.live(KEY, connect="tls/host:1", tls=gepf.TlsFiles("a", "b", "c")),
-            "tls.ca .*cannot be",
-        ),
         (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
     ],
 )
@@ -164,29 +141,16 @@ def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: s
         mistake()
 
 
-@pytest.mark.parametrize("first", ["publisher", "tracker"])
-def test_the_example_runs_in_either_order(endpoint: str, tmp_path: Path, first: str) -> None:
-    """As its users run it, beside `gepf publish`: what comes is tracked, and the last frame, too."""
+def test_the_example_runs(endpoint: str, tmp_path: Path) -> None:
+    """As its users run it, before `gepf publish`: what comes is tracked, and the last frame, too."""
     write_small_sequence(tmp_path / "seq", 6)
     example = (sys.executable, "-m", "examples.live_tracking")
     tracking = [*example, KEY, endpoint, str(tmp_path / "seq" / "init.json")]
     playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", endpoint, "--rate", "30"]
-
-    def track() -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            tracking, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120.0
-        )  # fmt: skip
-
-    if first == "publisher":
-        with started(*playing, command=GEPF) as publisher:
-            time.sleep(2.0)
-            assert publisher.poll() is None
-            lines = track().stdout.splitlines()
-    else:
-        with subprocess.Popen(tracking, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-            time.sleep(2.0)
-            with started(*playing, command=GEPF) as publisher:
-                lines = process.communicate(timeout=120.0)[0].splitlines()
+    with subprocess.Popen(tracking, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        time.sleep(2.0)
+        with started(*playing, command=GEPF):
+            lines = process.communicate(timeout=120.0)[0].splitlines()
     assert re.match(r"frame \d tracked: ", lines[0])  # the newest that came; on a busy machine not frame 0
     assert lines[-2].startswith("frame 5 ")
     assert lines[-1].endswith(" of 6 frames were skipped")

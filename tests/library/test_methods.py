@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -85,28 +86,18 @@ def test_numbers_of_a_method_are_its_own_unless_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("particles", "points", "line"),
-    [(0, None, "particles=0"), (-1, None, "particles=-1"), (None, 0, "points=0")],
+    ("change", "says"),
+    [
+        ({"points": 0}, "points=0 is too small; give 1 or more"),
+        (
+            {"filter": msgspec.structs.replace(gepf.preset("default").filter, particles=0)},
+            "particles=0",
+        ),
+        ({"refine": msgspec.structs.replace(gepf.preset("default").refine, descent="magic")}, "choose from "),
+    ],
 )
-def test_settings_without_particles_or_points_are_refused(
-    particles: int | None, points: int | None, line: str
-) -> None:
-    """The library says so, as the command line does."""
-    with pytest.raises(gepf.InputError, match=f"{line} is too small; give 1 or more"):
-        gepf.settings_for("gepf", particles=particles, points=points)
-
-
-def test_a_tracker_without_points_is_refused() -> None:
-    """Settings that were made without `settings_for` are checked, and before any worker is looked for."""
-    settings = msgspec.structs.replace(gepf.preset("default"), points=0)
-    with pytest.raises(gepf.InputError, match="points=0 is too small"):
+def test_settings_that_make_no_sense_are_refused(change: dict[str, Any], says: str) -> None:
+    """Also those that were made without `settings_for`, and before any worker is looked for."""
+    settings = msgspec.structs.replace(gepf.preset("default"), **change)
+    with pytest.raises(gepf.InputError, match=says):
         gepf.Tracker(settings=settings, workers="nowhere")
-
-
-@pytest.mark.parametrize("name", ["descent", "sensor"])
-def test_a_choice_that_there_is_not_is_refused(name: str) -> None:
-    """Before any worker is looked for, and with those that there are."""
-    settings = gepf.preset("default")
-    refine = msgspec.structs.replace(settings.refine, **{name: "magic"})
-    with pytest.raises(gepf.InputError, match=f"unknown {name} 'magic'; choose from "):
-        gepf.Tracker(settings=msgspec.structs.replace(settings, refine=refine), workers="nowhere")

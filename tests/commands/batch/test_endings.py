@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.transport.opening import open_router
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
@@ -96,17 +95,3 @@ def test_a_drawn_body_replaces_nothing_unless_told(
     assert out.read_text() == "mine"
     assert main([*line, "--force"]) == 0
     assert out.read_bytes() != b"mine"
-
-
-def test_a_batch_that_a_router_refuses_ends_with_the_reason(tmp_path: Path) -> None:
-    """Certificates of another authority: exit code 2 and one line, as with one recording."""
-    ours, theirs = (make_folder(tmp_path / name) for name in ("ours", "theirs"))
-    place = f"tls/127.0.0.1:{free_port()}"
-    recordings = [tmp_path / name for name in NAMES[:2]]
-    write_small_sequences(recordings, 2)
-    shown = ["--workers", "0", "--connect", place, *theirs.options("coordinator")]
-    command = [*GEPF, "track", *map(str, recordings), "--out", str(tmp_path / "runs"), *shown]
-    with open_router([place], (), ours.routing):
-        refused = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60.0)
-    assert refused.returncode == 2
-    assert "certificate" in refused.stderr.splitlines()[-1]

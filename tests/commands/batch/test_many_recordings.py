@@ -108,51 +108,29 @@ def test_runs_are_compared_with_their_own_truths_alone(
     capsys: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """--csv has a line a run; a truth beside other frames than those that were tracked is refused."""
-    other = copy_of(sequence, "other")
+    """--csv has a line a run, and names those without truth; a truth beside other frames is refused."""
+    known, other = copy_of(sequence, "known"), copy_of(sequence, "other")
     shutil.copy(other / "depth" / "000003.png", other / "depth" / "000000.png")
-    for folder in (sequence, other):
+    for folder in (known, other):
         write_truth(folder)
-    runs = [tmp_path / "a", tmp_path / "b"]
-    for run in runs:
-        assert workers.track(sequence, run) == 0
+    run, without = str(tmp_path / "a"), str(tmp_path / "b")
+    assert workers.track(known, Path(run)) == workers.track(sequence, Path(without)) == 0
     capsys.readouterr()
-    assert main(["evaluate", *map(str, runs), "--csv"]) == 0
+    assert main(["evaluate", without, run, "--csv"]) == 0
     heads, *rows = capsys.readouterr().out.splitlines()
     assert heads.startswith("run,frames,")
-    assert [row.split(",")[:2] for row in rows] == [[str(run), "5"] for run in runs]
-    assert main(["evaluate", str(runs[0])]) == 0
-    assert json.loads(capsys.readouterr().out)["frames"] == 5
+    assert [row.split(",")[:2] for row in rows] == [[run, "5"]]
+    assert f"left out: the sequence of {without} has no truth" in caplog.text
     assert "the truth holds joints alone" in caplog.text
-    assert main(["evaluate", str(runs[0]), "--truth", str(other / "truth.npz")]) == 2
-    assert "is the truth of other, but" in capsys.readouterr().err
-    assert main(["evaluate", *map(str, runs)]) == 2
-    assert "add --csv" in capsys.readouterr().err
-
-
-@pytest.mark.usefixtures("no_traces")
-def test_a_run_without_truth_is_left_out_of_the_table_and_named(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    """The others are listed; where no run has a truth, that is the input's fault."""
-    known = copy_of(sequence, "known")
-    write_truth(known)
-    runs = {known: tmp_path / "a", sequence: tmp_path / "b"}
-    for recording, run in runs.items():
-        assert workers.track(recording, run) == 0
-    capsys.readouterr()
-    assert main(["evaluate", str(runs[sequence]), str(runs[known]), "--csv"]) == 0
-    _, *rows = capsys.readouterr().out.splitlines()
-    assert [row.split(",")[0] for row in rows] == [str(runs[known])]
-    assert f"left out: the sequence of {runs[sequence]} has no truth" in caplog.text
-    assert main(["evaluate", str(runs[sequence]), "--csv"]) == 2
-    assert (
-        "has no truth of this body, or is not where it was; give it with --truth" in capsys.readouterr().err
-    )
+    assert main(["evaluate", run]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 5
+    for asked, says in (
+        ((run, "--truth", str(other / "truth.npz")), "is the truth of other, but"),
+        ((run, without), "add --csv"),
+        ((without, "--csv"), "has no truth of this body, or is not where it was; give it with --truth"),
+    ):
+        assert main(["evaluate", *asked]) == 2
+        assert says in capsys.readouterr().err
 
 
 def test_a_task_of_slurm_takes_the_line_of_its_number(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pty
 import re
 import signal
 import subprocess
@@ -18,9 +17,8 @@ import pytest
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from tests.support.processes.programs import wait_until
-from tests.support.processes.warm_processes import coordinate, start
+from tests.support.processes.warm_processes import start
 from tests.support.runs import swing, write_run
-from tests.support.small_sequence import write_small_sequence
 from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
@@ -39,9 +37,7 @@ def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
     ("arguments", "says"),
     [
         (("export", "run", "--out", "x"), "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
-        (("synth", "--out", "x"), "Missing argument 'SCENE': arm, turn, person, or roam"),
         (("nonsense",), "No such command 'nonsense'; there are demo, track, info"),
-        (("model", "nonsense"), "No such command 'nonsense'; there are show, dofs"),
         (("export", "run", "--to", "avi", "--out", "x"), "choose from bvh, c3d, csv"),
         (("track", "seq"), "Missing option '--out' DIR: New folder for the results."),
     ],
@@ -57,34 +53,13 @@ def test_what_there_is_to_choose_from_is_listed(
 
 
 @pytest.mark.usefixtures("no_traces")
-def test_faults_of_json_name_the_entry(
-    sequence: Path, tmp_path: Path, workers: StillWorkers, capsys: pytest.CaptureFixture[str]
+def test_every_command_says_that_a_killed_run_can_be_continued(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of a start and of a person's measures: exit code 2 before anything is begun."""
-    file, out = tmp_path / "wrong.json", tmp_path / "out"
-    for option, content, says in (
-        ("--init", '{"root_tx": 1, "root_ty": "a"}', 'root_ty is "a"; give a finite number'),
-        ("--init", '{"root_tx": null}', "root_tx is null; give a finite number"),
-        ("--init", "[1]", "holds no names with numbers; write {degree of freedom: number}"),
-        ("--model", '{"stature": [1.8]}', "stature is [1.8]; give a finite number"),
-    ):
-        file.write_text(content)
-        assert workers.track(sequence, out, option, str(file)) == 2
-        assert says in capsys.readouterr().err
-        assert not out.exists()
-
-
-@pytest.mark.usefixtures("no_traces")
-def test_every_command_says_that_a_killed_run_can_be_gone_on_with(
-    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of a run that was really killed: exit code 2, and what to do."""
-    write_small_sequence(tmp_path / "seq", 300)
+    """Of a folder with a log and without results: exit code 2, and what to do."""
     run = tmp_path / "killed"
-    process = start(coordinate, tmp_path / "seq", run, endpoint, "--workers", "1", log=tmp_path / "log")
-    wait_until(lambda: (run / "frames.log").exists() and (run / "frames.log").stat().st_size > 0, 300.0)
-    process.kill()
-    process.join()
+    run.mkdir()
+    (run / "frames.log").write_bytes(b"frames")
     for command in (
         ("report", "{run}"),
         ("evaluate", "{run}", "--truth", "{run}/track.npz"),
@@ -181,30 +156,14 @@ def test_a_run_without_pictures_says_how_to_draw_them(
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """--no-pictures; then gepf pictures draws, as a real process, with a bar, and says what it wrote."""
+    """--no-pictures; then gepf pictures draws, and says what it wrote."""
     tracked = tmp_path / "run"
     assert workers.track(sequence, tracked) == 0
     assert f"gepf pictures {tracked} draws them" in capsys.readouterr().err
     assert not list(tracked.glob("*.mp4"))
-    done = in_a_terminal("pictures", str(tracked))
-    assert done.returncode == 0
-    assert re.search(r"━ +\d+/\d+ drawing pictures", done.stderr)
-    assert "pictures are in" in done.stderr
+    assert main(["pictures", str(tracked)]) == 0
+    assert "pictures are in" in capsys.readouterr().err
     assert {path.name for path in tracked.iterdir()} >= {"overlay.mp4", "sheet.png", "hypotheses.png"}
-
-
-def in_a_terminal(*words: str) -> subprocess.CompletedProcess[str]:
-    """The program with a terminal for its stderr; without colours."""
-    ours, theirs = pty.openpty()
-    surroundings = os.environ | {"TERM": "xterm", "NO_COLOR": "1", "COLUMNS": "200"}
-    with subprocess.Popen([*GEPF, *words], stderr=theirs, env=surroundings) as process:
-        os.close(theirs)
-        said = b""
-        with suppress(OSError):  # as a terminal ends
-            while part := os.read(ours, 65536):
-                said += part
-    os.close(ours)
-    return subprocess.CompletedProcess(words, process.returncode, "", said.decode())
 
 
 def draw_slowly(run: Path, delay: float) -> None:

@@ -19,12 +19,10 @@ from coordinator.commands.demo import (
     LONE,
     demo_arm,
     demo_person,
-    lone_settings,
     make_room,
     tabulate,
 )
 from coordinator.commands.progress import Show
-from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.synthesis.scenes import ARM_DOFS
 from tests.support.asked import Asked, unmoved
@@ -100,15 +98,6 @@ def test_the_table_of_people_has_means_of_both_ways() -> None:
     screen, good, fair = io.StringIO(), (100.0, 1.0), (80.0, 5.0)
     Console(file=screen, width=150).print(tabulate(np.array([[good, fair], [fair, good], [good, good]])))
     assert screen.getvalue().splitlines()[-1].split() == ["mean", *2 * ("93.3", "%", "(2.3", "cm)")]
-
-
-def test_the_single_particle_gets_all_that_helps_it() -> None:
-    """At least the points and the iterations of method gradient, and the search of the filter."""
-    lone, gradient = lone_settings(), settings_for("gradient")
-    assert lone.filter.particles == 1
-    assert lone.recover
-    assert lone.points >= gradient.points
-    assert lone.refine.icp_iterations >= gradient.refine.icp_iterations
 
 
 def test_an_unknown_scene_is_refused_with_the_choices(capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,6 +80,8 @@ def test_config_names_another_file(written: Written, capsys: pytest.CaptureFixtu
     (folder / "other.toml").write_text('[synth]\nframes = "two"\n')
     assert main(["--config", "other.toml", "synth", "arm", "--out", "x"]) == 2
     assert "Invalid value for '--frames': Input should be a valid integer" in capsys.readouterr().err
+    assert main(["--config", "no.toml", "info", "nowhere"]) == 2
+    assert "cannot read no.toml: No such file or directory; give another --config" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -94,13 +96,3 @@ def test_a_damaged_file_is_one_line(
     err = capsys.readouterr().err
     assert err.startswith(f"gepf: {says}")
     assert err.count("\n") == 1
-
-
-def test_a_file_that_is_not_there_is_one_line(written: Written, capsys: pytest.CaptureFixture[str]) -> None:
-    """Only the working folder's own file may be missing."""
-    written("")
-    assert main(["--config", "no.toml", "info", "nowhere"]) == 2
-    assert (
-        capsys.readouterr().err
-        == "gepf: cannot read no.toml: No such file or directory; give another --config\n"
-    )

@@ -137,11 +137,10 @@ def test_a_folder_with_a_run_is_refused(sequence: Path, calm: Path, tmp_path: Pa
     assert track(sequence, out, "--seed", "4", "--resume") == 2
 
 
-@pytest.mark.parametrize("lanes", [1, 3])
-def test_workers_change_no_byte(sequence: Path, calm: Path, tmp_path: Path, lanes: int) -> None:
-    """A real worker with so many lanes gives the bytes of the kernel in this process."""
+def test_workers_change_no_byte(sequence: Path, calm: Path, tmp_path: Path) -> None:
+    """A real worker with three lanes gives the bytes of the kernel in this process."""
     out = tmp_path / "out"
-    assert main(["track", str(sequence), "--out", str(out), *OPTIONS, "--workers", str(lanes)]) == 0
+    assert main(["track", str(sequence), "--out", str(out), *OPTIONS, "--workers", "3"]) == 0
     for person in ("person1", "person2"):
         assert (out / person / "track.npz").read_bytes() == (calm / person / "track.npz").read_bytes()
 
