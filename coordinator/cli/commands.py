@@ -12,15 +12,12 @@ import typer
 from coordinator.commands.console import loading, say
 from coordinator.commands.options import (
     CameraOptions,
-    CertificateOptions,
-    ExportOptions,
     Force,
     Model,
     PicturesOptions,
     PublishOptions,
     Quiet,
     Recording,
-    RouterOptions,
     Run,
     SecurityOptions,
     SynthOptions,
@@ -162,32 +159,47 @@ def publish(
 
 
 @app.command(rich_help_panel=HOSTS)
-@grouped
-def certificates(options: CertificateOptions) -> None:
+def certificates(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder; what is good in it stays.")],
+    workers: Annotated[
+        str, typer.Option(metavar="N|NAME,...", help="How many (worker-0 and so on), or their names.")
+    ] = "1",
+    hosts: Annotated[
+        str, typer.Option(metavar="HOST,...", help="Where coordinator or router listen; this host is.")
+    ] = "",
+    days: Annotated[int, typer.Option(min=1, help="How long they last.")] = 30,
+    mount: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where a router in a container sees the folder.")
+    ] = None,
+) -> None:
     """Make certificates for a trial: an authority, coordinator, router and workers."""
     from coordinator.security.access import choose_names
     from coordinator.security.certificates import make_certificates
 
-    hosts = tuple(host.strip() for host in options.hosts.split(",") if host.strip())
-    new = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
+    named = tuple(host.strip() for host in hosts.split(",") if host.strip())
+    new = make_certificates(out, choose_names(workers), named, days, mount)
     made = ", ".join(new) or "nothing, all are there and good"
-    say("gepf", f"new in {options.out}: {made}; keep ca.key to yourself")
+    say("gepf", f"new in {out}: {made}; keep ca.key to yourself")
 
 
 @app.command(rich_help_panel=HOSTS)
 @grouped
-def router(options: RouterOptions, security: SecurityOptions) -> None:
+def router(
+    listen: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where to listen, e.g. tls/0.0.0.0:7447.")],
+    security: SecurityOptions,
+    connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Another router to join.")] = None,
+) -> None:
     """Let coordinators and workers meet, until stopped."""
     import signal
 
     from common.transport.opening import open_router
     from common.transport.session import ROUTER
 
-    secured = security.choose(options.listen, options.connect, holder=ROUTER)
+    secured = security.choose(listen, connect, holder=ROUTER)
     stop = {signal.SIGTERM, signal.SIGINT}
     signal.pthread_sigmask(signal.SIG_BLOCK, stop)
-    with open_router([options.listen], [options.connect] if options.connect else [], secured):
-        say("gepf", f"routing on {options.listen}")
+    with open_router([listen], [connect] if connect else [], secured):
+        say("gepf", f"routing on {listen}")
         signal.sigwait(stop)
 
 
@@ -212,18 +224,29 @@ def evaluate(
 
 
 @app.command(rich_help_panel=FINISHED)
-@grouped
-def export(options: ExportOptions, quiet: Quiet = False) -> None:
+def export(
+    run: Run,
+    form: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf or json.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")],
+    smooth: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Low pass without delay, e.g. 6 (default: as tracked).")
+    ] = None,
+    *,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
     """Write a run's angles and poses for other programs."""
     from coordinator.exports import export_run
 
-    out, form = options.out, options.form
-    run = export_run(options.run, form, out, smooth_hz=options.smooth, force=options.force)
-    frames, lost = len(run.track.frame), int(run.track.unknown.sum())
-    gone = f", {lost} of them lost" if lost else ""
-    smooth = f", low pass {options.smooth:g} Hz" if options.smooth else ""
+    track = export_run(run, form, out, smooth_hz=smooth, force=force).track
+    gone = f", {lost} of them lost" if (lost := int(track.unknown.sum())) else ""
+    low_pass = f", low pass {smooth:g} Hz" if smooth else ""
     kilobytes = out.stat().st_size / 1000
-    on_stderr(quiet=quiet).say(f"{out}: {frames} frames{gone}{smooth}, {kilobytes:.0f} kB as {form}")
+    on_stderr(quiet=quiet).say(
+        f"{out}: {len(track.frame)} frames{gone}{low_pass}, {kilobytes:.0f} kB as {form}"
+    )
 
 
 @app.command(rich_help_panel=FINISHED)

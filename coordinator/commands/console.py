@@ -14,8 +14,7 @@ from typing import NoReturn
 
 from common.errors import GepfError, InputError
 
-INPUT_AT_FAULT = 2  # exit codes
-NOT_TRACKED = 3  # done, but most frames were not
+NOT_TRACKED = 3  # exit code: done, but most frames were not tracked
 INTERRUPTED = 128 + signal.SIGINT
 
 DEBUG = "GEPF_DEBUG"
@@ -82,7 +81,10 @@ def is_heard(number: signal.Signals) -> bool:
 
 
 def exit_code(work: Callable[[], int], name: str) -> int:
-    """Do some work and give its exit code. What ends it early is one line on stderr, after `name`."""
+    """Do some work and give its exit code: 2 where the input is at fault, 1 for any other fault.
+
+    What ends the work early is one line on stderr, after `name`.
+    """
     try:
         with noted_interrupts():
             return work()
@@ -93,7 +95,7 @@ def exit_code(work: Callable[[], int], name: str) -> int:
         return INTERRUPTED
     except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
         complain(name, error)
-        return INPUT_AT_FAULT if isinstance(error, InputError) else 1
+        return 2 if isinstance(error, InputError) else 1
 
 
 def complain(name: str, error: Exception) -> None:

@@ -43,14 +43,6 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
             f"the sequence of {runs[0]} has no truth of this body, or is not where it was; "
             "give it with --truth"
         )
-    known = (
-        each.mean_angle_error_deg_by_dof
-        or each.mean_angle_error_deg_by_angle
-        or each.mean_slide_error_cm_by_dof
-        for each in found.values()
-    )
-    if not any(known):
-        logger.warning("the truth holds joints alone, no pose: errors of angles are not known")
     if as_csv:
         write_table(found)
     else:

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from common.errors import InputError
-from coordinator.commands.console import INPUT_AT_FAULT, INTERRUPTED, NOT_TRACKED, exit_code
+from coordinator.commands.console import INTERRUPTED, NOT_TRACKED, exit_code
 from coordinator.commands.job import Job, is_list
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
@@ -35,7 +35,6 @@ from coordinator.results.summary import read_summary
 from coordinator.sources.live import live_key
 
 CONTEXT = multiprocessing.get_context("forkserver")
-GRAVEST_FIRST = (INTERRUPTED, 1, INPUT_AT_FAULT, NOT_TRACKED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,7 @@ def read_list(file: Path) -> Sequence[Path]:
 
 
 def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
-    """Track all and show a table; gives the gravest exit code. Bytes are as if each had a pool of its own.
+    """Track all and show a table; gives the gravest exit code: 130, then 1, 2, 3. Bytes are as of each alone.
 
     A run that fails stops no other. An interrupt ends all; their frames are kept, for `--resume`.
     """
@@ -90,7 +89,8 @@ def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
     for run in ended:
         table.add_row(*describe_run(run))
     show.console.print(table)
-    return next((code for code in GRAVEST_FIRST if any(run.code == code for run in ended)), 0)
+    codes = [run.code for run in ended if run.code]
+    return INTERRUPTED if INTERRUPTED in codes else min(codes, default=0)
 
 
 def run_pool(jobs: Sequence[Job], at_once: int | None, show: Show, *, quiet: bool) -> list[Ended]:

@@ -46,6 +46,10 @@ Recording = Annotated[Path, typer.Argument(metavar="SEQ", help=f"{FORMATS}.")]
 Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")]
 Quiet = Annotated[bool, output_option("--quiet", "-q", help="Show no progress; errors stay.")]
+Frames = Annotated[str | None, input_option(metavar="A:B", help="From frame A to before frame B.")]
+Moved = Annotated[
+    Path | None, typer.Option("--sequence", metavar="SEQ", help="Where the sequence is now, if it was moved.")
+]
 Recordings = Annotated[
     list[Path],
     typer.Argument(
@@ -113,7 +117,7 @@ class TrackOptions:
             help="What encoders say of the joints, a CSV with time_s or a ROS bag: where particles go.",
         ),
     ] = None
-    frames: Annotated[str | None, input_option(metavar="A:B", help="From frame A to before frame B.")] = None
+    frames: Frames = None
     idle_timeout: Annotated[
         float | None,
         input_option(
@@ -248,7 +252,7 @@ class PublishOptions:
         float | None,
         typer.Option(metavar="FPS", help="Frames per second (default: the sequence's own)."),
     ] = None
-    frames: Annotated[str | None, typer.Option(metavar="A:B", help="From frame A to before frame B.")] = None
+    frames: Frames = None
     listen: Annotated[
         str | None, typer.Option(metavar="ENDPOINT", help="Let trackers connect, e.g. tcp/127.0.0.1:7448.")
     ] = None
@@ -258,42 +262,14 @@ class PublishOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class ExportOptions:
-    """All options of `gepf export`."""
-
-    run: Run
-    form: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf or json.")
-    ]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
-    smooth: Annotated[
-        float | None,
-        typer.Option(metavar="HZ", help="Low pass without delay, e.g. 6 (default: as tracked)."),
-    ] = None
-    force: Force = False
-
-
-@dataclass(frozen=True, slots=True)
 class PicturesOptions:
     """All options of `gepf pictures`."""
 
     run: Run
-    sequence: Annotated[
-        Path | None, typer.Option(metavar="SEQ", help="Where the sequence is now, if it was moved.")
-    ] = None
+    sequence: Moved = None
     color: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Draw over these colour frames (default: as tracked).")
     ] = None
-
-
-@dataclass(frozen=True, slots=True)
-class RouterOptions:
-    """Where a router is reached."""
-
-    listen: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where to listen, e.g. tls/0.0.0.0:7447.")]
-    connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Another router to connect to.")] = (
-        None
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,9 +298,7 @@ class ViewOptions:
     """All options of `gepf view`."""
 
     run: Run
-    sequence: Annotated[
-        Path | None, typer.Option(metavar="SEQ", help="Where the sequence is now, if it was moved.")
-    ] = None
+    sequence: Moved = None
     save: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a .rrd file for the rerun viewer instead.")
     ] = None
@@ -332,23 +306,6 @@ class ViewOptions:
         int, typer.Option(min=1, max=65534, help="Of the viewer's page; the next one is used, too.")
     ] = 9090
     browser: Annotated[bool, typer.Option(help="Open a browser here.")] = True
-
-
-@dataclass(frozen=True, slots=True)
-class CertificateOptions:
-    """All options of `gepf certificates`."""
-
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder; what is good in it stays.")]
-    workers: Annotated[
-        str, typer.Option(metavar="N|NAME,...", help="How many (worker-0 and so on), or their names.")
-    ] = "1"
-    hosts: Annotated[
-        str, typer.Option(metavar="HOST,...", help="Where coordinator or router listen; this host is.")
-    ] = ""
-    days: Annotated[int, typer.Option(min=1, help="How long they last.")] = 30
-    mount: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where a router in a container sees the folder.")
-    ] = None
 
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:

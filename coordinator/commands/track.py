@@ -173,13 +173,8 @@ def open_outlets(job: Job, workers: Workers) -> list[LiveResults]:
 
 def describe_pool(pool: Pool) -> dict[str, object]:
     """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
-    return {
-        "workers": pool.workers,
-        "listen": pool.listen,
-        "connect": pool.connect,
-        "worker_timeout": pool.worker_timeout,
-        "encrypted": pool.security is not None,
-    }
+    asked = {name: getattr(pool, name) for name in ("workers", "listen", "connect", "worker_timeout")}
+    return {**asked, "encrypted": pool.security is not None}
 
 
 def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson], show: Show) -> None:
