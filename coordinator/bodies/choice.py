@@ -40,7 +40,7 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
     """
     usual = USUAL[preset]
     if model == HUMAN:
-        return Bodies(person_of_size, usual, choose_active(active, usual, HUMAN_DOFS), dof_names=HUMAN_DOFS)
+        return Bodies(person_of_size, usual, choose_active(active, usual, HUMAN_DOFS))
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return person(read_person(path), active, preset)

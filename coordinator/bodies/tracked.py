@@ -1,22 +1,22 @@
-"""The bodies that can be tracked: full models by measures, and the degrees of freedom that are active."""
+"""The bodies that can be tracked: people by measures, or one that is known, and what of them is active."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.activation import activate
 from common.body import BodyModel
+from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 
 Array = NDArray[np.float64]
 
 THICKER = 0.1  # than the usual girth of 1: of the second body from which people of all girths are made
-KEPT = 16  # bodies, of the sizes that were used last: two people may share one
 
 
 def scaled(model: BodyModel, factor: float) -> BodyModel:
@@ -29,12 +29,12 @@ def scaled(model: BodyModel, factor: float) -> BodyModel:
     )
 
 
-@lru_cache(maxsize=KEPT)
-def resized(slim: BodyModel, thick: BodyModel, share: float, scale: float) -> BodyModel:
+@lru_cache
+def resized(slim: BodyModel, thick: BodyModel, share: float, factor: float) -> BodyModel:
     """A body at a share of the way from a slim one to the same one, thicker, and then larger by a factor."""
 
     def between(one: Array, other: Array) -> Array:
-        return (one + share * (other - one)) * scale
+        return (one + share * (other - one)) * factor
 
     return replace(
         slim,
@@ -58,21 +58,21 @@ def pose_by_name(model: BodyModel, pose: Array) -> dict[str, float]:
 
 
 class Bodies:
-    """People by stature (m) and girth, or whatever else comes in sizes.
+    """People of any stature and girth, or one body that is known: a robot, an object, a person.
 
     Args:
         build: Full model from stature and girth; all of them have the same vertices, moved.
         start_dofs: Degrees of freedom that a start is searched in.
         active: Those that are tracked.
-        measures: Stature and girth, where they are known.
-        dof_names: All degrees of freedom that there are; None to see by the body.
+        measures: Stature (m) and girth, where they are known.
+        dof_names: All degrees of freedom.
     """
 
     people = True
     """Whether it is a person, who is looked for in the postures of people."""
 
     content: str | None = None
-    """Hash of a body that is known whole."""
+    """Hash of a body that is known."""
 
     def __init__(
         self,
@@ -80,42 +80,23 @@ class Bodies:
         start_dofs: tuple[str, ...],
         active: tuple[str, ...],
         measures: tuple[float, float] | None = None,
-        dof_names: tuple[str, ...] | None = None,
+        dof_names: tuple[str, ...] = HUMAN_DOFS,
     ) -> None:
-        self._dof_names = dof_names
-        self._build = build
-        self._full: dict[float, BodyModel] = {}
-        self._started: dict[float, BodyModel] = {}
-        self.start_dofs = start_dofs
-        self.active = active
-        self.measures = measures
-
-    @property
-    def dof_names(self) -> tuple[str, ...]:
-        """All degrees of freedom, active or not."""
-        return self._dof_names or self.full(REFERENCE_STATURE, 1.0).dof_names
+        self._of_girth = cache(partial(build, REFERENCE_STATURE))
+        self._activated = cache(self._activate)
+        self.start_dofs, self.active, self.measures, self.dof_names = start_dofs, active, measures, dof_names
 
     def full(self, stature: float, girth: float) -> BodyModel:
         """The body with all its degrees of freedom."""
-        if girth not in self._full:
-            self._full[girth] = self._build(REFERENCE_STATURE, girth)
-        return scaled(self._full[girth], stature / REFERENCE_STATURE)
+        return scaled(self._of_girth(girth), stature / REFERENCE_STATURE)
 
     def for_start(self, stature: float, girth: float) -> BodyModel:
         """The body with the degrees of freedom that a start is searched in."""
+        factor = stature / REFERENCE_STATURE
         if self.measures is not None:
-            return self._starting(stature, girth)
-        slim, thick = (self._starting(REFERENCE_STATURE, of) for of in (1.0, 1.0 + THICKER))
-        if len(slim.vertices) != len(thick.vertices):
-            return self._starting(stature, girth)
-        return resized(slim, thick, (girth - 1.0) / THICKER, stature / REFERENCE_STATURE)
-
-    def _starting(self, stature: float, girth: float) -> BodyModel:
-        if girth not in self._started:
-            full = self.full(REFERENCE_STATURE, girth)
-            self._started[girth] = activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
-        started, scale = self._started[girth], stature / REFERENCE_STATURE
-        return started if scale == 1.0 else scaled(started, scale)
+            return scaled(self._activated(girth), factor)
+        slim, thick = self._activated(1.0), self._activated(1.0 + THICKER)
+        return resized(slim, thick, (girth - 1.0) / THICKER, factor)
 
     def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The body as it is tracked, what is not active held at `values`, and its pose (D,) there."""
@@ -124,9 +105,13 @@ class Bodies:
         model = activate(full, self.active, held)
         return model, held[[full.dof(name) for name in model.dof_names]]
 
+    def _activate(self, girth: float) -> BodyModel:
+        full = self._of_girth(girth)
+        return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
+
 
 class OneBody(Bodies):
-    """A body that is known whole: a robot, an object, a person who was measured.
+    """A body that is known: a robot, an object, a person who was measured.
 
     Args:
         model: The body with all its degrees of freedom.
@@ -142,15 +127,14 @@ class OneBody(Bodies):
         active: tuple[str, ...],
         measures: tuple[float, float] | None = None,
     ) -> None:
-        super().__init__(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan))
-        self._model = model
+        super().__init__(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan), model.dof_names)
         self.people = measures is not None
         self.content = model.hash
 
     def full(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
         """The body with all its degrees of freedom."""
-        return self._model
+        return self._of_girth(0.0)
 
     def for_start(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
         """The body with the degrees of freedom that a start is searched in."""
-        return self._starting(REFERENCE_STATURE, 1.0)
+        return self._activated(0.0)

@@ -44,7 +44,7 @@ FRONT, BACK = 0.0, np.pi  # of the root's turn
 @cache
 def people() -> Bodies:
     """People of any size."""
-    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def depth_of(model: BodyModel, pose: Array) -> Array:
