@@ -1,0 +1,133 @@
+"""The surfaces of a URDF's links, with evenly spaced vertices.
+
+Correspondences go to vertices: a box has eight, a rounded edge from a CAD program a thousand, and neither can
+be tracked as it is. Long edges are split, then vertices that lie close together on one side of the surface
+become one. Kept vertices stay where they were; corners and sharp edges are kept first.
+"""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+import yourdfpy
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from common.errors import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+VERTICES = 4_500  # about as many as a whole body is to have
+SHARP_RAD = np.radians(30.0)
+LONGEST_EDGE, LEAST_DISTANCE = 1.3, 0.55  # in spacings
+
+
+def link_surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
+    """The surface of every link that has one, at rest: what is seen, or else what is for collisions.
+
+    `t_links` are T_rest_link (4, 4). Raises InputError where a mesh is missing, or there is none.
+    """
+    found = surfaces_in(load_urdf(path).scene, t_links)
+    if not found:
+        shapes = load_urdf(
+            path,
+            load_meshes=False,
+            build_collision_scene_graph=True,
+            load_collision_meshes=True,
+            force_collision_mesh=False,
+        )
+        found = surfaces_in(shapes.collision_scene, t_links)
+    if not found:
+        raise InputError(
+            f"{path} has no surface to track; give its links <visual> meshes, boxes or cylinders"
+        )
+    spacing = np.sqrt(1.3 * sum(part.area for part in found.values()) / VERTICES)
+    return {link: resample(part, spacing) for link, part in found.items()}
+
+
+def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
+    """The parsed file with `what` yourdfpy is to load of it; InputError for whatever goes wrong."""
+    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # what matters is raised here
+    try:
+        return yourdfpy.URDF.load(str(path), filename_handler=partial(find_mesh, path=path), **what)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{path} is no URDF that can be read ({type(error).__name__}: {error}); check the file"
+        ) from error
+
+
+def find_mesh(fname: str, path: Path) -> str:
+    """Where a mesh is: as named, or below the URDF's folder or one above it, without its package."""
+    found: str = yourdfpy.urdf.filename_handler_magic(fname, str(path.parent.absolute()))
+    if not Path(found).is_file():
+        raise InputError(f"{path} names the mesh {fname}, which is not there; add it or correct the name")
+    return found
+
+
+def surfaces_in(scene: trimesh.Scene, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
+    """The surface of every link that has one, at rest."""
+    found: dict[str, list[trimesh.Trimesh]] = {}
+    for node in scene.graph.nodes_geometry:
+        link = scene.graph.transforms.parents[node]
+        t_link_mesh, name = scene.graph.get(node, link)
+        mesh = scene.geometry[name]
+        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
+            found.setdefault(link, []).append(outside_out(mesh, t_links[link] @ t_link_mesh))
+    return {link: joined(found[link]) for link in t_links if link in found}
+
+
+def joined(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """All parts as one surface, in their order."""
+    surface: Any = trimesh.util.concatenate(parts)
+    return trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+
+
+def outside_out(mesh: trimesh.Trimesh, transform: Array) -> trimesh.Trimesh:
+    """The mesh moved; counter-clockwise from outside where it is closed, so that there is an outside."""
+    bare = trimesh.Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), process=True)
+    bare.apply_transform(transform)
+    if bare.is_watertight:
+        bare.fix_normals()
+    return bare
+
+
+def resample(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
+    """The mesh with neighbouring vertices about `spacing` metres apart."""
+    vertices, faces = trimesh.remesh.subdivide_to_size(  # type: ignore[no-untyped-call]
+        mesh.vertices, mesh.faces, max_edge=LONGEST_EDGE * spacing, max_iter=20
+    )
+    fine = merged(vertices, faces)
+    place = np.hstack([fine.vertices, spacing * fine.vertex_normals])  # the sides of a plate lie apart
+    sharp = fine.face_adjacency_edges[fine.face_adjacency_angles > SHARP_RAD]
+    corners_first = np.argsort(-np.bincount(sharp.ravel(), minlength=len(place)), kind="stable")
+    kept = thin_out(place, corners_first, LEAST_DISTANCE * spacing)
+    nearest = cKDTree(place[kept]).query(place)[1]
+    return merged(fine.vertices[kept], nearest[fine.faces])
+
+
+def merged(vertices: Array, faces: Indices) -> trimesh.Trimesh:
+    """Equal vertices made one, without triangles that have no area and vertices that have no triangle."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.merge_vertices()
+    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+def thin_out(points: Array, order: Indices, distance: float) -> Indices:
+    """Points (n, k) of which no two are closer than `distance`, taken in `order`; indices, ascending."""
+    neighbours = cKDTree(points).query_ball_point(points, distance)
+    gone, kept = np.zeros(len(points), dtype=bool), []
+    for i in order:
+        if not gone[i]:
+            kept.append(i)
+            gone[neighbours[i]] = True
+    return np.sort(np.array(kept, dtype=np.int64))
