@@ -286,7 +286,6 @@ class SynthOptions:
     kinect: Annotated[bool, typer.Option("--kinect", help="Noise, steps and gaps as a Kinect has them.")] = (
         False
     )
-    room: Annotated[bool, typer.Option("--room", help="In a furnished room (person).")] = False
     model: Annotated[
         str | None, typer.Option(metavar="human|FILE.urdf", help="Body that roams: all its joints move.")
     ] = None

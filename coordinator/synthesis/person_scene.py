@@ -35,6 +35,7 @@ LIFTED: Ranges = {
     "hip_flexion": (20, 80), "hip_abduct": (0, 25), "hip_twisting": (-15, 15), "knee_flexion": (10, 90),
 }  # fmt: skip
 STANDING: Ranges = {"hip_flexion": (0, 5), "hip_abduct": (2, 8), "knee_flexion": (3, 10)}
+BENT, BEND = {"hip_flexion": 1.0, "knee_flexion": 1.6, "ankle_flexion": -0.4}, (20.0, 70.0)
 TRUNK: Ranges = {"vl3_tilt": (-5, 50), "vl3_roll": (-10, 10), "vl3_torsion": (-15, 15)}
 TURN: Ranges = {"root_ry": (-100, 100), "root_rx": (-3, 8)}
 AT_EASE = {"shoulder_flexion": 10.0, "shoulder_abduct": 18.0, "elbow_flexion": 20.0}
@@ -43,12 +44,12 @@ LEG_MOVES_S, LEG_RESTS_S = (0.3, 0.5), (0.0, 0.4)
 TRUNK_MOVES_S, TRUNK_RESTS_S = (0.4, 0.8), (0.0, 0.3)
 
 
-def person(seed: int = 0, frames: int = FRAMES) -> Scene:
+def person(seed: int = 0) -> Scene:
     """A scene of a random person; the same seed is the same person who moves in the same way."""
     rng = np.random.default_rng([seed, 2])
     model = random_person(rng)
-    times = np.arange(frames) / FPS
-    poses = np.zeros((frames, len(model.dof_names)))
+    times = np.arange(FRAMES) / FPS
+    poses = np.zeros((FRAMES, len(model.dof_names)))
     for side in "lr":
         keys = through(times[-1], ARM_MOVES_S, ARM_RESTS_S, rng)
         move(model, poses, times, keys, [draw_arm(model, side, rng) for _ in keys])
@@ -93,10 +94,10 @@ def draw_legs(number: int, rng: np.random.Generator) -> dict[str, float]:
     stands = {**draw_from(STANDING, "l_", rng), **draw_from(STANDING, "r_", rng)}
     if number % 2:
         return stands
-    bend, which = rng.uniform(20.0, 70.0), rng.integers(3)
+    bend, which = rng.uniform(*BEND), rng.integers(3)
     if which == 2:
-        bent = {"hip_flexion": bend, "knee_flexion": 1.6 * bend, "ankle_flexion": -0.4 * bend}
-        return {**stands, **{f"{side}_{name}": value for side in "lr" for name, value in bent.items()}}
+        bent = {f"{side}_{name}": share * bend for side in "lr" for name, share in BENT.items()}
+        return {**stands, **bent}
     return {**stands, **draw_from(LIFTED, f"{'lr'[which]}_", rng)}
 
 

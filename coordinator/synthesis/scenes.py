@@ -1,4 +1,4 @@
-"""What synthetic sequences show: a body, its pose in every frame, the camera, where to start, a room.
+"""What synthetic sequences show: a body, its pose in every frame, the camera, and where to start.
 
 `arm`: one arm in front of a still body, four degrees of freedom (section 5 of the paper).
 
@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
@@ -28,37 +27,6 @@ from coordinator.bodies.human.template import human
 from coordinator.synthesis.rendering import fit_in_view
 
 Array = NDArray[np.float64]
-Box = tuple[tuple[float, float, float], tuple[float, float, float]]
-"""Size and middle, metres: to the right, up from the floor, away from the camera."""
-
-BOXES: tuple[Box, ...] = (
-    ((9.0, 0.1, 7.0), (0.0, -0.05, 3.0)),  # floor
-    ((9.0, 3.0, 0.1), (0.0, 1.5, 4.8)),  # back wall
-    ((0.1, 3.0, 7.0), (-2.6, 1.5, 3.0)),  # left wall
-    ((0.9, 1.7, 0.45), (1.75, 0.85, 4.5)),  # cabinet
-    ((1.3, 0.05, 0.7), (-1.6, 0.74, 4.2)),  # table
-    *(((0.06, 0.72, 0.06), (-1.6 + x, 0.36, 4.2 + z)) for x in (-0.6, 0.6) for z in (-0.3, 0.3)),
-    ((0.4, 0.35, 0.3), (-1.7, 0.94, 4.25)),  # what stands on the table
-    ((0.45, 0.45, 0.45), (1.6, 0.225, 3.6)),  # crate
-)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Room:
-    """A surface that stands still: vertices (V, 3) in the camera frame, metres, and triangles (T, 3)."""
-
-    vertices: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-
-
-def furnish(camera_height_m: float) -> Room:
-    """The room, seen by a level camera at that height."""
-    boxes = [trimesh.creation.box(size).apply_translation(at) for size, at in BOXES]
-    x, up, z = np.concatenate([box.vertices for box in boxes]).T
-    firsts = np.cumsum([0, *(len(box.vertices) for box in boxes[:-1])])
-    triangles = np.concatenate([box.faces + first for box, first in zip(boxes, firsts, strict=True)])
-    # y goes down in the camera frame: mirrored, so that triangles are turned round to face outside again
-    return Room(np.stack([x, camera_height_m - up, z], axis=1), triangles[:, ::-1].copy())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +41,6 @@ class Scene:
     fps: float
     poses: NDArray[np.float64]  # (F, D) radians and metres
     start: NDArray[np.float64] | None  # (D,)
-    room: Room | None = None  # around it
 
     def __post_init__(self) -> None:
         self.poses.setflags(write=False)
@@ -81,38 +48,34 @@ class Scene:
             self.start.setflags(write=False)
 
 
-def through_keys(keys: dict[float, float], frames: int) -> NDArray[np.float64]:
-    """A smooth curve (frames,) through key values by frame number, which never overshoots them.
-
-    Before the first and after the last key it stands still.
-    """
-    curve = PchipInterpolator(list(keys), list(keys.values()))
-    return np.asarray(curve(np.clip(np.arange(frames), min(keys), max(keys))))
-
-
 def animate(
-    model: BodyModel, frames: int, angles_deg: dict[str, dict[float, float]], **metres: dict[float, float]
+    model: BodyModel, angles_deg: dict[str, dict[int, float]], **metres: dict[int, float]
 ) -> NDArray[np.float64]:
-    """Poses (frames, D) of a body from key values of some degrees of freedom; the others stay at zero."""
+    """Poses (F, D) of a body from values by frame of some degrees of freedom; the others stay at zero.
+
+    Between two of its frames an angle moves smoothly and never overshoots, before the first and after the
+    last it stands still. The last frame of all is the poses' last.
+    """
+    frames = 1 + max(max(keys) for keys in angles_deg.values())
     poses = np.zeros((frames, len(model.dof_names)))
-    for name, values in metres.items():
-        poses[:, model.dof(name)] = through_keys(values, frames)
-    for name, values in angles_deg.items():
-        keys = {at: float(np.radians(value)) for at, value in values.items()}
-        poses[:, model.dof(name)] = through_keys(keys, frames)
+    for name, keys in {**metres, **angles_deg}.items():
+        values = np.array(list(keys.values()), dtype=np.float64)
+        curve = PchipInterpolator(list(keys), np.radians(values) if name in angles_deg else values)
+        poses[:, model.dof(name)] = curve(np.clip(np.arange(frames), min(keys), max(keys)))
     return poses
 
 
-ARM_FRAMES = 176
+PAPER_CAMERA, PAPER_FPS = Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0
+
 ARM_DOFS = ("r_shoulder_flexion", "r_shoulder_abduct", "r_shoulder_twisting", "r_elbow_flexion")
 ARM_STANDS = {"root_tx": 0.1, "root_ty": 0.04, "root_tz": 3.21}  # the raised hand stays in the picture
-ARM_STARTS_OFF_DEG = {"r_shoulder_abduct": -50.0}  # degrees, from the truth of the first frame
+ARM_STARTS_OFF_DEG = {"r_shoulder_abduct": -50.0}  # from the truth of the first frame
 
 # Degrees by frame. The forearm is close to the body, its hand at the head, around frames 60 and 105. The
 # upper arm never comes back to where a lone particle gets stuck, inside the trunk. The elbow is never
 # straight, where twisting could not be seen, and abduction stays far from 90, where flexion and twisting turn
 # about one axis.
-ARM_KEYS_DEG: dict[str, dict[float, float]] = {
+ARM_KEYS_DEG: dict[str, dict[int, float]] = {
     "r_shoulder_flexion": {0: 56, 32: 62, 60: 104, 82: 90, 105: 117, 142: 60, 175: 78},
     "r_shoulder_abduct": {0: 26, 28: 62, 60: 6, 82: 46, 105: 10, 136: 68, 160: 34, 175: 30},
     "r_shoulder_twisting": {0: 0, 25: -22, 60: 8, 82: -16, 105: 36, 142: -26, 175: 5},
@@ -124,23 +87,21 @@ ARM_KEYS_DEG: dict[str, dict[float, float]] = {
 def arm() -> Scene:
     """A standing person swings the right arm; tracking starts 50 degrees off in one shoulder angle."""
     model = human()
-    poses = animate(model, ARM_FRAMES, ARM_KEYS_DEG)
+    poses = animate(model, ARM_KEYS_DEG)
     for name, value in ARM_STANDS.items():
         poses[:, model.dof(name)] = value
     start = poses[0].copy()
     for name, degrees in ARM_STARTS_OFF_DEG.items():
         start[model.dof(name)] += np.radians(degrees)
-    return Scene(model, Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0, poses, start)
+    return Scene(model, PAPER_CAMERA, PAPER_FPS, poses, start)
 
 
-TURN_FRAMES = 180
-
-TURN_PLACE_M: dict[str, dict[float, float]] = {
+TURN_PLACE_M: dict[str, dict[int, float]] = {
     "root_tx": {0: 0.0, 60: 0.08, 120: -0.06, 179: 0.0},
     "root_ty": {0: -0.01, 179: -0.01},
     "root_tz": {0: 3.3, 60: 3.2, 120: 3.4, 179: 3.3},
 }
-TURN_KEYS_DEG: dict[str, dict[float, float]] = {
+TURN_KEYS_DEG: dict[str, dict[int, float]] = {
     "root_rx": {0: 0, 60: 4, 120: -2, 179: 0},
     "root_ry": {0: 0, 30: 12, 60: -10, 88: 0, 112: 0, 119: 80, 128: 84, 146: 84, 153: 10, 179: -10},
     "root_rz": {0: 0, 45: 3, 90: -3, 179: 0},
@@ -169,8 +130,8 @@ TURN_KEYS_DEG: dict[str, dict[float, float]] = {
 def turn() -> Scene:
     """Arms and legs move, the body turns by 84 degrees and back; tracking starts from the truth."""
     model = human()
-    poses = animate(model, TURN_FRAMES, TURN_KEYS_DEG, **TURN_PLACE_M)
-    return Scene(model, Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0, poses, poses[0])
+    poses = animate(model, TURN_KEYS_DEG, **TURN_PLACE_M)
+    return Scene(model, PAPER_CAMERA, PAPER_FPS, poses, poses[0])
 
 
 ROAM_FRAMES, ROAM_FPS = 150, 30.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -20,13 +19,12 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.choice import load_body
 from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE
 from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.person_scene import CAMERA_HEIGHT_M, person
+from coordinator.synthesis.person_scene import person
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, furnish, roam
+from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
 from coordinator.tracking.sensor_noise import SensorNoise
 
 ROAM, PERSON = "roam", "person"
-MOST_FRAMES = 100_000
 DEPTH_SCALE = 10_000.0  # units per metre: steps of 0.1 mm, up to 6.55 m
 
 
@@ -41,7 +39,6 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     *,
     model: str | None = None,
     kinect: bool = False,
-    room: bool = False,
 ) -> None:
     """Write the first `frames` of a scene as a sequence folder with truth and start.
 
@@ -50,12 +47,13 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     called after each frame. The folder appears only when it is whole. Raises InputError for an unknown
     scene, a number out of range, or a folder that is in use; GepfError where OpenGL does not start.
     """
-    noise = checked_noise(noise_depth or 0.0, noise_lateral or 0.0)
+    for kind, value in (("depth", noise_depth), ("lateral", noise_lateral)):
+        if value is not None and not 0.0 <= value <= 1.0:
+            raise InputError(f"{kind} noise of {value} m makes no sense; choose from 0 to 1 metre")
+    noise = SensorNoise(noise_depth or 0.0, noise_lateral or 0.0)
     if seed < 0:
         raise InputError(f"seed {seed} is negative; choose 0 or more")
     shown = find_scene(scene, model, seed, frames)
-    if room:
-        shown = furnished(shown, scene)
     out = Path(out)
     with_parent(out)
     unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -77,34 +75,19 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
     if name == ROAM:
         if model is None:
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
-        if frames is not None and not 1 <= frames <= MOST_FRAMES:
-            raise InputError(f"cannot make {frames} frames; choose from 1 to {MOST_FRAMES}")
-        return roam(load_body(model), seed, frames or ROAM_FRAMES)
-    if name not in (*SCENES, PERSON):
+        frames = ROAM_FRAMES if frames is None else frames
+        scene = roam(load_body(model), seed, frames if frames > 0 else ROAM_FRAMES)
+    elif name not in (*SCENES, PERSON):
         raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, PERSON, ROAM))}")
-    if model is not None:
+    elif model is not None:
         raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
-    scene = person(seed) if name == PERSON else SCENES[name]()
+    else:
+        scene = person(seed) if name == PERSON else SCENES[name]()
     if frames is None:
         return scene
     if not 1 <= frames <= len(scene.poses):
         raise InputError(f"cannot make {frames} frames; choose from 1 to {len(scene.poses)}")
     return replace(scene, poses=scene.poses[:frames])
-
-
-def furnished(scene: Scene, name: str) -> Scene:
-    """The scene in a room; InputError where no person stands on its floor."""
-    if name != PERSON:
-        raise InputError(f"scene {name} has no floor to stand on; leave --room out, or give scene {PERSON}")
-    return replace(scene, room=furnish(CAMERA_HEIGHT_M))
-
-
-def checked_noise(depth: float, lateral: float) -> SensorNoise:
-    """Noise, if both standard deviations make sense."""
-    for name, value in (("depth", depth), ("lateral", lateral)):
-        if not (math.isfinite(value) and 0.0 <= value <= 1.0):
-            raise InputError(f"{name} noise of {value} m makes no sense; choose from 0 to 1 metre")
-    return SensorNoise(depth, lateral)
 
 
 def with_parent(out: Path) -> None:
@@ -141,11 +124,8 @@ def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
     """Exact depth (H, W) in metres of every frame."""
     with DepthRenderer(scene.camera) as renderer:
         for pose in scene.poses:
-            vertices, triangles = pose_vertices(scene.model, pose[None])[0], scene.model.triangles
-            if scene.room is not None:
-                triangles = np.concatenate([triangles, scene.room.triangles + len(vertices)])
-                vertices = np.concatenate([vertices, scene.room.vertices])
-            yield renderer.depth(vertices, triangles).astype(np.float64)
+            vertices = pose_vertices(scene.model, pose[None])[0]
+            yield renderer.depth(vertices, scene.model.triangles).astype(np.float64)
 
 
 def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:

@@ -15,7 +15,7 @@ from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import Angles, angles_of, person_angles
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.swing_twist import isb_angles, isb_names, isb_shoulder, nearest_swing, swing_twist
+from coordinator.bodies.swing_twist import isb_shoulder, nearest_swing, swing_twist
 from coordinator.bodies.urdf import read_urdf
 
 Array = NDArray[np.float64]
@@ -198,13 +198,6 @@ def test_a_neck_that_only_tilts_has_one_angle() -> None:
     assert len([name for name in held.names if name.startswith("neck")]) == 3
 
 
-@pytest.mark.parametrize("held", [{}, {"vl3_roll": 0.02}])
-def test_a_trunk_that_only_tilts_has_three_angles(held: dict[str, float]) -> None:
-    """Whatever else of it is held: OpenSim's coordinates of the trunk hang on them."""
-    trunk = ("trunk_flexion", "trunk_side_bending", "trunk_rotation")
-    assert person_angles(("vl3_tilt",), held).names == trunk
-
-
 def test_what_is_held_counts() -> None:
     """With flexion held and abduction tracked, the angles are those of both moved."""
     part = person_angles(("r_shoulder_abduct",), {"r_shoulder_flexion": 0.7})
@@ -239,15 +232,6 @@ def test_isb_angles_are_the_euler_angles_y_x_y(quaternion: tuple[float, ...]) ->
         * Rotation.from_rotvec(axial * DOWN)
     )
     assert (again * rotation.inv()).magnitude()[0] < 1e-7
-
-
-def test_both_shoulders_have_the_angles_of_the_isb(angles: Angles) -> None:
-    """A person has three ISB angles a shoulder; the hanging arm is elevated by the template's tilt."""
-    names, found = isb_names(angles.names), isb_angles(angles.names, angles.measure(posed(angles.dof_names)))
-    assert names[:3] == tuple(
-        f"right_shoulder_isb_{n}" for n in ("plane_of_elevation", "elevation", "axial_rotation")
-    )
-    assert np.allclose(found[0, [1, 4]], ARM_TILT)
 
 
 @pytest.mark.parametrize("backward", [20.0, 30.0, 80.0])

@@ -12,7 +12,7 @@ import trimesh
 
 from coordinator.bodies.choice import choose_bodies, load_body
 from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.shape_space import ratios, shape_space
+from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import human_of
 from tests.support.refusals import refused
 
@@ -36,14 +36,6 @@ def test_the_moved_surface_is_the_meshed_one(measures: Measures) -> None:
     np.testing.assert_allclose(moved.joint_points, meshed.joint_points, atol=1e-12)
     np.testing.assert_allclose(moved.points, meshed.points, atol=1e-12)
     np.testing.assert_array_equal(moved.limits, meshed.limits)
-
-
-def test_the_average_person_is_the_mesh() -> None:
-    """Nothing moves where all ratios are 1; and they are 1 for what stature implies."""
-    np.testing.assert_allclose(ratios(Measures.of(1.9)), 1.0)
-    moved, meshed = shape_space().person(Measures.of()), human_of(Measures.of())
-    np.testing.assert_allclose(moved.vertices, meshed.vertices, atol=1e-12)
-    np.testing.assert_array_equal(moved.triangles, meshed.triangles)
 
 
 def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
