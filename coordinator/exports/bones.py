@@ -2,9 +2,8 @@
 
 Bones follow the body's links; degrees of freedom between two links become the motion of one bone in
 another. All bones have the axes of the rest pose, turned so that y is up. A named joint of the body is the
-bone whose origin it is, or a bone of its own that never moves in its parent. A joint that lies beside the
-point about which its bone turns, as a person's shoulder does, is that bone's origin, which then slides. A
-bone that never moves stays where it is.
+bone whose origin it is, or a bone of its own that never moves in its parent. A joint that lies a little
+beside the point about which its bone turns, as a person's shoulder does, is that bone's origin, which slides.
 """
 
 from __future__ import annotations
@@ -14,31 +13,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import ROTATION, TRANSLATION, BodyModel
+from common.body import ROTATION, BodyModel
 from common.kinematics import dof_transforms
 from coordinator.exports.recorded import CAMERA_TO_Y_UP
 
 Array = NDArray[np.float64]
 
 WORLD = "world"
-SAME_PLACE_M = 1e-6
-NEAR_M = 0.05
+LARGEST_OFFSET_M = 0.05  # of a joint from the point about which the bone of its name turns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bone:
     """One bone.
 
-    parent: index of the bone it hangs from, -1 for the first. dof: last degree of freedom that moves it, -1
-    for none. dofs: those that move it in its parent. origin (3,): rest pose, metres, y up.
+    parent: index of the bone that it hangs from, -1 for the first. dof: last degree of freedom that moves it,
+    -1 for none. moves: whether any moves it in its parent. origin (3,): rest pose, metres, y up.
     """
 
     name: str
     parent: int
     dof: int
-    dofs: tuple[int, ...]
+    moves: bool
     origin: Array
-    slides: bool  # whether its origin moves in its parent
 
 
 def bones_of(model: BodyModel) -> tuple[Bone, ...]:
@@ -48,17 +45,14 @@ def bones_of(model: BodyModel) -> tuple[Bone, ...]:
     bones: list[Bone] = []
     if len(tops) > 1 or tops == [-1]:
         still = model.link_names[model.link_dofs.tolist().index(-1)] if -1 in lasts else WORLD
-        bones.append(Bone(still, -1, -1, (), np.zeros(3), slides=False))
+        bones.append(Bone(still, -1, -1, moves=False, origin=np.zeros(3)))
         lasts = [dof for dof in lasts if dof >= 0]
     for dof in lasts:
         above = ancestor(model, dof, [bone.dof for bone in bones])
         parent = next((b for b, bone in enumerate(bones) if bone.dof == above), -1)
-        dofs = between(model, above, dof)
         name = model.link_names[int(np.argmax(model.link_dofs == dof))]
-        points = model.points[[d for d in dofs if model.kinds[d] == ROTATION]]
-        one_point = bool(np.all(np.abs(points - points[-1:]) < SAME_PLACE_M))
-        slides = bool(np.any(model.kinds[list(dofs)] == TRANSLATION)) or not one_point
-        bones.append(Bone(name, parent, dof, dofs, CAMERA_TO_Y_UP @ pivot(model, dofs), slides))
+        origin = CAMERA_TO_Y_UP @ pivot(model, above, dof)
+        bones.append(Bone(name, parent, dof, moves=True, origin=origin))
     return named_joints(model, bones)
 
 
@@ -79,46 +73,35 @@ def ancestor(model: BodyModel, dof: int, among: list[int]) -> int:
     return above
 
 
-def between(model: BodyModel, above: int, dof: int) -> tuple[int, ...]:
-    """Degrees of freedom after `above` up to and with `dof`, in chain order."""
-    chain: list[int] = []
+def pivot(model: BodyModel, above: int, dof: int) -> Array:
+    """The point (3,) about which `dof` turns in `above`: of the last rotation between, or of what slides."""
+    point = model.points[dof]
     while dof not in (above, -1):
-        chain.append(dof)
-        dof = int(model.parents[dof])
-    return tuple(reversed(chain))
-
-
-def pivot(model: BodyModel, dofs: tuple[int, ...]) -> Array:
-    """The point (3,) that the chain turns about: of its last rotation, or of its first part."""
-    turning = [d for d in dofs if model.kinds[d] == ROTATION]
-    return np.asarray(model.points[turning[-1] if turning else dofs[0]])
+        if model.kinds[dof] == ROTATION:
+            return np.asarray(model.points[dof])
+        point, dof = model.points[dof], int(model.parents[dof])
+    return np.asarray(point)
 
 
 def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
     """The bones with the body's joint names and in their places, and one more for each joint near no bone."""
     places = model.joint_points @ CAMERA_TO_Y_UP.T
     of_joint = [[bone.dof for bone in bones].index(dof) for dof in model.link_dofs[model.joint_links]]
-    apart = [float(np.linalg.norm(bones[b].origin - places[j])) for j, b in enumerate(of_joint)]
-    named: dict[int, int] = {}
-    for j in sorted(range(len(apart)), key=lambda j: apart[j] > SAME_PLACE_M):
-        b = of_joint[j]
-        if apart[j] < (NEAR_M if bones[b].dofs else SAME_PLACE_M):
-            named.setdefault(b, j)
-    for b, j in named.items():
-        beside = apart[j] > SAME_PLACE_M
-        bones[b] = replace(
-            bones[b], origin=places[j] if beside else bones[b].origin, slides=bones[b].slides or beside
-        )
-    names = {b: model.joint_names[j] for b, j in named.items()}
-    more = [
-        Bone(name, of_joint[j], bones[of_joint[j]].dof, (), places[j], slides=False)
-        for j, name in enumerate(model.joint_names)
-        if named.get(of_joint[j]) != j
-    ]
+    left = set(range(len(places)))
     for b, bone in enumerate(bones):
-        own = f"{bone.name}_link" if bone.name in model.joint_names else bone.name  # which no joint has
-        bones[b] = replace(bone, name=names.get(b, own))
-    return (*bones, *more)
+        own = [j for j, at in enumerate(of_joint) if at == b]
+        apart = np.linalg.norm(places[own] - bone.origin, axis=1)
+        if own and apart.min() < LARGEST_OFFSET_M:
+            j = own[int(apart.argmin())]
+            left.remove(j)
+            bones[b] = replace(bone, name=model.joint_names[j], origin=places[j])
+        elif bone.name in model.joint_names:
+            bones[b] = replace(bone, name=f"{bone.name}_link")  # which no joint has
+    still = [
+        Bone(model.joint_names[j], of_joint[j], bones[of_joint[j]].dof, moves=False, origin=places[j])
+        for j in sorted(left)
+    ]
+    return (*bones, *still)
 
 
 def motion_of(
@@ -161,3 +144,8 @@ def children(bones: tuple[Bone, ...], b: int) -> list[int]:
 def offset(bones: tuple[Bone, ...], bone: Bone) -> Array:
     """From the parent's origin to the bone's (3,), in the rest pose."""
     return bone.origin - bones[bone.parent].origin if bone.parent >= 0 else bone.origin
+
+
+def slides(bones: tuple[Bone, ...], bone: Bone, places: Array) -> bool:
+    """Whether a bone's origin in its parent (F, 3) is elsewhere than in the rest pose, but for rounding."""
+    return bool(np.any(np.abs(places - offset(bones, bone)) > 1e-6))

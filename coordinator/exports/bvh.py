@@ -8,20 +8,18 @@ in whether positions add to it. Lost frames hold what the tracker reported.
 from __future__ import annotations
 
 import io
-import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset
+from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
 from coordinator.exports.recorded import RecordedRun
 
 Array = NDArray[np.float64]
 
-CENTIMETRES = 100.0
 ORDER = "ZXY"
 TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone
 
@@ -31,11 +29,15 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
     model = run.body().model
     bones = bones_of(model)
     turns, places = motion_of(model, bones, run.track.pose, run.to_y_up)
-    order = list(walk(bones, 0))
-    columns = [channels(bones[b], turns[:, b], places[:, b]) for b in order]
+    positioned = [bone.parent < 0 or slides(bones, bone, places[:, b]) for b, bone in enumerate(bones)]
+    columns = []
+    for b in walk(bones, 0):
+        if positioned[b]:
+            columns.append(100.0 * places[:, b])
+        columns.append(angles_of(turns[:, b]))
     text = io.TextIOWrapper(file, encoding="ascii", newline="\n")
     text.write("HIERARCHY\n")
-    text.writelines(hierarchy(bones, 0, 0))
+    text.writelines(hierarchy(bones, positioned, 0, 0))
     text.write(f"MOTION\nFrames: {len(turns)}\nFrame Time: {1.0 / run.rate:.9f}\n")
     np.savetxt(text, np.concatenate(columns, axis=1), fmt="%.6f")
     text.detach()
@@ -48,32 +50,24 @@ def walk(bones: tuple[Bone, ...], b: int) -> Iterator[int]:
         yield from walk(bones, child)
 
 
-def hierarchy(bones: tuple[Bone, ...], b: int, depth: int) -> Iterator[str]:
-    """Lines of a bone and all that hangs from it."""
+def hierarchy(bones: tuple[Bone, ...], positioned: Sequence[bool], b: int, depth: int) -> Iterator[str]:
+    """Lines of a bone and all that hangs from it; positions of those that are `positioned` are channels."""
     bone, indent = bones[b], "\t" * depth
-    moves = positioned(bone)
-    place = np.zeros(3) if moves else offset(bones, bone)
+    place = np.zeros(3) if positioned[b] else 100.0 * offset(bones, bone)
     yield f"{indent}{'JOINT' if depth else 'ROOT'} {bone.name}\n{indent}{{\n"
-    yield f"{indent}\tOFFSET {' '.join(f'{CENTIMETRES * value:.6f}' for value in place)}\n"
-    names = [f"{axis}position" for axis in "XYZ" if moves] + [f"{axis}rotation" for axis in ORDER]
+    yield f"{indent}\tOFFSET {' '.join(f'{value:.6f}' for value in place)}\n"
+    names = [f"{axis}position" for axis in "XYZ" if positioned[b]] + [f"{axis}rotation" for axis in ORDER]
     yield f"{indent}\tCHANNELS {len(names)} {' '.join(names)}\n"
     below = children(bones, b)
     for child in below:
-        yield from hierarchy(bones, child, depth + 1)
+        yield from hierarchy(bones, positioned, child, depth + 1)
     if not below:
         yield f"{indent}\tEnd Site\n{indent}\t{{\n{indent}\t\tOFFSET {TIP}\n{indent}\t}}\n"
     yield f"{indent}}}\n"
 
 
-def positioned(bone: Bone) -> bool:
-    """Whether a bone has channels for its position."""
-    return bone.parent < 0 or bone.slides
-
-
-def channels(bone: Bone, turns: Array, places: Array) -> Array:
-    """Values (F, 3 or 6) of a bone's channels, angles without jumps of a turn."""
-    with warnings.catch_warnings():  # at 90 degrees one angle of three is free, and any will do
-        warnings.filterwarnings("ignore", message="Gimbal lock")
-        angles = Rotation.from_matrix(turns).as_euler(ORDER, degrees=True)
-    angles = np.unwrap(angles, period=360.0, axis=0)
-    return np.concatenate([places * CENTIMETRES, angles], axis=1) if positioned(bone) else angles
+def angles_of(turns: Array) -> Array:
+    """Angles (F, 3) of rotations (F, 3, 3), degrees, without jumps of a turn."""
+    # at 90 degrees one angle of three is free, and any will do
+    angles = Rotation.from_matrix(turns).as_euler(ORDER, degrees=True, suppress_warnings=True)
+    return np.unwrap(angles, period=360.0, axis=0)

@@ -17,24 +17,22 @@ from ezc3d import c3d
 from numpy.typing import NDArray
 
 from coordinator.bodies.angles import angles_of
-from coordinator.exports.recorded import MILLIMETRES, RecordedRun
+from coordinator.exports.recorded import RecordedRun
 
 Array = NDArray[np.float64]
-
-MISSING = -1.0  # the residual of a point without a place
 
 
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     """All frames from the first to the last, at the run's rate."""
     slots, count = even_slots(run)
-    joints = run.track.joint_positions @ run.to_opensim.T * MILLIMETRES
+    joints = run.track.joint_positions @ run.to_opensim.T * 1000.0
     names, angles = angle_points(run)
     points = np.full((3, len(run.track.joint_names) + len(names), count), np.nan)
     points[:, : joints.shape[1], slots] = joints[~run.track.unknown].transpose(2, 1, 0)
     points[:, joints.shape[1] :, slots] = angles[~run.track.unknown].transpose(2, 1, 0)
-    residuals = np.full((1, points.shape[1], count), MISSING)
+    residuals = np.full((1, points.shape[1], count), -1.0)  # where a point has no place
     residuals[:, :, slots] = 0.0
-    off = run.track.joint_deviation[~run.track.unknown] * MILLIMETRES
+    off = run.track.joint_deviation[~run.track.unknown] * 1000.0
     residuals[0, : joints.shape[1], slots] = np.nan_to_num(off)
 
     content = c3d()

@@ -41,12 +41,11 @@ from scipy.spatial.transform import Rotation
 
 from common.activation import merge_weights
 from common.body import BodyModel, vertex_normals
-from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset
+from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
 from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
 
 Array = NDArray[np.float64]
 
-WEIGHTS = 4  # links a vertex, at most
 COMPONENT_TYPES = {"u2": UNSIGNED_SHORT, "u4": UNSIGNED_INT, "f4": FLOAT}
 COLOUR = [0.8, 0.45, 0.2, 1.0]
 
@@ -74,7 +73,9 @@ def scene_of(run: RecordedRun) -> GLTF2:
         for b, bone in enumerate(bones)
     ]
     if bones[0].dof < 0:  # what stands still is turned once, here
-        gltf.nodes[0].rotation = quaternions((run.to_y_up @ CAMERA_TO_Y_UP)[None])[0].tolist()
+        level = run.to_y_up @ CAMERA_TO_Y_UP
+        gltf.nodes[0].rotation = quaternions(level[None])[0].tolist()
+        gltf.nodes[0].translation = (level @ bones[0].origin).tolist()
     if len(model.triangles):
         looks = PbrMetallicRoughness(baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8)
         gltf.materials = [Material(pbrMetallicRoughness=looks)]
@@ -148,9 +149,9 @@ def skin_of(
     place = {bones[b].dof: i for i, b in enumerate(moving)}
     of_link = np.array([place.get(int(dof), 0) for dof in model.link_dofs])
     links, weights = merge_weights(of_link[model.skin_links], model.skin_weights)
-    spare = max(0, WEIGHTS - links.shape[1])
-    links = np.pad(links, ((0, 0), (0, spare)))[:, :WEIGHTS]
-    weights = np.pad(weights, ((0, 0), (0, spare)))[:, :WEIGHTS]
+    spare = max(0, 4 - links.shape[1])  # glTF has four to a vertex
+    links = np.pad(links, ((0, 0), (0, spare)))[:, :4]
+    weights = np.pad(weights, ((0, 0), (0, spare)))[:, :4]
     shares = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
     return np.where(shares > 0, links, 0).astype(np.uint16), shares
 
@@ -170,9 +171,9 @@ def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tupl
         animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
     for b, bone in enumerate(bones):
-        if bone.dofs:
+        if bone.moves:
             add(b, "rotation", quaternions(turns[:, b]), "VEC4")
-        if bone.dofs and bone.slides:
+        if bone.moves and slides(bones, bone, places[:, b]):
             add(b, "translation", places[:, b].astype(np.float32), "VEC3")
     return animation
 

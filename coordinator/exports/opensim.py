@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, hanging, is_person, person_angles
 from coordinator.bodies.swing_twist import nearest_turn
-from coordinator.exports.recorded import CAMERA_TO_OPENSIM, MILLIMETRES, RecordedRun
+from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
 from coordinator.results.angles import read_slides
 
 Array = NDArray[np.float64]
@@ -123,7 +123,7 @@ def write_trc(run: RecordedRun, file: BinaryIO) -> None:
         [],
     ):
         text.write("\t".join(cells) + "\n")
-    places = run.track.joint_positions @ run.to_opensim.T * MILLIMETRES
+    places = run.track.joint_positions @ run.to_opensim.T * 1000.0
     for f in range(frames):
         markers = [] if run.track.unknown[f] else [f"{value:.4f}" for value in places[f].ravel()]
         markers = markers or [""] * places[f].size

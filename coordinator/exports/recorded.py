@@ -19,8 +19,6 @@ from coordinator.results.track import (
 )
 from coordinator.sources.camera import DEFAULT_FPS
 
-MILLIMETRES = 1000.0  # of a metre
-
 CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""
 

@@ -22,8 +22,6 @@ from coordinator.results.track import Track
 
 Array = NDArray[np.float64]
 
-ORDER, PASSES = 2, 2
-
 
 def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
     """The track with angles, joints and pose low-passed; deviations, hypotheses and status stay.
@@ -60,17 +58,17 @@ class LowPass:
             )
         count = max(3, round((self._times[-1] - self._times[0]) * rate) + 1)
         self._even = np.linspace(self._times[0], self._times[-1], count)
-        of_one_pass = (2.0 ** (1.0 / PASSES) - 1.0) ** (0.5 / ORDER)
+        of_one_pass = (2.0**0.5 - 1.0) ** (1.0 / 4.0)  # two passes leave half the power at the cut-off
         warped = np.tan(np.pi * cutoff_hz / rate) / of_one_pass
-        self._filter = butter(ORDER, np.arctan(warped) / np.pi * rate, fs=rate)
+        self._filter = butter(2, np.arctan(warped) / np.pi * rate, fs=rate)
 
     def __call__(self, values: Array) -> Array:
         """Values (F, ...) low-passed over the frames."""
         columns = values.reshape(len(values), -1)
         times, kept = self._times[self._kept], columns[self._kept]
         even = np.stack([np.interp(self._even, times, column) for column in kept.T], axis=1)
-        padding = min(3 * (ORDER + 1), len(even) - 1)
-        smooth = filtfilt(*self._filter, even, axis=0, padlen=padding)
+        usual = 3 * len(self._filter[0])
+        smooth = filtfilt(*self._filter, even, axis=0, padlen=min(usual, len(even) - 1))
         back = [np.interp(self._times, self._even, column) for column in smooth.T]
         return np.stack(back, axis=1).reshape(values.shape)
 

@@ -40,10 +40,10 @@ def spread(count: int, wanted: int) -> list[int]:
     return sorted(set(np.rint(np.linspace(0, count - 1, min(count, wanted))).astype(int).tolist()))
 
 
-def tile(pictures: list[Image.Image], columns: int) -> Image.Image:
-    """Pictures of one size side by side, row by row."""
+def tile(pictures: list[Image.Image]) -> Image.Image:
+    """Pictures of one size in three rows, row by row; less than five in one."""
     width, height = pictures[0].size
-    columns = min(columns, len(pictures))
+    columns = -(-len(pictures) // 3) if len(pictures) > 4 else len(pictures)
     sheet = Image.new("RGB", (columns * width, -(-len(pictures) // columns) * height))
     for i, picture in enumerate(pictures):
         sheet.paste(picture, (i % columns * width, i // columns * height))

@@ -20,7 +20,6 @@ from coordinator.tracking.certainty.certainty import FLAGGED
 Array = NDArray[np.float64]
 
 FINER = 2  # the picture is drawn at this multiple and averaged
-MODEL_OPACITY = 0.4
 MARGIN_M = 0.25  # around the joints: half a torso, a hand, the top of the head
 SKELETON_COLOUR: Colour = (255, 255, 255)
 OTHERS_COLOUR: Colour = (92, 214, 255)
@@ -100,7 +99,7 @@ def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int
     """
     picture, camera, status = view.cut(image), view.intrinsics, str(track.status[f])
     if track.placed[f] and status != "absent":
-        picture = draw_body(picture, model, track.pose[f], camera, MODEL_OPACITY)
+        picture = draw_body(picture, model, track.pose[f], camera, opacity=0.5)
         draw, width = ImageDraw.Draw(picture, "RGBA"), max(FINER, picture.height // 160)
         weights = track.hypothesis_weight[f]
         order = np.argsort(weights)[: np.isfinite(weights).sum()]  # the likely over the unlikely

@@ -32,7 +32,6 @@ STATUS = {
     "absent": "#969696",
 }
 SIDES = ("right_", "left_")
-WIDTH_IN, ROW_IN = 11.0, 1.7  # of a figure, and of a row of plots in it
 FAINT = 0.25  # opacity of what lies behind a curve
 MOST_ANGLES = 6  # whose hypotheses are shown
 
@@ -44,6 +43,7 @@ STYLE: Mapping[str, Any] = {
     "axes.grid": True,
     "axes.grid.axis": "y",
     "figure.constrained_layout.use": True,
+    "figure.figsize": (11.0, 1.7),  # inches; a row of plots
     "legend.frameon": False,
     "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "gepf",  # equal drawings give equal text
@@ -114,7 +114,8 @@ def plot_curves(track: Track, curves: Sequence[Curve], columns: int, *, paired: 
     columns = max(1, min(columns, len(curves)))
     rows = max(1, -(-len(curves) // columns))
     with styled():
-        figure = Figure(figsize=(WIDTH_IN, ROW_IN * rows))
+        figure = Figure()
+        figure.set_figheight(rows * figure.get_figheight())
         axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="row" if paired else "none")
         for at, curve in zip_longest(axes.ravel(), curves):
             if curve is None:
@@ -188,7 +189,8 @@ def draw_errors(track: Track, truth: Truth, file: Path) -> None:
     ]
     kinds = [kind for kind in kinds if kind[2]]
     with styled():
-        figure = Figure(figsize=(WIDTH_IN * len(kinds) / 2, 5.0 * ROW_IN))
+        figure = Figure()
+        figure.set_size_inches(figure.get_figwidth() * len(kinds) / 2, 5 * figure.get_figheight())
         axes = figure.subplots(2, len(kinds), sharex=True, squeeze=False, height_ratios=(1, 2))
         for (above, below), (kind, unit, names, values, best) in zip(axes.T, kinds, strict=True):
             for label, each, colour in (

@@ -22,7 +22,7 @@ TURNS_DEG = (0, 40, 90)
 
 def draw_portrait(model: BodyModel, file: Path) -> None:
     """Write a PNG: the body from the front, half from the side and from the side, joints as dots."""
-    sheet = tile([paint(model, turn) for turn in TURNS_DEG], len(TURNS_DEG))
+    sheet = tile([paint(model, turn) for turn in TURNS_DEG])
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda opened: sheet.save(opened, "PNG"))
 

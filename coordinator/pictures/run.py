@@ -21,7 +21,7 @@ from coordinator.sources.source import Source
 
 LARGEST_PX = 480  # width and height of a picture
 FILM_FRAMES = 200  # of a longer run evenly spread ones, in real time all the same
-SHEET_FRAMES, SHEET_COLUMNS = 15, 5
+SHEET_FRAMES = 15
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ def draw_run(
 
     files = [out / FILM_FILE, out / SHEET_FILE]
     write_film(paint_all(), (view.width // FINER, view.height // FINER), track.time_s[filmed], files[0])
-    write_atomically(files[1], lambda opened: tile(kept, SHEET_COLUMNS).save(opened, "PNG"))
+    write_atomically(files[1], lambda opened: tile(kept).save(opened, "PNG"))
     advance(steps - 1, steps)
     if track.placed.any():
         files.append(out / HYPOTHESES_FILE)

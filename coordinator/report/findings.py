@@ -17,8 +17,7 @@ from coordinator.tracking.certainty.certainty import FLAGGED
 Array = NDArray[np.float64]
 Summary = dict[str, Any]
 
-TRUSTED_SHARE, DOUBTED_SHARE = 0.9, 0.5
-"""Share of frames that are tracked, from which on a run is trusted, or in parts."""
+TRUSTED_SHARE = 0.9  # of frames that are tracked; below, a run is trusted in parts, below a half not at all
 
 SIDES = ("right_", "left_")
 
@@ -108,7 +107,7 @@ def find_doubts(track: Track) -> Iterator[tuple[str, str]]:
 def find_banner(track: Track, summary: Summary) -> tuple[str, str] | None:
     """A warning where a run cannot be trusted, whole or in part, and the status that colours it."""
     share = float(np.mean(track.status == "tracked")) if len(track.status) else 0.0
-    if share < DOUBTED_SHARE:
+    if share < 0.5:
         why = f": {next(iter(summary['doubts']))}" if summary.get("doubts") else ""
         return "lost", f"Do not trust this run: {share:.0%} of its frames are tracked{why}."
     if share < TRUSTED_SHARE:

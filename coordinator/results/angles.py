@@ -41,8 +41,6 @@ SPEED = np.radians(1400.0)
 """Radians a second, one standard deviation: a fast arm. Elbows of throwers reach 2 300 degrees."""
 
 KNOWN_VARIANCE, UNKNOWN_VARIANCE = np.radians([1e-4, 1e4]) ** 2  # limits in smoothing
-SHORTEST_BONE_M = 0.1
-SHORTEST_INTERVAL_S = 1e-3  # what is shorter is a faulty time stamp
 
 SHOWN_BY = {
     # angle: the joint whose position shows it, and the one about which that turns
@@ -66,7 +64,7 @@ def with_angles(track: Track, angles: Angles) -> Track:
         off = deviations(known, angles, reported, np.inf)
         off[known.unknown] = np.inf
         since = np.diff(known.time_s)
-        interval = np.where(since > SHORTEST_INTERVAL_S, since, 1.0 / DEFAULT_FPS)
+        interval = np.where(since > 0.0, since, 1.0 / DEFAULT_FPS)
         beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
         columns = [smooth(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
         reported = np.array(columns).reshape(reported.T.shape).T
@@ -137,8 +135,9 @@ def deviations_from_joints(track: Track, angles: Angles) -> Array:
     off = np.zeros((len(track.frame), len(angles.names)))
     for angle, (end, pivot) in shown_by(angles.names, track.joint_names).items():
         bone = track.joint_positions[:, end] - track.joint_positions[:, pivot]
-        length = np.maximum(np.linalg.norm(bone, axis=-1), SHORTEST_BONE_M)
-        off[:, angle] = np.nan_to_num(track.joint_deviation[:, end]) / length
+        length = np.linalg.norm(bone, axis=-1)
+        deviation = np.nan_to_num(track.joint_deviation[:, end])
+        np.divide(deviation, length, out=off[:, angle], where=length > 0.0)
     return off
 
 

@@ -27,7 +27,6 @@ PATH = "path"  # where the sequence was, for later reference; it does not influe
 GIVEN = "camera_given"  # what the user said of the camera
 AUTOMATIC = "auto"  # a start that is found
 HASH_LETTERS = 12
-NAMED = 3  # differences that a message names
 
 RunConfiguration = dict[str, Any]
 """Nested names and values, as JSON holds them."""
@@ -75,8 +74,8 @@ class Asked:
     start: Mapping[str, float] | None  # None for one that is found
     deadline: float | None  # seconds
     scope: Scope  # what of the scene is tracked
-    joint_states: str | None = None  # a hash of what encoders say
-    people: int = 1  # at the most
+    joint_states: str | None  # a hash of what encoders say
+    people: int  # at the most
 
 
 def run_configuration(
@@ -129,12 +128,14 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
 
 
 def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:
-    """What differs from the recorded configuration, by dotted name; `recorded` may hold more."""
+    """The first that differs from the recorded configuration, by dotted name, and how many more do.
+
+    `recorded` may hold more than what is asked for.
+    """
     before, now = dict(flatten(recorded)), dict(flatten(asked))
     found = [
         f"{key} (recorded {before.get(key, 'not given')}, now {value})"
         for key, value in now.items()
         if key != PATH and (key not in before or before[key] != value)
     ]
-    more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
-    return ", ".join(found[:NAMED]) + more
+    return "".join(found[:1]) + (f" and {len(found) - 1} more" if len(found) > 1 else "")

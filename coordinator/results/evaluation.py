@@ -215,10 +215,8 @@ def share_within(errors: NDArray[np.float64], limit: float) -> float | None:
 
 def known_mean(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     """Mean along an axis of what is known; NaN where nothing is."""
-    known = ~np.isnan(values)
-    count = known.sum(axis=axis)
-    total = np.where(known, values, 0.0).sum(axis=axis)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    mean: NDArray[np.float64] = np.ma.masked_invalid(values).mean(axis=axis).filled(np.nan)
+    return mean
 
 
 def positions(names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:

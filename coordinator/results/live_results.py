@@ -60,11 +60,11 @@ class LiveResults:
                     "time_s": estimate.time_s,
                     "estimated_at": estimated_at,
                     "status": estimate.status,
-                    "residual": known(estimate.residual),
+                    "residual": estimate.residual if np.isfinite(estimate.residual) else None,
                     "pose": by_name(model.dof_names, estimate.pose),
                     "angles": by_name(angles.names, values),
                     "angle_deviation": by_name(angles.names, track.angle_deviation[0]),
-                    "joints": places(model.joint_names, estimate.joint_positions),
+                    "joints": by_name(model.joint_names, estimate.joint_positions),
                     "why": estimate.why,
                     "joint_deviation": by_name(model.joint_names, track.joint_deviation[0]),
                     "joint_off_probability": by_name(model.joint_names, track.joint_off_probability[0]),
@@ -91,16 +91,8 @@ class LiveResults:
 
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-    """Values by name; null for what is not known."""
-    return {name: known(value) for name, value in zip(names, values.tolist(), strict=True)}
-
-
-def places(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, list[float] | None]:
-    """Points (J, 3) by name; null before the body was found."""
-    known = {name: place.tolist() for name, place in zip(names, values, strict=True)}
-    return {name: place if np.isfinite(place).all() else None for name, place in known.items()}
-
-
-def known(value: float) -> float | None:
-    """The value, null where it is none."""
-    return value if np.isfinite(value) else None
+    """Values (N,) or points (N, 3) by name; null for what is not known."""
+    return {
+        name: value.tolist() if np.isfinite(value).all() else None
+        for name, value in zip(names, values, strict=True)
+    }

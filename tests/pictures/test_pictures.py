@@ -280,9 +280,9 @@ def test_spread_takes_the_first_and_the_last_and_no_frame_twice(count: int, want
 
 
 def test_a_sheet_holds_every_picture_once() -> None:
-    """Seven pictures in rows of three: each colour covers its picture's area."""
+    """Seven pictures in three rows: each colour covers its picture's area."""
     colours = [(30 * k + 20, 255 - 30 * k, 7) for k in range(7)]
-    sheet = np.asarray(tile([Image.new("RGB", (20, 10), c) for c in colours], 3))
+    sheet = np.asarray(tile([Image.new("RGB", (20, 10), c) for c in colours]))
     for colour in colours:
         assert np.sum(np.all(sheet == colour, axis=-1)) == 200
 

@@ -232,7 +232,7 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
         (("--init", "auto"), "init (recorded"),
         (
             ("--preset", "paper", "--points", "4"),
-            "settings.preset (recorded default, now paper), settings.points (recorded 300, now 4), ",
+            "settings.preset (recorded default, now paper) and ",
         ),
     ],
 )
