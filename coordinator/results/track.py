@@ -31,12 +31,12 @@ TRACK_LAYOUT = {
     "pose": "numbers (F, D)",
     "joint_names": "names (J)",
     "joint_positions": "numbers (F, J, 3)",
-    "joint_deviation": "numbers (F, J)",
-    "joint_off_probability": "numbers (F, J)",
-    "joint_seen": "numbers (F, J)",
     "hypothesis_pose": "numbers (F, M, D)",
     "hypothesis_weight": "numbers (F, M)",
     "status": "texts (F)",
+    "joint_deviation": "numbers (F, J)",
+    "joint_off_probability": "numbers (F, J)",
+    "joint_seen": "numbers (F, J)",
     "angle_names": "names (A)",
     "angle": "numbers (F, A)",
     "angle_deviation": "numbers (F, A)",
@@ -58,12 +58,12 @@ class Track:
     pose: Array
     joint_names: tuple[str, ...]
     joint_positions: Array
-    joint_deviation: Array  # one standard deviation; NaN where unknown
-    joint_off_probability: Array  # of more than 15 cm; NaN where unknown
-    joint_seen: Array  # share of its surface; NaN where unknown
     hypothesis_pose: Array
     hypothesis_weight: Array
     status: NDArray[np.str_]  # tracked, ambiguous, lost, searching or absent
+    joint_deviation: Array  # one standard deviation; NaN where unknown
+    joint_off_probability: Array  # of more than 15 cm; NaN where unknown
+    joint_seen: Array  # share of its surface; NaN where unknown
     angle_names: tuple[str, ...]
     angle: Array  # continuous from frame to frame
     angle_deviation: Array  # one standard deviation; NaN where unknown
