@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 
 from common.errors import BusError, InputError
 from common.protocol import keys
@@ -13,7 +13,6 @@ from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from common.transport.session import Security
 
-REPEATED_S = 10.0  # between lines that say that nobody answers
 SEEN_WITHIN_S = 5.0  # in which one session sees what another has announced
 
 log = logging.getLogger("gepf-worker")
@@ -40,30 +39,20 @@ def connect_to(identity: Identity) -> Bus:
     Raises InputError if it is refused, BusError if nobody has answered when the time is up.
     """
     log.info("connecting to %s", identity.place)
-    bus = open_worker(identity.connect, identity.security, silence_reporter(identity))
-    bus.watch_links(report_link)
-    return bus
+    silences = count()
 
-
-def silence_reporter(identity: Identity) -> Callable[[float], None]:
-    """Called with the seconds since when nobody has answered: reports that now and then.
-
-    Raises BusError when the time is up.
-    """
-    next_report = 0.0
-
-    def report(seconds: float) -> None:
-        nonlocal next_report
+    def report_silence(seconds: float) -> None:
         if identity.timeout is not None and seconds >= identity.timeout:
             raise BusError(
                 f"nobody answered at {identity.place} within {identity.timeout:g} s; start the coordinator "
                 "or router there, or give more time with --connect-timeout"
             )
-        if seconds >= next_report:
-            next_report = seconds + REPEATED_S
-            log.info("nobody answers at %s yet; trying for %.0f s, Ctrl-C ends", identity.place, seconds)
+        if next(silences) == 0:
+            log.info("nobody answers at %s yet; trying on, Ctrl-C ends", identity.place)
 
-    return report
+    bus = open_worker(identity.connect, identity.security, report_silence)
+    bus.watch_links(report_link)
+    return bus
 
 
 def report_link(endpoint: str, linked: bool) -> None:

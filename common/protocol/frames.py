@@ -37,8 +37,8 @@ class FrameMessage(Message, frozen=True, tag="frame"):
     depth: Array
     picked: Array
     view: tuple[Pixel, Pixel, Pixel, Pixel]
-    kinds: Array | None = None
-    emptiness: float = 0.0
+    kinds: Array | None
+    emptiness: float
 
 
 class Numbered(msgspec.Struct, frozen=True):

@@ -13,9 +13,7 @@ import zenoh
 from zenoh import handlers
 
 from common.closing import Closing
-from common.transport.channels import IncomingRequest, Publisher, RequestSender, mapped
-
-FETCH_TIMEOUT_S = 2.0
+from common.transport.channels import ANSWER_S, IncomingRequest, Publisher, RequestSender, mapped
 
 
 class Bus(Closing):
@@ -56,7 +54,7 @@ class Bus(Closing):
         with mapped(f"serving {key}"):
             self._declared.append(self._session.declare_queryable(key, answer))
 
-    def fetch(self, key: str, timeout: float = FETCH_TIMEOUT_S) -> bytes | None:
+    def fetch(self, key: str, timeout: float = ANSWER_S) -> bytes | None:
         """What is served under a key, or None if nobody answers within the timeout (seconds)."""
         with mapped(f"fetching {key}"):
             replies = self._session.get(
@@ -115,12 +113,11 @@ class Bus(Closing):
         with mapped("looking at links"):
             return any(there.whatami == zenoh.WhatAmI.PEER for there in self._session.info.transports())
 
-    def is_linked(self, within: float) -> bool:
+    def is_linked(self, within: float = 0.0) -> bool:
         """Whether anybody is connected, or comes to be within a time (seconds)."""
         deadline = time.monotonic() + within
         with mapped("looking at links"):
-            links = self._session.info.declare_link_events_listener(history=True)
-            while links.try_recv() is None:
+            while not self._session.info.transports():
                 if time.monotonic() >= deadline:
                     return False
                 time.sleep(0.02)

@@ -13,6 +13,7 @@ from zenoh import handlers
 
 from common.errors import BusError
 
+ANSWER_S = 2.0  # for whatever another program is to answer soon
 Ending = Literal["reply", "refusal", "nothing"]
 """How a request ended: with a result, with a reason why there is none, or without an answer."""
 

@@ -12,12 +12,12 @@ import ssl
 from contextlib import suppress
 
 from common.errors import InputError
+from common.transport.channels import ANSWER_S
 from common.transport.credentials import MEND, Credentials
 
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
 ENCRYPTED, LOCAL = "tls", "unixsock-stream"
 TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
-PATIENCE_S = 2.0  # for each step
 
 
 def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
@@ -72,7 +72,7 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
     refusal: ssl.SSLError | None = None
     try:
         with (
-            socket.create_connection((host, port), PATIENCE_S) as link,
+            socket.create_connection((host, port), ANSWER_S) as link,
             context_for(credentials).wrap_socket(link, server_hostname=host) as encrypted,
             suppress(TimeoutError),
         ):

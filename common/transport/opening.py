@@ -11,11 +11,10 @@ import zenoh
 
 from common.errors import BusError, InputError
 from common.transport.bus import Bus
-from common.transport.channels import bus_error
+from common.transport.channels import ANSWER_S, bus_error
 from common.transport.endpoints import why_refused
 from common.transport.session import Security, session_settings
 
-ATTEMPT_MS = 2_000  # to connect, until we ask why we are not let in
 UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time
 
 
@@ -32,7 +31,7 @@ def open_coordinator(
 def open_linked(mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None) -> Bus:
     """A session with links to all its endpoints. InputError if one refuses us before any lets us in."""
     bus = open_session(session_settings(mode, listen, connect, security))
-    if connect and not bus.is_linked(within=ATTEMPT_MS / 1000):
+    if connect and not bus.is_linked(within=ANSWER_S):
         try:
             check_refusals(connect, security)
         except InputError:
@@ -56,14 +55,14 @@ def open_worker(
     if len(connect) > 1:  # a client would be on one of them only
         bus = open_linked("peer", (), connect, security)
         try:
-            while not bus.is_linked(within=ATTEMPT_MS / 1000):
+            while not bus.is_linked(within=ANSWER_S):
                 on_silence(time.monotonic() - began)
         except BaseException:
             bus.close()
             raise
         return bus
     settings = session_settings("client", (), connect, security)
-    settings["connect"] |= {"timeout_ms": ATTEMPT_MS, "exit_on_failure": True}
+    settings["connect"] |= {"timeout_ms": int(1000 * ANSWER_S), "exit_on_failure": True}
     while True:
         try:
             return open_session(settings)

@@ -28,8 +28,6 @@ from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.pool.publication import Publication
 from coordinator.pool.rpc_client import Refinement, RpcClient
 
-LINK_WAIT_S = 0.05  # for a link that is there already
-
 
 class ZenohRefiner:
     """Has particles refined by whatever workers there are; a context manager.
@@ -58,7 +56,7 @@ class ZenohRefiner:
                 self._bus = stack.enter_context(
                     open_coordinator([*own, *pool.listen_endpoints], pool.connect_endpoints, pool.security)
                 )
-            if pool.connect and not self._bus.is_linked(within=LINK_WAIT_S):
+            if pool.connect and not self._bus.is_linked():
                 self._report(f"nobody answers at {pool.connect} yet; trying on")
             if pool.connect and not pool.listen and not pool.shared_at:
                 self._bus.watch_links(self._report_link)

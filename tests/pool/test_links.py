@@ -41,7 +41,7 @@ def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
     for says in (
         f"loading, before connecting to {endpoint}; the first time this takes a minute",
         f"connecting to {endpoint}\n",
-        f"nobody answers at {endpoint} yet; trying for",
+        f"nobody answers at {endpoint} yet; trying on",
         f"nobody answered at {endpoint} within 5 s; start the coordinator or router there",
     ):
         assert says in done.stderr

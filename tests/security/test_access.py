@@ -34,16 +34,17 @@ SHORT = 0.3  # seconds in which something that must not happen would have happen
 
 
 def test_run_over_tls_gives_the_same_bytes(place: str, ours: Folder) -> None:
-    """With certificates on both sides, directly, the result is that of the kernel."""
+    """Directly, with certificates on both sides, and beside a local worker, which needs none."""
+    options = Pool(1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=60.0)
     with (
-        listening(place, ours) as refiner,
+        ZenohRefiner(options) as refiner,
         secure_worker(place, ours, "w0"),
         secure_worker(place, ours, "w1"),
     ):
-        refiner.wait_for(2)
+        refiner.wait_for(3)
         for number in range(3):
             assert refined_bytes(refiner, number) == expected(number)
-        assert refiner.statistics.workers_seen == WORKERS
+        assert {*WORKERS} < {*refiner.statistics.workers_seen}
 
 
 def test_run_through_a_router_gives_the_same_bytes(place: str, ours: Folder) -> None:
@@ -56,17 +57,6 @@ def test_run_through_a_router_gives_the_same_bytes(place: str, ours: Folder) -> 
                 refiner.wait_for(2)
                 assert refined_bytes(refiner, 1) == expected(1)
         assert refiner.statistics.workers_seen == WORKERS
-
-
-def test_local_workers_work_beside_secure_ones(place: str, ours: Folder) -> None:
-    """A run that listens with TLS has local workers, too, which need no certificate."""
-    options = Pool(
-        workers=1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=60.0
-    )
-    with ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"):
-        refiner.wait_for(2)
-        assert refined_bytes(refiner, 1) == expected(1)
-        assert len(refiner.statistics.workers_seen) == 2
 
 
 def test_other_workers_name_is_never_seen(place: str, ours: Folder) -> None:
