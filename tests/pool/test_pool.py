@@ -201,18 +201,8 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
             assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
 
 
-def test_run_says_that_it_waits(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """That nobody is there is reported once."""
-    said: list[str] = []
-    monkeypatch.setattr("coordinator.pool.rpc_client.ALONE_S", 0.1)
-    options = Pool(workers=0, listen=endpoint, worker_timeout=0.6)
-    with ZenohRefiner(options, said.append) as refiner, pytest.raises(NoWorkers):
-        refined_bytes(refiner, 1)
-    assert said == ["no worker is there; waiting for one"]
-
-
 @pytest.mark.parametrize(("lanes", "says"), [(1, "the local worker is not ready yet"), (0, "no worker is")])
-def test_runs_that_share_a_worker_say_that_it_is_not_ready(
+def test_runs_that_share_a_pool_say_once_that_it_is_not_ready(
     endpoint: str, lanes: int, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They wait for the pool's own, if it has one; others are invited to where the user said."""
@@ -225,6 +215,7 @@ def test_runs_that_share_a_worker_say_that_it_is_not_ready(
         refined_bytes(refiner, 1)
     assert said[0] == "nobody answers at tcp/router:7447 yet; trying on"
     assert said[1].startswith(says)
+    assert len(said) == 2
 
 
 def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:

@@ -267,11 +267,3 @@ def test_worker_that_is_still_connecting_can_be_ended(number: signal.Signals, tm
         time.sleep(1.5)
         process.send_signal(number)
         assert process.wait(60.0) in {-number, 130 if number == signal.SIGINT else -number}
-
-
-def test_worker_with_a_bad_name_says_so() -> None:
-    """A fault of the user is one line and exit code 2."""
-    with started("--connect", "tcp/127.0.0.1:1", "--name", "a/b", command=INSTANT) as process:
-        assert process.wait(60.0) == 2
-        assert process.stderr is not None
-        assert process.stderr.read().count("\n") == 1

@@ -77,14 +77,6 @@ def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours
         assert "--" not in str(caught.value)
 
 
-def test_a_certificate_of_another_authority_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
-    """The iteration says why in one line."""
-    with open_coordinator([place], (), ours.listening):
-        live = gepf.live(KEY, connect=place, tls=files_of(foreign, "coordinator"), idle_timeout=60.0)
-        with pytest.raises(gepf.InputError, match=r"not valid under|another authority"):
-            list(live)
-
-
 def test_a_client_that_is_not_let_in_reads_what_to_give(place: str, ours: Folder) -> None:
     """In Python's words, of live input and of workers: without certificates, at an encrypted port."""
     plain = place.replace("tls/", "tcp/")
