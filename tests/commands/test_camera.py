@@ -17,9 +17,10 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.synthesis.rendering import DepthRenderer
-from tests.support.pairs import PoolOfOne, raised
+from tests.support.pairs import raised
 from tests.support.people import CAMERA, STANDING
 from tests.support.rooms import along
+from tests.support.stand_ins import Direct
 
 Array = NDArray[np.float64]
 
@@ -63,7 +64,7 @@ def write(folder: Path, depth: Array, top: int = 0, bottom: int = CAMERA.height)
 
 def track(sequence: Path, out: Path) -> gepf.Run:
     """A run that ends well."""
-    assert main(["track", str(sequence), "--out", str(out), *OPTIONS], PoolOfOne().connect) == 0
+    assert main(["track", str(sequence), "--out", str(out), *OPTIONS], Direct().connect) == 0
     return gepf.load(out)
 
 

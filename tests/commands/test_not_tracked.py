@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
@@ -16,40 +13,31 @@ from coordinator.results.track import read_track
 from tests.support.people import shown
 from tests.support.recordings import camera_file, write_open3d
 from tests.support.rooms import CABINET, CAMERA, Room
+from tests.support.stand_ins import Direct
 
 FRAMES = 8
 RED = "\x1b[1;31m"
 
 
-def gepf(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """The program itself, which takes its output for a terminal."""
-    code = "import sys; from coordinator.cli import main; sys.exit(main())"
-    environment = os.environ | {"FORCE_COLOR": "1", "COLUMNS": "200"}
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
-
-
-def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(tmp_path: Path) -> None:
+def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Exit code 3, a line in red, all files, and a banner in the report."""
     room = Room((CABINET,), noise=0.001)
     depth = np.array([room.see(None, number).frame.depth for number in range(FRAMES)])
     sequence = write_open3d(tmp_path / "empty", depth)
     camera_file(sequence, 1000.0, CAMERA)
     out = tmp_path / "run"
-    done = gepf("track", str(sequence), "--out", str(out), "--workers", "1", "--no-pictures")
-    assert done.returncode == 3, done.stderr
-    red = [line for line in done.stderr.splitlines() if RED in line]
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["track", str(sequence), "--out", str(out), "--no-pictures"], Direct().connect) == 3
+    said = capsys.readouterr().err
+    red = [line for line in said.splitlines() if RED in line]
     assert any("most frames are not tracked (8 absent)" in line for line in red)
-    assert "waiting for a person" in done.stderr
+    assert "waiting for a person" in said
     assert {"track.npz", "summary.json", "poses.csv"} <= {path.name for path in out.iterdir()}
     assert set(read_track(out).status) == {"absent"}
-    report = gepf("report", str(out))
-    assert report.returncode == 0, report.stderr
+    assert main(["report", str(out)]) == 0
     assert "Do not trust this run: 0% of its frames are tracked" in (out / "report.html").read_text()
 
 
@@ -63,8 +51,8 @@ def test_a_camera_upside_down_is_turned(tmp_path: Path, rotate: str) -> None:
     lens = (camera.fx, camera.fy, camera.width - 1 - camera.cx, camera.height - 1 - camera.cy)
     camera_file(sequence, frame.depth_scale, type(camera)(camera.width, camera.height, *lens))
     out = tmp_path / "run"
-    asked = ("--rotate", rotate, "--workers", "1", "--no-pictures", "--quiet")
-    assert main(["track", str(sequence), "--out", str(out), *asked]) == 0
+    asked = ("--rotate", rotate, "--no-pictures", "--quiet")
+    assert main(["track", str(sequence), "--out", str(out), *asked], Direct().connect) == 0
     summary, track = msgspec.json.decode((out / "summary.json").read_bytes()), read_track(out)
     assert summary["rotate_deg"] == 180
     head, pelvis = (track.joint_positions[-1, track.joint_names.index(name)] for name in ("head", "pelvis"))

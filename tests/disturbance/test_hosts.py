@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.processes.network import Network, NotAllowed, Weather
+from tests.support.processes.network import Network, NotAllowed
 from tests.support.processes.place import Place
 from tests.support.processes.warm_processes import coordinate
 
@@ -22,7 +22,6 @@ pytestmark = pytest.mark.slow
 
 FRAMES = 80
 BUSY = 0.1  # seconds that a worker takes over a batch at least, so that the run lasts
-BAD = Weather(loss=0.05, delay=0.02)
 WORKERS = ("w0", "w1", "w2")
 PATIENCE = 180.0  # seconds for whatever must happen, on a busy machine, too
 PORT = 7447
@@ -55,12 +54,11 @@ def work_slowly(endpoint: str, name: str) -> None:
 class Site:
     """Processes on hosts of their own, and the run that they are at."""
 
-    def __init__(self, network: Network, sequence: Path, folder: Path, weather: Weather | None) -> None:
+    def __init__(self, network: Network, sequence: Path, folder: Path) -> None:
         self.network = network
         self.sequence = sequence
         self.folder = folder
-        self.hosts = {name: network.host(name) for name in ("coordinator", "router")}
-        self.hosts |= {name: network.host(name, weather) for name in WORKERS}
+        self.hosts = {name: network.host(name) for name in ("coordinator", "router", *WORKERS)}
         self.endpoint = f"tcp/{self.hosts['router'].address}:{PORT}"
         self.processes: dict[str, BaseProcess] = {}
 
@@ -164,14 +162,14 @@ class Site:
 
 
 @contextmanager
-def site(calm: Path, folder: Path, weather: Weather | None = None) -> Iterator[Site]:
+def site(calm: Path, folder: Path) -> Iterator[Site]:
     """Hosts, and on them a run that has begun; nothing runs on them afterwards."""
     try:
         network = Network(folder / "cables.txt")
     except NotAllowed as error:
         pytest.skip(f"no network hosts can be made here: {error}")
     with network:
-        site = Site(network, calm.parent / "sequence", folder, weather)
+        site = Site(network, calm.parent / "sequence", folder)
         try:
             site.start_all()
             yield site
@@ -227,13 +225,6 @@ def test_a_run_waits_while_it_is_cut_off_from_all_workers(calm: Path, tmp_path: 
         hosts.network.put_back(hosts.hosts[host])
         hosts.await_answers(WORKERS)
         assert assert_same(hosts, calm)["batches_sent_again"] > 0
-
-
-def test_a_network_that_loses_and_delays_packets_changes_no_byte(calm: Path, tmp_path: Path) -> None:
-    """5 % loss and 20 ms delay on the cable of each worker, either way."""
-    with site(calm, tmp_path, BAD) as hosts:
-        assert_same(hosts, calm)
-        assert all(hosts.hosts[name].segments_sent_again for name in WORKERS)
 
 
 def test_a_router_that_is_started_again_changes_no_byte(calm: Path, tmp_path: Path) -> None:

@@ -139,23 +139,13 @@ def test_without_noise_nothing_moves(steps: Condensation | Annealed) -> None:
 
 @pytest.mark.parametrize("method", BASELINES)
 def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None:
-    """Weights fall, and each particle knows the motion that led to it."""
-    begin = METHODS[method].begin
-    first = begin(hinges(), np.zeros(2), SETTINGS)
-    found = advance(
-        method, hinges(), first, peak(np.array([0.05, 0.0]), 0.02), SETTINGS, np.random.default_rng(0)
-    )
+    """Weights fall, each particle knows the motion that led to it, and a frame is judged by the likeliest."""
+    refine, rng = peak(np.array([0.05, 0.0]), 0.02), np.random.default_rng(0)
+    first = METHODS[method].begin(hinges(), np.zeros(2), SETTINGS)
+    found = advance(method, hinges(), first, refine, SETTINGS, rng)
     assert np.all(np.diff(found.weights) <= 0.0)
     assert found.poses[0, 0] > 0.02
     np.testing.assert_allclose(INTERVAL * found.velocities, found.poses, atol=1e-12)
-
-
-@pytest.mark.parametrize("method", BASELINES)
-def test_the_greatest_log_weight_is_the_likeliest_s_log_likelihood(method: str) -> None:
-    """By it a frame is judged, whatever power of the likelihoods the particles are drawn by."""
-    refine = peak(np.array([0.05, 0.0]), 0.02)
-    first = METHODS[method].begin(hinges(), np.zeros(2), SETTINGS)
-    found = advance(method, hinges(), first, refine, SETTINGS, np.random.default_rng(0))
     assert found.log_weights[0] == pytest.approx(refine(found.poses[:1]).log_likelihood[0], rel=1e-9)
 
 

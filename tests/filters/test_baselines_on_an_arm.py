@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from common.kinematics import pose_vertices
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import pose_by_name
 from coordinator.filters.methods import settings_for
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.estimate import RECORDED
 from gepf.direct import DirectRefiner
-from tests.support.people import OnePerson
+from tests.support.people import OnePerson, rendered
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
 FRAMES = 6
@@ -28,9 +26,7 @@ FRAMES = 6
 @cache
 def shown() -> list[DepthFrame]:
     """The arm's first frames, at half the size."""
-    with DepthRenderer(CAMERA) as renderer:
-        surfaces = pose_vertices(human(), arm().poses[:FRAMES])
-        images = [renderer.depth(surface, human().triangles) for surface in surfaces]
+    images = rendered(human(), arm().poses[:FRAMES], CAMERA)
     units = [np.rint(1000.0 * image).astype(np.uint16) for image in images]
     return [DepthFrame(n, n / 25.0, image, 1000.0, CAMERA) for n, image in enumerate(units)]
 

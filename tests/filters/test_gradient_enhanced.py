@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from common.body import ROTATION, TRANSLATION
 from common.kinematics import difference
-from common.refinement import Refined, concatenate
+from common.refinement import Refined
 from common.settings import FilterSettings, preset
 from coordinator.filters.belief import (
     Observation,
@@ -74,21 +74,14 @@ def some(rng: np.random.Generator, count: int) -> Array:
 
 @given(st.lists(st.floats(-800.0, 50.0) | st.just(-np.inf), min_size=1, max_size=8), st.floats(-1e6, 1e6))
 def test_weights_are_normalised(log_weights: list[float], shift: float) -> None:
-    """Weights sum to 1, in the order of their logarithms, whatever is added to all of them."""
+    """Their ratios are those of the likelihoods, whatever is added to all logarithms; their sum is 1."""
     weights = normalise(np.array(log_weights))
-    assert weights.sum() == pytest.approx(1.0)
-    assert np.all(weights >= 0.0)
     if np.any(np.isfinite(log_weights)):
-        assert np.all(weights[np.isinf(log_weights)] == 0.0)
-        assert weights[np.argmax(log_weights)] == weights.max()
+        expected = np.exp(np.array(log_weights) - max(log_weights))
+        np.testing.assert_allclose(weights, expected / expected.sum(), atol=1e-12)
         np.testing.assert_allclose(normalise(np.array(log_weights) + shift), weights, atol=1e-8)
     else:
         np.testing.assert_array_equal(weights, 1.0 / len(weights))
-
-
-def test_weights_are_likelihoods() -> None:
-    """A log likelihood lower by log 3 is a third of the weight."""
-    np.testing.assert_allclose(normalise(np.array([-1e5, -1e5 - np.log(3.0), -np.inf])), [0.75, 0.25, 0.0])
 
 
 @pytest.mark.parametrize(("weights", "size"), [([1.0, 0.0], 1.0), ([0.25] * 4, 4.0), ([0.5, 0.5, 0.0], 2.0)])
@@ -199,33 +192,15 @@ def test_merging_keeps_the_likeliest_of_what_is_near(seed: int, count: int) -> N
         assert np.all(np.abs(apart[:, angles]).max(axis=1) >= D)
 
 
-def test_one_angle_beyond_d_keeps_particles_apart() -> None:
-    """Just below d in every angle is near, just beyond it in a single one is not."""
-    poses = np.array([[0.0, 0.0], [0.999 * D, -0.999 * D], [0.0, 1.001 * D]])
-    chosen, group = merge_by_angle(hinges(), poses, np.array([0.0, -1.0, -2.0]), D)
-    assert chosen.tolist() == [0, 2]
-    assert group.tolist() == [0, 0, 1]
-
-
 @given(seeds)
-def test_positions_do_not_keep_particles_apart(seed: int) -> None:
-    """However far the root or a joint that slides is moved, groups are the same."""
-    rng = np.random.default_rng(seed)
-    model, poses, log_likelihood = puppet(), some(rng, 12), rng.normal(size=12)
-    shifted = poses + np.where(model.kinds == TRANSLATION, 5.0 * rng.normal(size=poses.shape), 0.0)
-    one, other = (merge_by_angle(model, each, log_likelihood, D) for each in (poses, shifted))
-    np.testing.assert_array_equal(one[0], other[0])
-    np.testing.assert_array_equal(one[1], other[1])
-
-
-@given(seeds)
-def test_the_order_of_particles_does_not_matter(seed: int) -> None:
-    """Shuffled particles make the same hypotheses of the same members."""
+def test_neither_order_nor_position_of_particles_matters(seed: int) -> None:
+    """Shuffled, the root and joints that slide moved at will, they make the same hypotheses."""
     rng = np.random.default_rng(seed)
     model, poses, log_likelihood = puppet(), some(rng, 12), rng.normal(size=12)
     order = rng.permutation(12)
     chosen, group = merge_by_angle(model, poses, log_likelihood, D)
-    again, regrouped = merge_by_angle(model, poses[order], log_likelihood[order], D)
+    moved = poses + np.where(model.kinds == TRANSLATION, 5.0 * rng.normal(size=poses.shape), 0.0)
+    again, regrouped = merge_by_angle(model, moved[order], log_likelihood[order], D)
     np.testing.assert_array_equal(order[again], chosen)
     np.testing.assert_array_equal(regrouped, group[order])
 
@@ -298,19 +273,6 @@ def test_covariances_come_from_before_the_descent() -> None:
     np.testing.assert_allclose(INTERVAL * found[1].velocities, 0.0, atol=1e-12)
 
 
-def test_a_lone_particle_keeps_its_ancestors_covariance() -> None:
-    """Particles that come down each in its own valley inherit, 10 % less."""
-    settings = msgspec.structs.replace(PAPER, particles=3)
-
-    def apart(poses: Array) -> Refined:
-        return Refined(np.arange(len(poses))[:, None] + np.zeros((1, 2)), -np.arange(3.0), np.zeros(3))
-
-    first = begin(hinges(), np.zeros(2), settings)
-    found = advance("gepf", hinges(), first, apart, settings, np.random.default_rng(0))
-    np.testing.assert_allclose(found.covariances, np.tile(0.9 * first.covariances, (3, 1, 1)))
-    np.testing.assert_allclose(INTERVAL * found.velocities, np.arange(3.0)[:, None] + np.zeros((1, 2)))
-
-
 def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
     """Velocity and inherited covariance are those of its ancestor, whichever is the likeliest."""
     past = Hypotheses(
@@ -360,17 +322,6 @@ def test_a_frame_that_nothing_explains_does_not_end_it() -> None:
     found = follow(nothing, PAPER, seed=0, frames=3)[-1]
     np.testing.assert_array_equal(found.weights, 1.0 / len(found.poses))
     assert np.all(np.isfinite(found.poses))
-
-
-def test_it_does_not_matter_how_particles_are_batched() -> None:
-    """Refined in batches that come back in any order and are put together again: the same bytes."""
-
-    def batched(poses: Array) -> Refined:
-        parts = [slice(0, 3), slice(3, 4), slice(4, len(poses))]
-        done = {n: toy(poses[parts[n]]) for n in (2, 0, 1)}
-        return concatenate([done[n] for n in range(3)])
-
-    assert as_bytes(follow(batched, PAPER, 3, 5)) == as_bytes(follow(toy, PAPER, 3, 5))
 
 
 @pytest.mark.parametrize("explores", [False, True])

@@ -58,15 +58,6 @@ def test_what_is_not_observable_merges_and_what_is_does_not() -> None:
     assert group.tolist() == [0, 0, 1]
 
 
-def test_the_likeliest_says_how_far_its_valley_reaches() -> None:
-    """Two hinges 3 degrees apart: one hypothesis if the likelier is unsure, two if it is sure."""
-    poses, sure, unsure = np.radians([[0.0, 0.0], [3.0, 0.0]]), (0.005, 0.005), (0.1, 0.1)
-    for likelihood, hypotheses in (([0.0, -1.0], 2), ([-1.0, 0.0], 1)):
-        lower = lower_triangular(roots_of(sure, unsure), 2)
-        chosen, _ = merge_by_covariance(hinges(), poses, np.array(likelihood), lower)
-        assert len(chosen) == hypotheses
-
-
 @given(seeds, st.integers(1, 20))
 def test_groups_are_those_of_the_mahalanobis_distance(seed: int, count: int) -> None:
     """Each particle joins the likeliest representative that is near, by the representative's matrix."""
@@ -92,22 +83,24 @@ def refined(poses: Array, roots: Triangles | None) -> Refined:
     return Refined(poses, -np.arange(count, dtype=np.float64), np.full(count, 0.01), roots)
 
 
-def test_preset_default_asks_for_it_and_a_lone_particle_or_the_paper_does_not() -> None:
-    """Nor do they need it: what merges and spreads is then the paper's."""
-    model, rng = hinges(), np.random.default_rng(0)
-    for name, particles, asks in (("default", 20, True), ("default", 1, False), ("paper", 20, False)):
-        settings = msgspec.structs.replace(preset(name).filter, particles=particles)
-        proposal = propose(model, begin(model, np.zeros(2), settings), NOTHING_SEEN, settings, rng)
-        assert proposal.asks_covariance(preset("default").refine) is asks
-
-
-def test_who_does_not_descend_does_not_ask_for_it() -> None:
-    """It would say nothing of the frame: all would be one hypothesis, held where motion leads it."""
-    model, rng = hinges(), np.random.default_rng(0)
-    proposal = propose(model, begin(model, np.zeros(2), DEFAULT), NOTHING_SEEN, DEFAULT, rng)
-    rules = preset("default").refine
-    assert proposal.asks_covariance(rules)
-    assert not proposal.asks_covariance(msgspec.structs.replace(rules, icp_iterations=0))
+@pytest.mark.parametrize(
+    ("name", "particles", "refine", "asks"),
+    [
+        ("default", 20, {}, True),
+        ("default", 1, {}, False),
+        ("paper", 20, {}, False),
+        ("default", 20, {"icp_iterations": 0}, False),  # it would say nothing of the frame
+        ("default", 20, {"noise_depth": 0.15}, False),  # soft
+    ],
+)
+def test_who_merges_by_covariance_asks_for_it(
+    name: str, particles: int, refine: dict[str, float], asks: bool
+) -> None:
+    """Preset `default` with several particles that descend, where depth is not by far the noisiest."""
+    settings = msgspec.structs.replace(preset(name).filter, particles=particles)
+    past = begin(hinges(), np.zeros(2), settings)
+    proposal = propose(hinges(), past, NOTHING_SEEN, settings, np.random.default_rng(0))
+    assert proposal.asks_covariance(msgspec.structs.replace(preset(name).refine, **refine)) is asks
 
 
 @pytest.mark.parametrize("answered", [20, 7])

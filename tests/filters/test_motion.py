@@ -52,20 +52,14 @@ def some_poses(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def test_after_a_third_of_a_second_nothing_is_left_of_a_velocity() -> None:
-    """At 3 frames a second prediction is holding still; at 30 most of the velocity goes on."""
+    """At 3 frames a second it is holding still, at 30 most of it goes on; the paper keeps all of it."""
     decay = preset("default").filter.velocity_time_s
     velocities = np.array([[1.0, -2.0]])
     for interval, low, high in ((1 / 30, 0.6, 0.9), (0.1, 0.3, 0.6), (1 / 3, 0.0, 0.05), (10.0, 0.0, 0.001)):
         share = Observation(interval=interval).expect(velocities, decay) / (interval * velocities)
         assert np.all((share >= low) & (share <= high))
-
-
-def test_the_paper_has_constant_velocity() -> None:
-    """However long ago the last frame was."""
-    velocities = np.array([[1.0, -2.0]])
-    for interval in (1 / 30, 1.0):
-        moved = Observation(interval=interval).expect(velocities, preset("paper").filter.velocity_time_s)
-        np.testing.assert_allclose(moved, interval * velocities)
+        paper = Observation(interval=interval).expect(velocities, preset("paper").filter.velocity_time_s)
+        np.testing.assert_allclose(paper, interval * velocities)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 5, 10])
@@ -107,20 +101,6 @@ def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval
     small = 1e-4
     slope = [(cost(step + small * e) - cost(step - small * e)) / (2 * small) for e in np.eye(DOFS)]
     np.testing.assert_allclose(slope, 0.0, atol=1e-3 * np.abs(motion * way).max())
-
-
-def test_what_is_seen_stays_and_what_is_hidden_goes_where_it_was_expected() -> None:
-    """Half of the degrees of freedom are seen within 0.3 degrees or 1 mm, of the others nothing is known."""
-    refined, expected = some_poses(np.random.default_rng(0))
-    seen = np.arange(DOFS) % 2 == 0
-    seen[[b + k for b in MODEL.balls for k in range(3)]] = False
-    weak, sharp = deviations(MODEL, *WEAK), deviations(MODEL, np.radians(0.3), 0.001)
-    found = np.diag(np.where(seen, sharp, weak) ** 2)[None]
-    held = hold(MODEL, refined, found, expected, 1.0 / 30.0)
-    hidden = ~seen & ~BASE
-    assert hidden.any()
-    np.testing.assert_allclose(held[0, hidden], expected[0, hidden], atol=1e-5)
-    np.testing.assert_allclose(held[0, ~hidden], refined[0, ~hidden], atol=1e-3 * 0.2)
 
 
 def test_nothing_is_held_beyond_its_limits() -> None:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,13 @@ import gepf
 from common.protocol.frames import encode_live, encode_live_end
 from common.transport.opening import open_router, open_worker
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
-from tests.support.processes.programs import in_thread, started, wait_until
+from tests.support.processes.programs import in_thread, wait_until
+from tests.support.processes.warm_processes import gepf as gepf_command
+from tests.support.processes.warm_processes import start
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
 ROOT = Path(__file__).parents[2]
-GEPF = (sys.executable, "-m", "coordinator.cli")
 KEY = "camera/depth"
 PERSON = gepf.Measures.of(1.82)
 END = encode_live_end()
@@ -117,10 +119,12 @@ def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
 def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -> None:
     """Both only connect: what `gepf publish` shows arrives, to the end."""
     write_small_sequence(tmp_path / "seq", 3)
-    playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", endpoint]
-    with open_router([endpoint]), started(*playing, command=GEPF):
+    with open_router([endpoint]):
+        publisher = publish(tmp_path, endpoint)
         live = gepf.live(KEY, connect=endpoint, idle_timeout=60.0)
         numbers = [frame.number for frame in live]
+        publisher.join(60.0)
+    assert publisher.exitcode == 0
     assert numbers[-1] == 2
     assert live.counts["received"] == 3
 
@@ -146,11 +150,17 @@ def test_the_example_runs(endpoint: str, tmp_path: Path) -> None:
     write_small_sequence(tmp_path / "seq", 6)
     example = (sys.executable, "-m", "examples.live_tracking")
     tracking = [*example, KEY, endpoint, str(tmp_path / "seq" / "init.json")]
-    playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", endpoint, "--rate", "30"]
     with subprocess.Popen(tracking, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        time.sleep(2.0)
-        with started(*playing, command=GEPF):
-            lines = process.communicate(timeout=120.0)[0].splitlines()
+        publisher = publish(tmp_path, endpoint, "--rate", "30")
+        lines = process.communicate(timeout=120.0)[0].splitlines()
+        publisher.join(60.0)
+    assert publisher.exitcode == 0
     assert re.match(r"frame \d tracked: ", lines[0])  # the newest that came; on a busy machine not frame 0
     assert lines[-2].startswith("frame 5 ")
     assert lines[-1].endswith(" of 6 frames were skipped")
+
+
+def publish(folder: Path, endpoint: str, *options: str) -> BaseProcess:
+    """`gepf publish` of the sequence in a folder."""
+    played = ("publish", str(folder / "seq"), "--key", KEY, "--connect", endpoint, *options)
+    return start(gepf_command, *played, log=folder / "publisher.log")

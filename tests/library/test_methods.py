@@ -14,6 +14,7 @@ from coordinator.cli import main
 from coordinator.filters.methods import METHODS
 from coordinator.results.track import read_track
 from tests.support.small_sequence import MOVING, write_small_sequence
+from tests.support.stand_ins import Direct
 
 FRAMES = 2
 POINTS = 200
@@ -41,9 +42,15 @@ def as_bytes(estimates: list[gepf.Estimate]) -> list[bytes]:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_method_is_the_same_whoever_asks_for_it(method: str, recording: Path, tmp_path: Path) -> None:
-    """`gepf track --method` with a worker, and the library without: the same bytes, by the same settings."""
-    options = ("--method", method, "--points", str(POINTS), "--dof", MOVING, "--workers", "1", "--quiet")
-    assert main(["track", str(recording), "--out", str(tmp_path / "run"), *options]) == 0
+    """`gepf track --method` and the library: the same bytes, by the same settings."""
+    options = ("--method", method, "--points", str(POINTS), "--dof", MOVING, "--no-pictures", "--quiet")
+    assert (
+        main(
+            ["track", str(recording), "--out", str(tmp_path / "run"), *options],
+            Direct().connect,
+        )
+        == 0
+    )
     track = read_track(tmp_path / "run")
     found = follow(recording, gepf.settings_for(method, points=POINTS))
     assert len(found) == FRAMES

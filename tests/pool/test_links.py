@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from tests.support.processes.certificates import free_port
 from tests.support.processes.programs import WORKER, wait_until
+from tests.support.processes.warm_processes import gepf, start, work
 from tests.support.small_sequence import OPTIONS, write_small_sequence
 
-GEPF = (sys.executable, "-m", "coordinator.cli")
 LONG = 300.0  # seconds: the machine may be busy, and kernels may have to be compiled
 
 
 @contextmanager
-def logged(log: Path, *line: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A process whose stderr is in a file; killed if it is left running."""
-    with log.open("wb") as file, subprocess.Popen(line, stdin=subprocess.DEVNULL, stderr=file) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
+def started(process: BaseProcess) -> Iterator[BaseProcess]:
+    """A process that is killed if it is left running."""
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.join()
 
 
 def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
@@ -52,26 +53,28 @@ def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
     write_small_sequence(tmp_path / "seq", 400)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     logs = {name: tmp_path / f"{name}.log" for name in ("router", "run", "worker")}
-    router = (*GEPF, "router", "--listen", endpoint)
+    router = ("router", "--listen", endpoint)
     track = ("track", str(tmp_path / "seq"), "--out", str(tmp_path / "out"), *OPTIONS, "--no-pictures")
+    alone = ("--workers", "0", "--connect", endpoint)
 
     def says(name: str, line: str) -> bool:
-        return line in logs[name].read_text()
+        return logs[name].exists() and line in logs[name].read_text()
 
     with ExitStack() as stack:
-        first = stack.enter_context(logged(logs["router"], *router))
-        run = stack.enter_context(logged(logs["run"], *GEPF, *track, "--workers", "0", "--connect", endpoint))
+        first = stack.enter_context(started(start(gepf, *router, log=logs["router"])))
+        run = stack.enter_context(started(start(gepf, *track, *alone, log=logs["run"])))
         wait_until(lambda: says("run", "no worker is there"), LONG)
         first.kill()
         wait_until(lambda: says("run", f"{endpoint} is gone; trying to reach it again"), LONG)
-        worker = stack.enter_context(logged(logs["worker"], *WORKER, "--connect", endpoint))
+        worker = stack.enter_context(started(start(work, (endpoint,), "w", log=logs["worker"])))
         wait_until(lambda: says("worker", f"nobody answers at {endpoint} yet"), LONG)
-        second = stack.enter_context(logged(logs["router"], *router))
+        second = stack.enter_context(started(start(gepf, *router, log=logs["router"])))
         wait_until(lambda: says("run", f"{endpoint} is back"), LONG)
         wait_until(lambda: says("run", "joined"), LONG)
         second.kill()
         wait_until(lambda: says("worker", f"{endpoint} is gone; trying to reach it again"), LONG)
-        run.send_signal(signal.SIGINT)
-        assert run.wait(LONG) == 130
-        worker.send_signal(signal.SIGINT)
-        assert worker.wait(LONG) == 0
+        for process, code in ((run, 130), (worker, 0)):
+            assert process.pid is not None
+            os.kill(process.pid, signal.SIGINT)
+            process.join(LONG)
+            assert process.exitcode == code

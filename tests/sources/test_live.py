@@ -31,6 +31,7 @@ from tests.support.asked import Asked, refining, unmoved
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread, started, wait_until
 from tests.support.processes.serving import MODEL, pool, serving
+from tests.support.processes.warm_processes import gepf, start
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
 
@@ -294,12 +295,14 @@ def test_publisher_and_tracker_start_in_either_order(
     play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "30", "--frames", "0:6"]
     commands = {"publisher": play, "tracker": [*tracking(endpoint, tmp_path), "--no-pictures"]}
     second = "tracker" if first == "publisher" else "publisher"
-    with at_work(endpoint, Finder()), started(*commands[first], command=GEPF) as one:
-        time.sleep(1.0)
-        assert one.poll() is None
-        with started(*commands[second], command=GEPF) as other:
-            codes = {first: one.wait(90.0), second: other.wait(90.0)}
-    assert codes == {"publisher": 0, "tracker": 0}
+    with at_work(endpoint, Finder()):
+        one = start(gepf, *commands[first], log=tmp_path / "log")
+        one.join(1.0)
+        assert one.is_alive()
+        other = start(gepf, *commands[second], log=tmp_path / "log")
+        for process in (one, other):
+            process.join(90.0)
+            assert process.exitcode == 0, (tmp_path / "log").read_text()
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.frame[-1] == 5
     assert summary["frames_received"] == summary["frames_skipped"] + len(track.frame)

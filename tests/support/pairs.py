@@ -1,10 +1,9 @@
-"""Two people side by side in a room, rendered; and a pool in this process for `gepf track`."""
+"""Two people side by side in a room, rendered."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -12,16 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
+from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.commands.progress import Show
-from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.synthesis.rendering import DepthRenderer
-from tests.support.people import CAMERA, RAISING, STANDING, Shown, frame_of
+from tests.support.people import CAMERA, RAISING, STANDING, Shown, frame_of, rendered
 from tests.support.rooms import in_a_room
-from tests.support.stand_ins import Direct
 
 FRAMES = 6
 LEFT: Mapping[str, float] = {**STANDING, "root_tx": -0.5}
@@ -36,14 +30,12 @@ def pair(apart: float = 1.0) -> tuple[Shown, Shown]:
     apart: How far, metres, their middles are from each other.
     """
     models = [human(stature) for stature in STATURES]
-    pictures, joints = np.zeros((FRAMES, CAMERA.height, CAMERA.width)), []
+    pictures, joints = [np.zeros((CAMERA.height, CAMERA.width))] * FRAMES, []
     for model, posture in zip(models, (LEFT, RIGHT), strict=True):
         placed = {**posture, "root_tx": apart * posture["root_tx"]}
         poses = np.array([name_pose(model, raised(placed, n)) for n in range(FRAMES)])
         joints.append(joint_positions(model, poses))
-        with DepthRenderer(CAMERA) as renderer:
-            for n, vertices in enumerate(pose_vertices(model, poses)):
-                pictures[n] = nearer(pictures[n], renderer.depth(vertices, model.triangles))
+        pictures = [nearer(*each) for each in zip(pictures, rendered(model, poses), strict=True)]
     frames = [in_a_room(frame_of(n, picture)) for n, picture in enumerate(pictures)]
     return Shown(frames, joints[0]), Shown(frames, joints[1])
 
@@ -71,25 +63,3 @@ def write_pair(folder: Path, frames: int = FRAMES) -> Path:
     names = np.array(human(STATURES[0]).joint_names)
     np.savez(folder / "truth.npz", joint_names=names, joint_positions=shown.joints[:frames])
     return folder
-
-
-class PoolOfOne(Direct):
-    """Refines in this process; after so many published frames it is interrupted."""
-
-    statistics = PoolStatistics(workers_seen=("here",))
-
-    def __init__(self, until: int | None = None) -> None:
-        super().__init__()
-        self.until = until
-
-    def publish(self, subject: SubjectFrame) -> None:
-        """Be interrupted if it is time."""
-        if self.until is not None and subject.frame.number >= self.until:
-            raise KeyboardInterrupt
-        super().publish(subject)
-
-    @contextmanager
-    def connect(self, pool: Pool, show: Show) -> Iterator[PoolOfOne]:
-        """Stand in for a pool of workers."""
-        del pool, show
-        yield self

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.camera import Intrinsics
-from common.frame import DepthFrame
+from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import Settings, preset
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
@@ -23,6 +23,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.observation import isolate
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.state import Start, TrackerState
 from coordinator.tracking.tracker import Tracker
@@ -113,10 +114,26 @@ def shown(posture: str, stature: float = 1.82) -> Shown:
             for n in range(FRAMES)
         ]
     )
-    with DepthRenderer(CAMERA) as renderer:
-        pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
-    frames = [frame_of(n, picture) for n, picture in enumerate(pictures)]
+    return show(model, poses)
+
+
+def show(model: BodyModel, poses: Array) -> Shown:
+    """A body in poses (F, D)."""
+    frames = [frame_of(n, picture) for n, picture in enumerate(rendered(model, poses))]
     return Shown(frames, joint_positions(model, poses))
+
+
+def rendered(model: BodyModel, poses: Array, camera: Intrinsics = CAMERA) -> list[Array]:
+    """Depth images (H, W) of a body in poses (N, D), metres."""
+    with DepthRenderer(camera) as renderer:
+        return [renderer.depth(v, model.triangles).astype(np.float64) for v in pose_vertices(model, poses)]
+
+
+def subject_of(frame: DepthFrame, points: int) -> SubjectFrame:
+    """A frame of which all that is measured is the subject's."""
+    subject = isolate(frame, None, points)
+    assert subject is not None
+    return subject
 
 
 def frame_of(number: int, depth_m: NDArray[np.floating]) -> DepthFrame:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import pytest
@@ -75,6 +76,13 @@ class StandIn(ABC):
         """There is no bus."""
         raise NotImplementedError(key)
 
+    @contextmanager
+    def connect(self, pool: Pool, show: Show) -> Iterator[Self]:
+        """Stand in for a pool of workers."""
+        del pool
+        show.say("workers are there")
+        yield self
+
     @abstractmethod
     def answer(self, asked: Asked) -> Pending:
         """Refine, or do as if."""
@@ -82,6 +90,8 @@ class StandIn(ABC):
 
 class Direct(StandIn):
     """Refines in this process."""
+
+    statistics = PoolStatistics(workers_seen=("here",))
 
     def __init__(self) -> None:
         self._refiner = DirectRefiner()
@@ -145,11 +155,11 @@ class StillWorkers(StandIn):
         return main(["track", str(sequence), "--out", str(out), "--no-pictures", *options], self.connect)
 
     @contextmanager
-    def connect(self, pool: Pool, show: Show) -> Iterator[StillWorkers]:
-        """Stand in for a pool of workers."""
+    def connect(self, pool: Pool, show: Show) -> Iterator[Self]:
+        """Note what pool is asked for."""
         self.asked = pool
-        show.say("workers are there")
-        yield self
+        with super().connect(pool, show):
+            yield self
 
 
 @pytest.fixture

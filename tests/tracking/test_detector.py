@@ -18,15 +18,24 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import NO_PLANES as NONE
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.detector import Candidates, Detection, Detector, thin
 from coordinator.tracking.gating import Gate
-from coordinator.tracking.observation import isolate
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.sensor_noise import SensorNoise
 from coordinator.tracking.state import given_start
 from gepf.direct import DirectRefiner
-from tests.support.people import CAMERA, SETTINGS, STANDING, OnePerson, empty, frame_of, known, shown
+from tests.support.people import (
+    SETTINGS,
+    STANDING,
+    OnePerson,
+    empty,
+    frame_of,
+    known,
+    rendered,
+    show,
+    shown,
+    subject_of,
+)
 from tests.support.stand_ins import Listening
 
 Array = NDArray[np.float64]
@@ -47,17 +56,9 @@ def people() -> Bodies:
     return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
-def depth_of(model: BodyModel, pose: Array) -> Array:
-    """Depth (H, W) of a body in a pose, metres."""
-    with DepthRenderer(CAMERA) as renderer:
-        depth = renderer.depth(pose_vertices(model, pose[None])[0], model.triangles)
-    return np.asarray(depth, dtype=np.float64)
-
-
 def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, BodyModel]:
     """What is detected in a frame that shows a pose. Candidates are never asked for their covariance."""
-    subject = isolate(frame_of(0, depth_of(model, pose)), None, 2_000)
-    assert subject is not None
+    subject = subject_of(show(model, pose[None]).frames[0], 2_000)
     refiner = Listening()
     found = Detector(bodies, refiner, preset("default")).detect(subject, SensorNoise(), NONE)
     assert refiner.asked == {False}
@@ -98,8 +99,7 @@ def test_a_known_person_is_detected_elsewhere() -> None:
     bodies = known()
     start = given_start(STANDING, bodies)
     moved = name_pose(start.model, {**STANDING, "root_tx": 0.9, "l_elbow_flexion": 1.2})
-    subject = isolate(frame_of(0, depth_of(start.model, moved)), None, 2_000)
-    assert subject is not None
+    subject = subject_of(show(start.model, moved[None]).frames[0], 2_000)
     refiner = DirectRefiner()
     found = Detector(bodies, refiner, SETTINGS).redetect(
         subject, start, SETTINGS.refine, start.pose, lost=True
@@ -141,7 +141,7 @@ def test_a_person_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None
     rng = np.random.default_rng(0)
     poses = np.array([name_pose(MODEL, {**STANDING, "root_ry": each}) for each in (FRONT, turn)])
     truth = joint_positions(MODEL, poses)
-    first, then = (depth_of(MODEL, pose) for pose in poses)
+    first, then = rendered(MODEL, poses)
     shown_frames = [(first, truth[0])] * 2 + [None] * 3 + [(then, truth[1])] * 3
     tracker = OnePerson(DirectRefiner(), SETTINGS, known(), STANDING)
     sides = [NAMES.index(f"{side}_shoulder") for side in ("left", "right")]
@@ -160,8 +160,7 @@ def test_a_person_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None
 
 def test_points_are_thinned_evenly() -> None:
     """As many as asked for, of all parts of the image; never more than there are."""
-    subject = isolate(shown("standing").frames[0], None, 2_000)
-    assert subject is not None
+    subject = subject_of(shown("standing").frames[0], 2_000)
     few = thin(subject, 300)
     assert len(few.picked) == 300
     assert np.isin(few.picked, subject.picked).all()

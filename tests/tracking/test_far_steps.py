@@ -7,12 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from common.kinematics import joint_positions, pose_vertices
+from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.rendering import DepthRenderer
 from gepf.direct import DirectRefiner
-from tests.support.people import CAMERA, SETTINGS, STANDING, OnePerson, Shown, frame_of, known
+from tests.support.people import CAMERA, SETTINGS, STANDING, OnePerson, Shown, frame_of, known, rendered
 from tests.support.rooms import along
 
 WALL = 4.2  # metres away
@@ -26,8 +25,7 @@ def stepping(posture: str) -> Shown:
     model, start = human(1.82), STARTS[posture]
     places = [(start["root_tx"] + x, start["root_tz"] + z) for x, z in STEPS]
     poses = np.array([name_pose(model, {**start, "root_tx": x, "root_tz": z}) for x, z in places])
-    with DepthRenderer(CAMERA) as renderer:
-        pictures = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
+    pictures = rendered(model, poses)
     down = np.broadcast_to(((np.arange(CAMERA.height) - CAMERA.cy) / CAMERA.fy)[:, None], pictures[0].shape)
     room = np.minimum(along(max(float((down * each).max()) for each in pictures) + 0.01, down), WALL)
     frames = [frame_of(n, np.where(each > 0.0, each, room)) for n, each in enumerate(pictures)]

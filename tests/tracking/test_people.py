@@ -13,15 +13,12 @@ from common.settings import Settings
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies
-from coordinator.scene.distance_field import DistanceField
 from coordinator.scene.scene import Scene
-from coordinator.scene.segmentation import assign_pixels, segment_body
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.pairs import pair
 from tests.support.people import SETTINGS, as_bytes
-from tests.support.rooms import Room
 
 BODIES = Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
@@ -31,29 +28,6 @@ STOOD = ((-0.4, 2.6), (0.05, 2.6))
 def tracker(people: int, states: Sequence[TrackerState] | None = None) -> Tracker:
     """A tracker of so many people."""
     return Tracker(DirectRefiner(), FEW, BODIES, people=people, states=states)
-
-
-def test_people_who_touch_keep_their_own_pixels() -> None:
-    """Two who stand 5 cm apart: nearly all pixels of each are cut out, and next to none of the other's."""
-    room = Room(noise=0.001)
-    seen = [room.see(place) for place in STOOD]
-    depth = np.minimum(*(each.frame.metres() for each in seen))
-    masks = [each.mask & (each.frame.metres() <= depth) for each in seen]
-    view = Scene().see(replace(seen[0].frame, depth=np.rint(1000.0 * depth).astype(np.uint16)))
-    surfaces = [room.surface((x + 0.04, z)) for x, z in STOOD]  # a step behind
-    fields = [DistanceField.around(surface) for surface in surfaces]
-    for place, others in enumerate(assign_pixels(view, fields)):
-        mine = segment_body(view, surfaces[place], fields[place], others).subject(depth.shape)
-        assert np.sum(mine & masks[place]) / masks[place].sum() > 0.93
-        assert np.sum(mine & masks[1 - place]) / mine.sum() < 0.01
-
-
-def test_a_person_far_from_all_others_is_cut_out_as_if_alone() -> None:
-    """Nothing is shared, so nothing is taken away."""
-    room = Room()
-    view = Scene().see(room.see(STOOD[0]).frame)
-    surfaces = [room.surface(place) for place in (STOOD[0], (1.0, 3.0))]
-    assert assign_pixels(view, [DistanceField.around(each) for each in surfaces]) == [None, None]
 
 
 def test_two_people_are_detected_and_tracked() -> None:

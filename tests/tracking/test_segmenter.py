@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from common.frame import HIDDEN, SUBJECT
-from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.scene.scope import Limits, Scope
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.segmenter import PosedBody, Segmenter, prepare
-from tests.support.people import CAMERA, STANDING, frame_of
+from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import TABLE, Room, along
 
 PERSON = (-0.4, 2.6)
@@ -53,8 +51,7 @@ def test_preparing_leaves_nothing_behind() -> None:
 def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str) -> None:
     """Dark clothes, or holes in a frame: what is not measured does not say that nobody is there."""
     model, pose = human(1.82), name_pose(human(1.82), STANDING)
-    with DepthRenderer(CAMERA) as renderer:
-        person = renderer.depth(pose_vertices(model, pose[None])[0], model.triangles)
+    (person,) = rendered(model, pose[None])
     v, u = np.indices(person.shape)
     room = along(1.15, np.asarray((v - CAMERA.cy) / CAMERA.fy))
     room[room > 3.9] = 4.0 if measured == "head alone" else 0.0  # a wall, or one beyond the camera's range

@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.commands.job import choose_settings
 from coordinator.commands.options import TrackOptions
 from coordinator.scene.noise import DepthNoise
 from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import arm
 from coordinator.tracking.sensor_noise import (
     SensorNoise,
@@ -28,6 +26,7 @@ from coordinator.tracking.sensor_noise import (
     measure_noise,
     outline_deviation,
 )
+from tests.support.people import rendered
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
 DEFAULT = preset("default").refine
@@ -36,9 +35,7 @@ DEFAULT = preset("default").refine
 @cache
 def person() -> NDArray[np.float64]:
     """Depth (H, W) in metres of the arm's first frame, at half the size."""
-    with DepthRenderer(CAMERA) as renderer:
-        vertices = pose_vertices(human(), arm().poses[:1])[0]
-        return renderer.depth(vertices, human().triangles).astype(np.float64)
+    return rendered(human(), arm().poses[:1], CAMERA)[0]
 
 
 def noisy(noise: SensorNoise, seed: int = 0, scale: float = 5000.0) -> DepthFrame:

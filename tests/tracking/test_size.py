@@ -10,16 +10,23 @@ import pytest
 
 from common.camera import Intrinsics
 from common.frame import HIDDEN, SUBJECT, SubjectFrame
-from common.kinematics import pose_vertices
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose, scaled
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.observation import isolate
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from gepf.direct import DirectRefiner
-from tests.support.people import CAMERA, SETTINGS, SITTING, STANDING, OnePerson, frame_of, shown
+from tests.support.people import (
+    CAMERA,
+    SETTINGS,
+    SITTING,
+    STANDING,
+    OnePerson,
+    frame_of,
+    rendered,
+    shown,
+    subject_of,
+)
 
 STATURE = 1.7
 CROWN = 0.975  # of a rendered template's stature is measured: its crown is narrower than people's
@@ -31,12 +38,8 @@ MODEL = BODIES.tracked(STATURE, 1.0, {})[0]
 def subject_in(posture: dict[str, float], camera: Intrinsics = CAMERA) -> SubjectFrame:
     """A rendered person of STATURE in a posture."""
     body = human_of(Measures.of(STATURE, 1.0))
-    surface = pose_vertices(body, name_pose(body, posture)[None])[0]
-    with DepthRenderer(camera) as renderer:
-        frame = replace(frame_of(0, renderer.depth(surface, body.triangles)), intrinsics=camera)
-    subject = isolate(frame, None, 3000)
-    assert subject is not None
-    return subject
+    (depth,) = rendered(body, name_pose(body, posture)[None], camera)
+    return subject_of(replace(frame_of(0, depth), intrinsics=camera), 3000)
 
 
 def stature_in(

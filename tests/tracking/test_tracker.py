@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.camera import back_project
 from common.errors import InputError
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
@@ -22,7 +21,6 @@ from common.settings import Settings
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
-from coordinator.filters.methods import settings_for
 from coordinator.scene.scope import Scope
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
@@ -46,7 +44,7 @@ from tests.support.people import (
     tracker,
 )
 from tests.support.rooms import in_a_room
-from tests.support.stand_ins import Direct, Listening
+from tests.support.stand_ins import Direct
 
 Array = NDArray[np.float64]
 
@@ -64,29 +62,21 @@ def apart(estimate: Estimate, joints: Array) -> Array:
     return np.asarray(np.linalg.norm(estimate.joint_positions - joints, axis=-1))
 
 
-@pytest.mark.parametrize(("posture", "stature"), [("standing", 1.82), ("standing", 1.6), ("sitting", 1.75)])
-def test_it_starts_by_itself_and_follows(posture: str, stature: float) -> None:
-    """Told nothing, it finds stature within 5 %, the pelvis within 5 cm, and all joints in every frame."""
+@pytest.mark.parametrize(
+    ("posture", "stature", "room"),
+    [("standing", 1.82, True), ("standing", 1.6, False), ("sitting", 1.75, False)],
+)
+def test_it_starts_by_itself_and_follows(posture: str, stature: float, room: bool) -> None:
+    """Told nothing, it finds stature, pelvis and all joints in every frame; alone or in a room."""
     frames, joints = shown(posture, stature)
     fresh = OnePerson(DirectRefiner(), SETTINGS, people())
     for frame, truth in zip(frames, joints, strict=True):
-        estimate = fresh.track(frame)
+        estimate = fresh.track(in_a_room(frame) if room else frame)
         assert estimate.status == "tracked"
         assert apart(estimate, truth)[fresh.model.joint_names.index("pelvis")] < 0.05
         assert np.median(apart(estimate, truth)) < 0.03
         assert apart(estimate, truth).max() < 0.08
     assert fresh.start.stature == pytest.approx(stature, rel=0.05)
-
-
-def test_a_room_around_the_person_changes_little() -> None:
-    """With a floor and a wall in every frame it starts by itself and follows as it does without them."""
-    frames, joints = shown("standing", 1.82)
-    fresh = OnePerson(DirectRefiner(), SETTINGS, people())
-    for frame, truth in zip(frames, joints, strict=True):
-        estimate = fresh.track(in_a_room(frame))
-        assert estimate.status == "tracked"
-        assert np.median(apart(estimate, truth)) < 0.03
-        assert apart(estimate, truth).max() < 0.08
 
 
 def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
@@ -237,54 +227,21 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
             np.testing.assert_array_equal(array, one_by_one.state.checkpoint.belief[name])
 
 
-def note(told: list[int], found: Iterator[tuple[Estimate, TrackerState]]) -> None:
-    """Keep the numbers of frames as they come."""
-    for estimate, _ in found:
-        told.append(estimate.frame)
+@pytest.mark.parametrize("fault", ["the workers are gone", "frame 2 is torn"])
+def test_what_was_tracked_is_told_before_a_failure(fault: str) -> None:
+    """A frame that cannot be refined, or read, does not take the one before with it."""
+    torn = fault.startswith("frame")
 
-
-@pytest.mark.parametrize(
-    ("method", "preset_name", "noise", "asked"),
-    [
-        ("gepf", "default", 0.01, True),
-        ("gepf", "default", 0.15, False),  # soft
-        ("gepf", "paper", 0.01, False),
-        ("gradient", "default", 0.01, False),
-        ("condensation", "default", 0.01, False),
-    ],
-)
-def test_who_merges_by_covariance_asks_for_it(
-    method: str, preset_name: str, noise: float, asked: bool
-) -> None:
-    """Preset `default` with several particles, where depth is not by far the noisiest; nobody else."""
-    few = None if method == "gradient" else 4
-    settings = settings_for(method, preset_name, particles=few, points=300)
-    refine = msgspec.structs.replace(settings.refine, noise_depth=noise)
-    settings = msgspec.structs.replace(settings, refine=refine, measure_person=False, recover=False)
-    refiner = Listening()
-    OnePerson(refiner, settings, known(), STANDING).track(shown("standing").frames[0])
-    assert refiner.asked == {asked}
-
-
-def test_what_was_tracked_is_told_before_a_failure() -> None:
-    """A frame that cannot be refined does not take the one before with it."""
-    told: list[int] = []
-    failing = OnePerson(Watched(fails_at=2), SETTINGS, known(), STANDING)
-    with pytest.raises(RuntimeError, match="gone"):
-        note(told, failing.follow(shown("standing").frames))
-    assert told == [0, 1]
-
-
-def test_what_was_tracked_is_told_before_a_frame_that_cannot_be_read() -> None:
-    """The source's fault does not take the frame before with it, either."""
-
-    def torn() -> Iterator[DepthFrame]:
+    def frames() -> Iterator[DepthFrame]:
         yield from shown("standing").frames[:2]
-        raise InputError("frame 2 is torn")
+        if torn:
+            raise InputError(fault)
+        yield shown("standing").frames[2]
 
     told: list[int] = []
-    with pytest.raises(InputError, match="torn"):
-        note(told, tracker().follow(torn()))
+    found = OnePerson(Watched(fails_at=2), SETTINGS, known(), STANDING).follow(frames())
+    with pytest.raises((InputError, RuntimeError), match=fault):
+        told.extend(estimate.frame for estimate, _ in found)
     assert told == [0, 1]
 
 
@@ -352,31 +309,24 @@ def test_nobody_is_there_until_somebody_comes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("management", "weights", "away", "word"),
+    ("management", "weights", "away", "reported", "word"),
     [
-        (TrackManagement(), [1.0], [0.0], "tracked"),
-        (TrackManagement(), [0.9, 0.1], [0.0, 0.3], "tracked"),  # elsewhere, but no rival
-        (TrackManagement(), [0.5, 0.1, 0.4], [0.0, 0.3, 0.3], "ambiguous"),
-        (TrackManagement(unexplained=1), [0.6, 0.4], [0.0, 0.3], "lost"),
-        (TrackManagement(seeks=True, unexplained=3), [1.0], [0.0], "searching"),
+        (TrackManagement(), [1.0], [0.0], 0, "tracked"),
+        (TrackManagement(), [0.9, 0.1], [0.0, 0.3], 0, "tracked"),  # elsewhere, but no rival
+        (TrackManagement(), [0.9, 0.1], [0.0, 0.3], 1, "ambiguous"),  # the frame speaks for another one
+        (TrackManagement(), [0.5, 0.1, 0.4], [0.0, 0.3, 0.3], 0, "ambiguous"),
+        (TrackManagement(unexplained=1), [0.6, 0.4], [0.0, 0.3], 0, "lost"),
+        (TrackManagement(seeks=True, unexplained=3), [1.0], [0.0], 0, "searching"),
     ],
 )
 def test_one_word_says_how_sure_it_is(
-    management: TrackManagement, weights: list[float], away: list[float], word: str
+    management: TrackManagement, weights: list[float], away: list[float], reported: int, word: str
 ) -> None:
     """Searching: it may be anywhere. Lost: its pose explains nothing. Ambiguous: a rival is elsewhere."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
     sure = Certainty(np.ones(2), np.zeros(2), np.zeros(2))
-    assert judge(management, np.array(weights), joints, joints[0], sure) == word
-
-
-def test_a_report_that_is_not_the_likeliest_is_not_tracked() -> None:
-    """The motion speaks for the pose that is reported, the frame for one that has a joint elsewhere."""
-    joints, sure = np.zeros((2, 2, 3)), Certainty(np.ones(2), np.zeros(2), np.zeros(2))
-    joints[1, 1, 0] = 0.3
-    assert judge(TrackManagement(), np.array([0.9, 0.1]), joints, joints[0], sure) == "tracked"
-    assert judge(TrackManagement(), np.array([0.9, 0.1]), joints, joints[1], sure) == "ambiguous"
+    assert judge(management, np.array(weights), joints, joints[reported], sure) == word
 
 
 def test_a_joint_that_went_faster_than_people_is_named() -> None:
@@ -393,23 +343,6 @@ def test_a_joint_that_went_faster_than_people_is_named() -> None:
     assert explain_leaps(names, find_leaps(hopped, past, 1.0 / 30.0)) == "found elsewhere: pelvis"  # of most
 
 
-def test_the_subject_is_cut_out_where_it_is() -> None:
-    """The crop holds every pixel with depth, at the same place in space, and knows what it was cut from."""
-    frame = shown("standing").frames[0]
-    subject = isolate(frame, None, 10**6)
-    assert subject is not None
-    whole = back_project(frame.metres(), frame.intrinsics)[frame.depth > 0]
-    cut = back_project(subject.frame.metres(), subject.frame.intrinsics)
-    np.testing.assert_allclose(cut[subject.frame.depth > 0], whole, atol=1e-6)
-    assert np.all(subject.frame.depth.ravel()[subject.picked] > 0)
-    assert len(subject.picked) == np.count_nonzero(frame.depth)
-    assert subject.frame.depth.size < 0.5 * frame.depth.size
-    left, top, right, bottom = subject.view
-    assert (right - left, bottom - top) == (CAMERA.width, CAMERA.height)
-    camera = subject.frame.intrinsics
-    assert (camera.cx - CAMERA.cx, camera.cy - CAMERA.cy) == (left, top)
-
-
 def test_points_are_picked_evenly() -> None:
     """As many as asked for, in ascending order, each from its own equal share of the pixels."""
     frame = shown("standing").frames[0]
@@ -419,18 +352,3 @@ def test_points_are_picked_evenly() -> None:
     assert len(some.picked) == 500 < len(every.picked)
     steps = np.diff(np.searchsorted(every.picked, some.picked))
     assert steps.max() - steps.min() <= 1
-
-
-def test_what_is_farther_than_80_cm_is_not_the_subject() -> None:
-    """Depth beyond the clearance around the body is cut off, depth within it is kept."""
-    frame = shown("standing").frames[0]
-    surface = back_project(frame.metres(), frame.intrinsics)[frame.depth > 0]
-    back = surface[:, 2].max()
-    for gap, kept in ((0.75, True), (0.85, False)):
-        depth = frame.metres().copy()
-        column = int(np.median(np.flatnonzero(depth.any(axis=0))))
-        row = int(np.flatnonzero(depth[:, column])[0]) - 3
-        depth[row, column] = back + gap
-        subject = isolate(frame_of(0, depth), surface, 10**6)
-        assert subject is not None
-        assert (len(subject.picked) == len(surface) + 1) is kept

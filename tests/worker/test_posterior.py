@@ -95,6 +95,6 @@ def test_far_from_rest_is_less_likely() -> None:
     model, near, far = puppet(), np.zeros(19), np.zeros(19)
     far[model.dof("head_nod")] = 0.5
     settings = msgspec.structs.replace(DEFAULT, pose_deviation=0.8)
-    costs = [plain_path.prior_cost(model, pose, settings) for pose in (near, far)]
+    costs = plain_path.prior_costs(model, np.stack([near, far]), settings)
     nats = -0.5 * np.diff(costs)[0] / settings.likelihood_scale**2
     assert nats == pytest.approx(-0.5 * (0.5 / 0.8) ** 2)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,41 +12,34 @@ import pytest
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
+from tests.support.processes.place import recorded
 from tests.support.processes.programs import wait_until
-from tests.support.processes.warm_processes import start, work_instantly
-from tests.support.small_sequence import write_small_sequences
+from tests.support.processes.warm_processes import gepf, start, work_instantly
+from tests.support.small_sequence import OPTIONS, write_small_sequences
 
 ROOT = Path(__file__).parents[3]
-GEPF = (sys.executable, "-m", "coordinator.cli")
-FRAMES, NAMES = 100, ("a", "b", "c")
+FRAMES, NAMES = 60, ("a", "b", "c")
 
 
 def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> None:
     """Exit code 130 within seconds, frames of those under way kept, and --resume does the rest of all."""
     recordings = [tmp_path / name for name in NAMES]
     write_small_sequences(recordings, FRAMES)
-    options = ["--out", str(tmp_path / "runs"), "--no-pictures", "--particles", "4", "--points", "200"]
+    options = ["--out", str(tmp_path / "runs"), "--no-pictures", *OPTIONS]
     command = ["track", *map(str, recordings), *options, "--workers", "1"]
-    log = tmp_path / "runs" / NAMES[0] / "frames.log"
-    with subprocess.Popen(
-        [*GEPF, *command],
-        stdin=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        wait_until(lambda: log.exists() and log.stat().st_size > 20_000, 120.0)
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=60.0)
-    assert process.returncode == 130
-    assert said.splitlines()[-1] == "gepf: stopped"
+    said = tmp_path / "said"
+    process = start(gepf, *command, log=said)
+    wait_until(lambda: recorded(tmp_path / "runs" / NAMES[0]) > 1, 120.0)
+    assert process.pid is not None
+    os.kill(process.pid, signal.SIGINT)
+    process.join(60.0)
+    assert process.exitcode == 130
+    assert said.read_text().splitlines()[-1] == "gepf: stopped"
     assert 0 < len(read_track(tmp_path / "runs" / NAMES[0]).frame) < FRAMES
     some = ["--frames", f"0:{FRAMES}"]
-    again = subprocess.run(
-        [*GEPF, *command, *some, "--resume", "-q"],
-        check=False,
-        timeout=300.0,
-    )
-    assert again.returncode in (0, 3)
+    again = start(gepf, *command, *some, "--resume", "-q", log=said)
+    again.join(300.0)
+    assert again.exitcode in (0, 3)
     tracks = [read_track(tmp_path / "runs" / name) for name in NAMES]
     assert all(np.array_equal(track.pose, tracks[0].pose) for track in tracks)
     assert len(tracks[0].frame) == FRAMES
@@ -58,26 +50,17 @@ def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
     made, place = make_folder(tmp_path / "certificates"), f"127.0.0.1:{free_port()}"
     recordings = [tmp_path / name for name in NAMES[:2]]
     write_small_sequences(recordings, 4)
-    options = [
-        "--no-pictures",
-        "--particles",
-        "4",
-        "--points",
-        "200",
-        "--workers",
-        "0",
-        "--worker-timeout",
-        "60",
-    ]
+    options = ["--no-pictures", *OPTIONS, "--workers", "0", "--worker-timeout", "60"]
     shown = ["--listen", f"tls/{place}", *made.options("coordinator")]
     connect = ("--connect", f"tls/{place}")
-    command = [*GEPF, "track", *map(str, recordings), "--out", str(tmp_path / "runs"), *options, *shown]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as batch:
-        worker = start(work_instantly, *connect, "--name", "w0", *made.options("w0"), log=tmp_path / "worker")
-        _, said = batch.communicate(timeout=120.0)
-        worker.terminate()
-        worker.join()
-    assert batch.returncode in (0, 3), said
+    command = ["track", *map(str, recordings), "--out", str(tmp_path / "runs"), *options, *shown]
+    batch = start(gepf, *command, log=tmp_path / "said")
+    worker = start(work_instantly, *connect, "--name", "w0", *made.options("w0"), log=tmp_path / "worker")
+    batch.join(120.0)
+    worker.terminate()
+    worker.join()
+    said = (tmp_path / "said").read_text()
+    assert batch.exitcode in (0, 3), said
     assert "w0 joined" in said
     assert [len(read_track(tmp_path / "runs" / name).frame) for name in NAMES[:2]] == [4, 4]
 

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import gepf
+from common.frame import SubjectFrame
 from coordinator.cli import main
 from coordinator.files import LOG_FILE
-from tests.support.pairs import FRAMES, STATURES, PoolOfOne, pair, write_pair
+from tests.support.pairs import FRAMES, STATURES, pair, write_pair
 from tests.support.people import CAMERA, frame_of
 from tests.support.recordings import camera_file, write_open3d
 from tests.support.rooms import in_a_room
+from tests.support.stand_ins import Direct
 
 OPTIONS = ("--people", "2", "--particles", "6", "--points", "1500", "--no-pictures")
 
@@ -36,8 +38,22 @@ def calm(sequence: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def track(sequence: Path, out: Path, *options: str, until: int | None = None) -> int:
     """`gepf track --people 2` in this process, interrupted at a frame."""
-    workers = PoolOfOne(until)
+    workers = Interrupted(until)
     return main(["track", str(sequence), "--out", str(out), *OPTIONS, *options], workers.connect)
+
+
+class Interrupted(Direct):
+    """Refines in this process, until Ctrl-C at a frame."""
+
+    def __init__(self, until: int | None) -> None:
+        super().__init__()
+        self._until = until
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """Be interrupted if it is time."""
+        if subject.frame.number == self._until:
+            raise KeyboardInterrupt
+        super().publish(subject)
 
 
 def test_each_person_is_a_run(calm: Path, sequence: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,9 +14,9 @@ from common.camera import Intrinsics
 from common.frame import SubjectFrame
 from common.kinematics import retract
 from common.settings import RefineSettings, preset
-from coordinator.tracking.observation import isolate
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
+from tests.support.people import subject_of
 from worker.kernel.observation import observe, pack_observation
 from worker.kernel.surface import order_vertices, pack_model
 from worker.kernel.visibility import update_visibility
@@ -44,10 +44,7 @@ SETTINGS = {
 @cache
 def subject(model: BodyModel | None = None) -> SubjectFrame:
     """The puppet in front of the camera, picked with padding to spare."""
-    found = isolate(plain_path.render(model or puppet(), TRUTH, CAMERA), None, POINTS)
-    assert found is not None
-    assert len(found.picked) == POINTS
-    return found
+    return subject_of(plain_path.render(model or puppet(), TRUTH, CAMERA), POINTS)
 
 
 def starts(count: int) -> Array:

@@ -280,16 +280,16 @@ def rest_weight(settings: RefineSettings) -> float:
     return (settings.likelihood_scale / settings.pose_deviation) ** 2 if known else 0.0
 
 
-def prior_cost(model: BodyModel, pose: Array, settings: RefineSettings) -> float:
-    """What a pose (D,) costs for each point, whatever is observed."""
-    away = difference(model, np.zeros((1, len(pose))), pose[None])[0]
-    away[[name in ROOT_DOFS for name in model.dof_names]] = 0.0
-    cost = rest_weight(settings) * float(np.sum((away / model.rest_spreads) ** 2))
-    excess = pose - np.clip(pose, *model.limits.T)
+def prior_costs(model: BodyModel, poses: Array, settings: RefineSettings) -> Array:
+    """What poses (N, D) cost for each point, whatever is observed: far from rest, or balls out of limits."""
+    away = difference(model, np.zeros_like(poses), poses)
+    away[:, [name in ROOT_DOFS for name in model.dof_names]] = 0.0
+    cost = rest_weight(settings) * np.sum((away / model.rest_spreads) ** 2, axis=1)
+    excess = poses - np.clip(poses, *model.limits.T)
     for start in model.balls:
-        if abs(np.cos(pose[start + 1])) > 0.3:
-            cost += LIMIT_SHARE * float(np.sum(excess[start : start + 3] ** 2))
-    return cost
+        counts = np.abs(np.cos(poses[:, start + 1])) > 0.3
+        cost += LIMIT_SHARE * counts * np.sum(excess[:, start : start + 3] ** 2, axis=1)
+    return np.asarray(cost)
 
 
 def add_rest_prior(
@@ -354,7 +354,7 @@ def evaluate(
     _, away, free = project_onto_silhouette(posed[visible], measurable, subject, settings)
     if settings.sensor == "camera":
         cost += FREE_SPACE_WEIGHT * (free * robust_cost(away, settings)).mean()
-    cost += prior_cost(model, pose, settings)
+    cost += prior_costs(model, pose[None], settings)[0]
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
 

@@ -10,22 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.activation import activate
-from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
-from common.kinematics import difference, link_transforms, pose_vertices, retract, within_limits
+from common.kinematics import link_transforms, pose_vertices, retract, within_limits
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS
-from coordinator.tracking.observation import isolate
 from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
+from tests.support.people import rendered, subject_of
 from worker.kernel.parameters import FREE_SPACE_WEIGHT, pack_parameters
-from worker.kernel.priors import LIMIT_SHARE
 from worker.kernel.soft import OUTLIER_DENSITY, SampleGrid, sample_radius
 
 Array = NDArray[np.float64]
@@ -62,12 +60,9 @@ def posterior_case(body: str, name: str) -> PosteriorCase:
     whole, settings = human(), SETTINGS[name]
     model = activate(whole, ARM_DOFS if body == "arm" else DEFAULT_ACTIVE, name_pose(whole, STANDING))
     truth = np.array([STANDING.get(dof, 0.0) for dof in model.dof_names])
-    with DepthRenderer(CAMERA) as renderer:
-        depth = renderer.depth(pose_vertices(model, truth[None])[0], model.triangles).astype(np.float64)
     noise = HEAVY if settings.is_soft else CLEAN
-    noisy = add_noise(depth, CAMERA, noise, np.random.default_rng(0))
-    subject = isolate(DepthFrame(0, 0.0, np.rint(noisy * 1e4).astype(np.uint16), 1e4, CAMERA), None, POINTS)
-    assert subject is not None
+    noisy = add_noise(rendered(model, truth[None], CAMERA)[0], CAMERA, noise, np.random.default_rng(0))
+    subject = subject_of(DepthFrame(0, 0.0, np.rint(noisy * 1e4).astype(np.uint16), 1e4, CAMERA), POINTS)
     return PosteriorCase(model, truth, in_a_room(subject) if name == ROOM else subject, settings)
 
 
@@ -159,7 +154,9 @@ def take_samples(
 def log_posterior(held: Held, poses: Array) -> Array:
     """The log posterior (N,) of poses (N, D)."""
     settings = held.settings
-    prior = prior_costs(held, poses)
+    soft = held.samples is not None  # without a prior for rest
+    rules = msgspec.structs.replace(settings, pose_deviation=0.0) if soft else settings
+    prior = plain_path.prior_costs(held.model, poses, rules)
     if held.samples is not None:
         density = log_density(held, held.samples, poses).mean(axis=1)
         return np.asarray(settings.independent_points * (density - 0.5 * prior / settings.noise_lateral**2))
@@ -183,20 +180,6 @@ def free_space_cost(held: Held, posed: Array) -> Array:
     cost = plain_path.robust_cost(np.sum(off**2, axis=-1), held.settings) * held.free
     weight = FREE_SPACE_WEIGHT if held.settings.sensor == "camera" else 0.0
     return np.asarray(weight * cost.mean(axis=1))
-
-
-def prior_costs(held: Held, poses: Array) -> Array:
-    """What poses (N, D) cost for each point, whatever is observed: far from rest, or balls out of limits."""
-    model, settings = held.model, held.settings
-    away = difference(model, np.zeros_like(poses), poses)
-    away[:, [name in ROOT_DOFS for name in model.dof_names]] = 0.0
-    stiffness = 0.0 if held.samples is not None else plain_path.rest_weight(settings)
-    cost = stiffness * np.sum((away / model.rest_spreads) ** 2, axis=1)
-    excess = poses - np.clip(poses, *model.limits.T)
-    for start in model.balls:
-        counts = np.abs(np.cos(poses[:, start + 1])) > 0.3
-        cost += LIMIT_SHARE * counts * np.sum(excess[:, start : start + 3] ** 2, axis=1)
-    return np.asarray(cost)
 
 
 def log_density(held: Held, samples: Samples, poses: Array) -> Array:

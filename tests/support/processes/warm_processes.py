@@ -45,6 +45,13 @@ def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
     sys.exit(track(sequence, out, endpoint, *options))
 
 
+def gepf(*words: str) -> None:
+    """`gepf` with these words."""
+    from coordinator.cli import main
+
+    sys.exit(main(words))
+
+
 def work(endpoints: tuple[str, ...], name: str, lanes: int = 1) -> None:
     """`gepf-worker`."""
     from tests.support.kernel.warm_kernel import kernel_on
