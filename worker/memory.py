@@ -108,7 +108,7 @@ class Memory:
             model = decode_model(self._fetch(keys.of_run(request.run, f"model/{wanted}"), name))
             if model.hash != wanted:
                 raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
-        keep(self._models, wanted, model, RUNS_KEPT * MODELS_KEPT)
+        keep(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
