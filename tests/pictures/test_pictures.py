@@ -23,7 +23,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import spread, tile, write_film
 from coordinator.pictures.overlay import View, paint, view_around
-from coordinator.pictures.plots import STATUS, curves_of, draw_errors, plot_angles
+from coordinator.pictures.plots import STATUS, curves_of, plot_angles
 from coordinator.pictures.portrait import draw_portrait
 from coordinator.pictures.run import draw_run
 from coordinator.pictures.shading import draw_body, shade_depth
@@ -331,15 +331,3 @@ def test_a_frame_of_another_status_is_seen_behind_the_curves(tmp_path: Path) -> 
     row = pixels(tmp_path / "plot.png")[60]
     amber = np.all(np.abs(row - [0xFC, 0xEF, 0xD1]) < 8, axis=1).sum()
     assert amber / len(row) == pytest.approx(1 / 20, rel=0.25)
-
-
-def test_the_picture_of_errors_has_a_column_for_joints_and_one_for_angles(
-    track: Track, truth: Truth, tmp_path: Path
-) -> None:
-    """Without true angles the picture is half as wide."""
-    no_pose = replace(truth, dof_names=(), pose=np.empty((FRAMES, 0)))
-    widths = []
-    for known in (truth, no_pose):
-        draw_errors(track, known, tmp_path / "errors.png")
-        widths.append(pixels(tmp_path / "errors.png").shape[1])
-    assert widths[0] == 2 * widths[1]

@@ -54,17 +54,6 @@ def make_truth(**changes: Any) -> Truth:
     return Truth(**fields | changes)
 
 
-def test_a_perfect_track_has_no_error() -> None:
-    """Zero where there is a truth, all joints near, never lost."""
-    score = evaluate(make_track(), make_truth())
-    assert score.frames == FRAMES
-    assert score.mean_angle_error_deg == 0.0
-    assert score.best_hypothesis_angle_error_deg == 0.0
-    assert score.mean_joint_error_cm == 0.0
-    assert score.pck10 == 1.0
-    assert score.lost_from_frame is None
-
-
 def test_the_deviation_is_held_against_the_errors() -> None:
     """Errors of 3 and 7 cm where 4 cm are expected: half within one, all within two; lost frames are out."""
     joints = np.zeros((FRAMES, 2, 3))
@@ -131,13 +120,15 @@ def test_joints_are_scored_in_centimetres_by_name() -> None:
 
 
 def test_without_a_true_pose_only_joints_are_scored() -> None:
-    """A motion-capture truth knows places, not angles."""
+    """A motion-capture truth knows places, not angles; a perfect track has no error and is never lost."""
     score = evaluate(make_track(), make_truth(dof_names=(), pose=np.empty((FRAMES, 0))))
     assert score.mean_angle_error_deg is None
     assert score.mean_angle_error_deg_by_dof is None
     assert score.best_hypothesis_angle_error_deg is None
     assert score.best_hypothesis_angle_error_deg_by_dof is None
-    assert score.mean_joint_error_cm == 0.0
+    assert (score.frames, score.mean_joint_error_cm, score.pck10) == (FRAMES, 0.0, 1.0)
+    assert score.lost_from_frame is None
+    assert evaluate(make_track(), make_truth()).best_hypothesis_angle_error_deg == 0.0
 
 
 def test_angles_of_limbs_are_held_against_the_true_joints() -> None:
@@ -254,13 +245,11 @@ def test_a_truth_file_without_numbers_counts_from_zero(tmp_path: Path) -> None:
     ("changes", "says"),
     [
         ({"joint_names": None}, "has no 'joint_names'"),
-        ({"joint_positions": None}, "has no 'joint_positions'"),
         ({"pose": None}, "has no 'pose'"),
         ({"joint_positions": np.zeros((FRAMES, 3, 3))}, "'joint_positions' has shape"),
         ({"pose": np.zeros((FRAMES - 1, 3))}, "'pose' has shape"),
         ({"frame": np.arange(FRAMES) / 2}, "'frame' must be whole numbers"),
         ({"joint_names": np.array(["a", "a"])}, "distinct names"),
-        ({"joint_names": np.array([1, 2])}, "must be names"),
         ({"joint_positions": np.full((FRAMES, 2, 3), "x")}, "must be numbers"),
         ({"joint_positions": np.full((FRAMES, 2, 3), None)}, "damaged"),
     ],

@@ -74,14 +74,6 @@ def test_before_anybody_is_found_all_is_null() -> None:
     assert found["angles"]["pelvis_turn"] == pytest.approx(-0.5)
 
 
-def test_the_example_without_arguments_says_how_it_is_used() -> None:
-    """One who only tries it reads its use, no trace."""
-    done = subprocess.run([sys.executable, str(EXAMPLE)], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert "examples/live_results.py tcp/" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 def test_a_message_says_all_of_itself() -> None:
     """Names and values of everything that is known of the frame; null for what is not."""
     heard = Heard()
