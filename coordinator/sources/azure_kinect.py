@@ -62,7 +62,7 @@ def read_azure_kinect(path: Path, options: CameraOptions) -> Source:
     if calibration is None or options.intrinsics is not None:
         camera = options.camera(shape, path)
     else:
-        camera = depth_camera(calibration, mode_of(stream, path), shape)
+        camera = depth_camera(calibration, stream, path)
         pixels = lens_pixels(calibration, camera)
     read = Frames(path, container, stream, stamps, pixels).read
     times = [stamp - stamps[0] for stamp in stamps]
@@ -169,23 +169,18 @@ def find_entry(entries: list[dict[str, Any]], key: str, value: str) -> dict[str,
     return next((entry for entry in entries if entry[key] == value), {})
 
 
-def mode_of(stream: Any, path: Path) -> tuple[int, int, int]:
-    """How the sensor is cropped; InputError for a mode that is not known."""
+def depth_camera(calibration: Calibration, stream: Any, path: Path) -> Intrinsics:
+    """The pinhole camera of the stream's depth mode, pixel centres at whole numbers."""
     mode = stream.metadata.get("K4A_DEPTH_MODE", "")
-    if mode not in MODES:
-        raise InputError(f"{path}: depth mode '{mode}' is not known; give --intrinsics fx,fy,cx,cy")
-    return MODES[mode]
-
-
-def depth_camera(calibration: Calibration, mode: tuple[int, int, int], shape: tuple[int, int]) -> Intrinsics:
-    """The pinhole camera of a depth mode, pixel centres at whole numbers."""
-    if len(calibration.lens) < 14:
-        raise InputError("the attached calibration knows no depth camera; give --intrinsics fx,fy,cx,cy")
+    if mode not in MODES or len(calibration.lens) < 14:
+        raise InputError(
+            f"{path}: its calibration, or its depth mode '{mode}', is not known; "
+            "give --intrinsics fx,fy,cx,cy"
+        )
     cx, cy, fx, fy = calibration.lens[:4]
-    binned, left, top = mode
-    rows, columns = shape
+    binned, left, top = MODES[mode]
     centre = (cx * binned - left - 0.5, cy * binned - top - 0.5)
-    return Intrinsics(columns, rows, fx * binned, fy * binned, *centre)
+    return Intrinsics(stream.width, stream.height, fx * binned, fy * binned, *centre)
 
 
 def lens_pixels(calibration: Calibration, camera: Intrinsics) -> Indices:

@@ -12,12 +12,12 @@ import hashlib
 import logging
 from collections.abc import Collection
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import unknown_dof
 from common.errors import InputError
 from coordinator.sources.ros_bag import NANOSECONDS, Bag, depth_topic, is_bag
 
@@ -26,7 +26,6 @@ Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 TIME, DEGREES = "time_s", "_deg"
-SOME = 12  # names in a message
 STATES = "sensor_msgs/msg/JointState"
 
 
@@ -40,26 +39,17 @@ class JointStates:
 
     @property
     def hash(self) -> str:
-        """By what the same states are known again."""
+        """The same for the same states."""
         content = "\n".join(self.names).encode() + self.times_s.tobytes() + self.values.tobytes()
         return hashlib.sha256(content).hexdigest()[:12]
 
     def check_names(self, known: Collection[str]) -> None:
         """InputError unless at least one joint is a degree of freedom of the body; a warning for others."""
-        foreign = []
-        for name in self.names:
-            if name not in known:
-                alike = get_close_matches(name, known, n=1)
-                foreign.append(f"{name} (is {alike[0]} meant?)" if alike else name)
+        foreign = [unknown_dof(name, known) for name in self.names if name not in known]
         if len(foreign) == len(self.names):
-            raise InputError(
-                f"the joint states are of {', '.join(foreign[:SOME])}, none of which the body has; "
-                f"name them as it does, such as {', '.join(list(known)[:SOME])}"
-            )
-        if foreign:
-            logger.warning(
-                "the joint states are of %s, too, which the body does not have; left out", ", ".join(foreign)
-            )
+            raise InputError(f"--joint-states: {foreign[0]}")
+        for each in foreign:
+            logger.warning("--joint-states: %s; its states are left out", each)
 
     def at(self, time_s: float) -> Array:
         """Values (K,) at a time, between the two around it; NaN before the first and after the last."""
@@ -71,13 +61,13 @@ class JointStates:
 def read_joint_states(path: Path) -> JointStates:
     """Read a file; InputError where it cannot be read or makes no sense."""
     names, times, values = read_bag(path) if is_bag(path) else read_csv(path)
-    if len(times) < 2 or not names:
-        raise InputError(f"{path} holds {len(times)} states of {len(names)} joints; give two states or more")
-    if not (np.isfinite(times).all() and np.isfinite(values).all()):
-        raise InputError(f"{path} holds values that are no finite numbers; leave these lines out")
     order = np.argsort(times, kind="stable")
-    if not (np.diff(times[order]) > 0).all():
-        raise InputError(f"{path} holds two states of one time; leave one of them out")
+    finite = np.isfinite(times).all() and np.isfinite(values).all()
+    if len(times) < 2 or not names or not finite or not (np.diff(times[order]) > 0).all():
+        raise InputError(
+            f"{path} holds {len(times)} states of {len(names)} joints; give two or more of finite numbers, "
+            "each of another time"
+        )
     return JointStates(names, times[order], values[order])
 
 
@@ -94,7 +84,7 @@ def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
     heads = [head.strip() for head in heads]
     if TIME not in heads:
         raise InputError(
-            f"{path} has no column {TIME}, but {', '.join(heads[:5])}; name the column of times so"
+            f"{path} has no column {TIME}, but {', '.join(heads)}; give the column of times that name"
         )
     joints = [k for k, head in enumerate(heads) if head != TIME]
     units = np.array([np.radians(1.0) if heads[k].endswith(DEGREES) else 1.0 for k in joints])

@@ -57,7 +57,9 @@ def person(seed: int = 0) -> Scene:
     move(model, poses, times, keys, [draw_legs(k, rng) for k in range(len(keys))])
     keys = through(times[-1], TRUNK_MOVES_S, TRUNK_RESTS_S, rng)
     move(model, poses, times, keys, [draw_from({**TRUNK, **TURN}, "", rng) for _ in keys])
-    stand_on_floor(model, poses)
+    poses[:, model.dof("root_tz")] = DISTANCE_M
+    for pose in poses:  # the lowest point is on the floor
+        pose[model.dof("root_ty")] = CAMERA_HEIGHT_M - pose_vertices(model, pose[None])[0, :, 1].max()
     return Scene(model, CAMERA, FPS, poses, None)
 
 
@@ -127,25 +129,13 @@ def move(
     spans: list[tuple[float, float]],
     goals: list[dict[str, float]],
 ) -> None:
-    """Write a chain of motions into poses (F, D): from goal to goal, degrees, as people reach for things."""
+    """Write motions from goal to goal (degrees) into poses (F, D), with minimum jerk (Flash & Hogan 1985)."""
     for name in sorted({name for goal in goals for name in goal}):
         value = AT_EASE.get(name.partition("_")[2], 0.0)
         curve = np.full(len(times), value)
         for (begins, ends), goal in zip(spans, goals, strict=True):
             to = goal.get(name, 0.0)
-            curve += (to - value) * minimum_jerk((times - begins) / (ends - begins))
+            t = np.clip((times - begins) / (ends - begins), 0.0, 1.0)
+            curve += (to - value) * (t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
             value = to
         poses[:, model.dof(name)] = np.radians(curve)
-
-
-def minimum_jerk(share: Array) -> Array:
-    """The way (n,) that is behind a hand at a share (n,) of its time (Flash & Hogan 1985)."""
-    t = np.clip(share, 0.0, 1.0)
-    return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-
-
-def stand_on_floor(model: BodyModel, poses: Array) -> None:
-    """Place the body before the camera, its lowest point on the floor."""
-    poses[:, model.dof("root_tz")] = DISTANCE_M
-    for pose in poses:
-        pose[model.dof("root_ty")] = CAMERA_HEIGHT_M - pose_vertices(model, pose[None])[0, :, 1].max()

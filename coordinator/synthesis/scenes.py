@@ -136,7 +136,6 @@ def turn() -> Scene:
 
 ROAM_FRAMES, ROAM_FPS = 150, 30.0
 ROAM_CAMERA = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
-KEY_EVERY = 30  # frames
 WIDEST, SLIDE_M = np.radians(40.0), 0.15  # to either side, where limits are wider
 WITHIN = 0.4  # of the range between limits, to either side of its middle
 ROAM_STANDS = {"root_rx": 0.2, "root_ry": 0.5}  # seen from above and from the side
@@ -151,8 +150,9 @@ def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
     """
     rng = np.random.default_rng([seed, 1])
     middle, reach = swing(model)
-    keys = rng.uniform(-1.0, 1.0, (frames // KEY_EVERY + 2, len(middle))) * reach + middle
-    poses = np.asarray(PchipInterpolator(KEY_EVERY * np.arange(len(keys)), keys)(np.arange(frames)))
+    second = round(ROAM_FPS)  # from key to key, frames
+    keys = rng.uniform(-1.0, 1.0, (frames // second + 2, len(middle))) * reach + middle
+    poses = np.asarray(PchipInterpolator(second * np.arange(len(keys)), keys)(np.arange(frames)))
     for name, value in ROAM_STANDS.items():
         poses[:, model.dof(name)] += value
     seen = pose_vertices(model, poses[:: max(1, len(poses) // 20)]).reshape(-1, 3)

@@ -1,14 +1,13 @@
-"""One sequence of depth, written as every format that is read, and the tracker's poses on it."""
+"""One sequence of depth, written as every format that is read."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -18,17 +17,12 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
-from common.body import BodyModel
 from common.camera import Intrinsics, back_project
-from common.frame import DepthFrame
 from common.kinematics import pose_vertices
-from common.settings import preset
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
 from coordinator.sources.utd_mhad import KINECT
 from coordinator.synthesis.rendering import DepthRenderer
-from gepf.direct import DirectRefiner
-from tests.support.people import OnePerson
 
 Depth = NDArray[np.uint16]  # (F, H, W), millimetres
 Write = Callable[[Path, Depth], Path]
@@ -170,21 +164,9 @@ FRAMES = 3
 
 
 @cache
-def bodies() -> Bodies:
-    """The person of the sequence, made once."""
-    one = cache(human)
-    return Bodies(one, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.75, 1.0))
-
-
-def full_body() -> BodyModel:
-    """The person with all degrees of freedom."""
-    return bodies().full(1.75, 1.0)
-
-
-@cache
 def recorded() -> Depth:
     """Frames (F, H, W) of a person who raises a forearm, in whole millimetres."""
-    model = full_body()
+    model = human(1.75)
     poses = np.array(
         [name_pose(model, START | {name: rate * n for name, rate in RAISING.items()}) for n in range(FRAMES)]
     )
@@ -192,12 +174,3 @@ def recorded() -> Depth:
         images = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
     millimetres: NDArray[np.float64] = np.rint(np.array(images) * 1000.0)
     return millimetres.astype(np.uint16)
-
-
-def poses_of(frames: Iterable[DepthFrame]) -> Array:
-    """Poses (F, D) of the tracker on these frames."""
-    settings = preset("default")
-    one = msgspec.structs.replace(settings.filter, particles=1)
-    settings = msgspec.structs.replace(settings, method="gradient", points=1500, filter=one)
-    tracker = OnePerson(DirectRefiner(), settings, bodies(), START)
-    return np.array([tracker.track(frame).pose for frame in frames])

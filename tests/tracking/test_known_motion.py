@@ -148,9 +148,9 @@ def test_a_bag_of_joint_states_is_read(tmp_path: Path) -> None:
     [
         ("a,b\n1,2\n3,4\n", "has no column time_s, but a, b"),
         ("time_s,a\n0,1\n", "holds 1 states of 1 joints"),
-        ("time_s,a\n0,1\n0,2\n", "two states of one time"),
+        ("time_s,a\n0,1\n0,2\n", "each of another time"),
         ("time_s,a\n0,one\n", "cannot read"),
-        ("time_s,a\n0,nan\n1,2\n", "no finite numbers"),
+        ("time_s,a\n0,nan\n1,2\n", "of finite numbers"),
     ],
 )
 def test_a_file_without_sense_is_refused(tmp_path: Path, text: str, says: str) -> None:
@@ -163,14 +163,11 @@ def test_a_file_without_sense_is_refused(tmp_path: Path, text: str, says: str) -
 def test_states_of_another_robot_are_refused(
     fast: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Exit code 2, with joints that the body has."""
+    """Exit code 2, and a line that names one of the joints."""
     (tmp_path / "joints.csv").write_text("time_s,axis1,elbw\n0,1,1\n1,2,1\n")
     options = ["--model", str(ARM), "--joint-states", str(tmp_path / "joints.csv"), "-q"]
     assert main(["track", str(fast), *options, "--out", str(tmp_path / "run")]) == 2
-    assert (
-        "joint states are of axis1, elbw (is elbow meant?), none of which the body has"
-        in capsys.readouterr().err
-    )
+    assert "--joint-states: unknown degree of freedom 'axis1'" in capsys.readouterr().err
 
 
 def test_states_that_the_body_does_not_have_are_named(caplog: pytest.LogCaptureFixture) -> None:
@@ -180,4 +177,5 @@ def test_states_that_the_body_does_not_have_are_named(caplog: pytest.LogCaptureF
     JointStates(("elbow", "wrist_bend"), times, np.zeros((2, 2))).check_names(known)
     assert not caplog.text
     JointStates(("elbow", "wrist_bent", "qqq"), times, np.zeros((2, 3))).check_names(known)
-    assert "are of wrist_bent (is wrist_bend meant?), qqq, too, which the body does not have" in caplog.text
+    assert "'wrist_bent'; did you mean wrist_bend" in caplog.text
+    assert "'qqq'; gepf model dofs lists all; its states are left out" in caplog.text

@@ -43,25 +43,21 @@ _ARM = (
 )  # fmt: skip
 _FINGER = ("0_flexion", "1_flexion", "1_pivot", "1_twisting", "2_flexion", "3_flexion")
 _THUMB = ("1_flexion", "1_pivot", "1_twisting", "2_flexion", "3_flexion")
+_HAND = (*(f"{finger}{motion}" for finger in FINGERS for motion in _FINGER), *(f"thumb{m}" for m in _THUMB))
+_SPINE = tuple(
+    f"{bone}_{motion}"
+    for bone in ("skullbase", *reversed(VERTEBRAE_UPWARD))
+    for motion in ("roll", "torsion", "tilt")
+)
 
 
 def _both_sides(names: tuple[str, ...]) -> list[str]:
     return [f"{side}_{name}" for name in names for side in "lr"]
 
 
-def _spine() -> list[str]:
-    downward = ("skullbase", *reversed(VERTEBRAE_UPWARD))
-    return [f"{bone}_{motion}" for bone in downward for motion in ("roll", "torsion", "tilt")]
-
-
-def _hand() -> tuple[str, ...]:
-    fingers = [f"{finger}{motion}" for finger in FINGERS for motion in _FINGER]
-    return (*fingers, *(f"thumb{motion}" for motion in _THUMB))
-
-
 JOINT_ANGLES: tuple[str, ...] = (
     "sacroiliac_tilt", "sacroiliac_torsion", "sacroiliac_roll",
-    *_both_sides(_LEG), *_both_sides(_ARM), *_spine(), *_both_sides(_hand()),
+    *_both_sides(_LEG), *_both_sides(_ARM), *_SPINE, *_both_sides(_HAND),
 )  # fmt: skip
 """In the order of the standard's numbers, from 1."""
 
@@ -113,8 +109,7 @@ _THUMB_RANGES = {
     "3_flexion": (-15, 80),
 }
 
-_REST_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125}
-_NECK_SPREAD = 0.25
+_REST_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125, "neck": 0.25}
 """Where they are not 1, for a `pose_deviation` of 1.6 rad: arms go anywhere, legs are mostly straight, a
 head says little of how it is held (0.5 does as well for the skinned people).
 
@@ -125,10 +120,8 @@ subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 
 
 def rest_spread(dof: str) -> float:
     """How far an angle usually is from rest: the rest prior's deviation in units of `pose_deviation`."""
-    side, joint, _ = _parts(dof)
-    if side:
-        return _REST_SPREADS.get(joint, 1.0)
-    return _NECK_SPREAD if _is_in_neck(joint) else 1.0
+    joint = _parts(dof)[1]
+    return _REST_SPREADS.get("neck" if _is_in_neck(joint) else joint, 1.0)
 
 
 def joint_range(dof: str) -> NDArray[np.float64]:
@@ -136,7 +129,11 @@ def joint_range(dof: str) -> NDArray[np.float64]:
     side, joint, motion = _parts(dof)
     if joint == "root":
         return np.array([-np.inf, np.inf])
-    return np.radians(_limb_degrees(joint, motion) if side else _spine_degrees(joint, motion))
+    if side:
+        return np.radians(_limb_degrees(joint, motion))
+    if joint == "sacroiliac":
+        return np.radians(_SACROILIAC_RANGES[motion])
+    return np.radians((_NECK_RANGES if _is_in_neck(joint) else _TRUNK_RANGES)[motion])
 
 
 def _parts(dof: str) -> tuple[str, str, str]:
@@ -144,12 +141,6 @@ def _parts(dof: str) -> tuple[str, str, str]:
     side = dof[0] if dof.startswith(("l_", "r_")) else ""
     joint, _, motion = dof.removeprefix(f"{side}_").partition("_")
     return side, joint, motion
-
-
-def _spine_degrees(joint: str, motion: str) -> tuple[int, int]:
-    if joint == "sacroiliac":
-        return _SACROILIAC_RANGES[motion]
-    return (_NECK_RANGES if _is_in_neck(joint) else _TRUNK_RANGES)[motion]
 
 
 def _is_in_neck(joint: str) -> bool:
