@@ -13,7 +13,6 @@ from common.errors import InputError
 from coordinator.bodies.angles import angles_of
 from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
-from coordinator.tracking.state import Start
 
 Array = NDArray[np.float64]
 
@@ -77,10 +76,10 @@ class Estimate(estimate.Estimate):
         return float(np.degrees(value) if degrees else value)
 
 
-def named(plain: estimate.Estimate, start: Start) -> Estimate:
+def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float]) -> Estimate:
     """An estimate with its body."""
     values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
-    return Estimate(**values, model=start.model, held=start.held)
+    return Estimate(**values, model=model, held=held)
 
 
 def refuse_degrees(name: str) -> InputError:

@@ -80,7 +80,8 @@ class FrameLoop(Closing):
                 self._tracker, last = self._make(self._settings), stream
             for tracked in self._tracker.follow(part, look_ahead=look_ahead and live is None):
                 self._frames += 1
-                yield [named(each.estimate, each.state.start) for each in tracked]
+                starts = [each.state.start for each in tracked]
+                yield [named(t.estimate, s.model, s.held) for t, s in zip(tracked, starts, strict=True)]
 
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """A frame as it is, or an array (H, W) as the next frame."""
