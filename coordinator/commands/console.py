@@ -48,7 +48,6 @@ def noted_interrupts() -> Iterator[None]:
     """
     heard = [number for number in (signal.SIGINT, signal.SIGTERM) if is_heard(number)]
     before = {number: signal.signal(number, INTERRUPTS.note) for number in heard}
-    INTERRUPTS.noted = False
     try:
         yield
         INTERRUPTS.check()
@@ -57,6 +56,7 @@ def noted_interrupts() -> Iterator[None]:
             raise KeyboardInterrupt from error
         raise
     finally:
+        INTERRUPTS.noted = False
         for number, handler in before.items():
             signal.signal(number, handler)
 

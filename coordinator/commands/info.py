@@ -62,22 +62,20 @@ def run_info(
 def look(source: Source) -> tuple[SceneView, list[Candidate]]:
     """The first frame that shows a person, and who may be one there, likeliest first.
 
-    Where no frame shows a likely person, the frame with the likeliest; without any, the last.
+    Where no frame shows a likely person, the last frame with the likeliest.
     """
     from coordinator.scene.candidates import candidates
     from coordinator.scene.scene import Scene
 
     scene = Scene(up=None if source.gravity is None else -source.gravity)
-    doubtful: tuple[SceneView, list[Candidate]] | None = None
     for number in source.numbers[:LOOKED_AT]:
         view = scene.see(source.frame(number))
         found = candidates(view)
-        if found and found[0].score > PROMISING:
-            return view, [each for each in found if each.score > PROMISING]
-        if found and (doubtful is None or found[0].score > doubtful[1][0].score):
-            doubtful = view, found[:1]
+        likely = [each for each in found if each.score > PROMISING]
+        if likely:
+            return view, likely
         scene.learn(view, None)
-    return doubtful or (view, [])
+    return view, found[:1]
 
 
 def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]:
