@@ -34,7 +34,7 @@ class RecordedRun:
     track: Track
     folder: Path
     raw: Track  # as it was tracked
-    placed: NDArray[np.bool_]  # (F,) frames that have a pose; the others are given the first one
+    placed: NDArray[np.bool_]  # (F,) frames that have a pose; the others get the first one
     smoothed_hz: float | None = None
 
     @property

@@ -37,7 +37,7 @@ def draw_run(
 ) -> list[Path]:
     """Write overlay.mp4, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
 
-    A run in which no body was found has no curves, which are the last two.
+    A run in which no body was found has only the first two.
 
     `body` is what was tracked, with the track's degrees of freedom. With `colours`, film and sheet are drawn
     over these. `advance` is called with the steps that are done and their number.

@@ -1,4 +1,4 @@
-"""What is found in a scene, for looking at: floor, walls, and whoever may be a person."""
+"""A picture of what is found in a scene: floor, walls and possible people."""
 
 from __future__ import annotations
 

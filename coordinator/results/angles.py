@@ -1,6 +1,6 @@
 """The angles of a track and the positions of its sliding joints, and how far each may be off.
 
-What the tracker reports of a hidden limb, or of the rotation of an arm whose elbow is straight, is chance.
+What the tracker reports of a hidden limb, or of the rotation of an arm whose elbow is straight, is arbitrary.
 How far each angle may be off is known frame by frame, and so is how fast people move their joints. A person's
 angles are smoothed accordingly: the likeliest x (F,) minimise
 
@@ -35,7 +35,7 @@ with the deviation of the joints and with twice the hypotheses' spread, 80 % of 
 angles of people with exact truth lie within one deviation, 98 % within two."""
 
 LARGEST_DEVIATION = np.radians(60.0)
-"""Of an angle that nothing shows: about that of any angle within a joint's range."""
+"""Of an angle that is not visible at all: about that of any angle within a joint's range."""
 
 SPEED = np.radians(1400.0)
 """Radians a second, one standard deviation: a fast arm. Elbows of throwers reach 2 300 degrees."""

@@ -34,7 +34,7 @@ def write_csv(track: Track, file: BinaryIO, more: Columns | None = None) -> None
 
 
 def angle_columns(track: Track) -> Columns:
-    """Angles (F,) in degrees, the shoulders' as the ISB wants them, and how far each angle may be off."""
+    """Angles (F,) in degrees, the shoulders' by the ISB's definition, and how far each angle may be off."""
     angles = named(track.angle_names, track.angle)
     off = named(track.angle_names, track.angle_deviation)
     isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))

@@ -182,14 +182,14 @@ def angle_error_deg(angles: NDArray[np.float64], truth: NDArray[np.float64]) -> 
 
 
 def lost_from(errors: Errors) -> int | None:
-    """First frame from which on the tracking is lost to the end; unknown frames do not count."""
+    """First frame of those at the end in which all tracking is lost; unknown frames do not count."""
     angle, joint = known_mean(errors.angle_deg, axis=1), known_mean(errors.joint_m, axis=1)
     known = ~(np.isnan(angle) & np.isnan(joint))
     return to_the_end(errors.frame[known], ((angle > LOST_DEG) | (joint > LOST_M))[known])
 
 
 def to_the_end(frames: NDArray[np.int64], lost: NDArray[np.bool_]) -> int | None:
-    """First of the frames (F,) from which on all are lost (F,)."""
+    """First of the frames (F,) at the end that are all lost (F,); None if the last is not."""
     kept = np.flatnonzero(~lost)
     first = kept[-1] + 1 if len(kept) else 0
     return int(frames[first]) if first < len(lost) else None

@@ -59,7 +59,7 @@ class Recorder:
     """Owns a run's folder from the first frame to the last; a context manager.
 
     While it is open, `frames.log` grows and is locked against a second run. It goes away when a complete
-    run is closed without an error. A folder in which nothing came to be recorded is left as it was found.
+    run is closed without an error. If no frame is recorded, the folder is left as it was found.
 
     Args:
         run: The run's folder.
@@ -100,7 +100,7 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give the folder free; without a frame, leave no trace of the run."""
+        """Release the folder; without a frame, leave no trace of the run."""
         self._disk.shutdown()
         empty = os.fstat(self._log).st_size == 0
         try:

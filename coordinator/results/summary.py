@@ -109,7 +109,7 @@ def count_doubts(estimates: Iterable[Estimate]) -> dict[str, int]:
 
 
 def mostly_tracked(estimates: Sequence[Estimate]) -> bool:
-    """Whether half of the frames or more are, be it ambiguously."""
+    """Whether at least half of the frames are tracked or ambiguous."""
     return 2 * sum(e.status in UNKNOWN for e in estimates) <= len(estimates)
 
 

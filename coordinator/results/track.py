@@ -77,7 +77,7 @@ class Track:
 
     @property
     def placed(self) -> NDArray[np.bool_]:
-        """Frames (F,) that have a pose, be it the last that was known: all but those before the body came."""
+        """Frames (F,) that have a pose, even a guessed one: all but those before the body was found."""
         return np.asarray(np.isfinite(self.pose).all(axis=1))
 
     def stretches(self) -> list[tuple[str, int, int]]:
