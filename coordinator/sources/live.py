@@ -8,9 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
-from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import DepthFrame
 from common.protocol.frames import decode_live
@@ -30,15 +28,6 @@ def live_key(sequence: Path) -> str | None:
 COUNTED = ("received", "skipped", "rejected", "malformed")
 """Received frames are tracked, skipped as a newer one came first, or rejected as they do not fit the stream.
 Malformed messages are no frames."""
-
-
-class Header(NamedTuple):
-    """What has to agree, or to go on, from frame to frame of a stream."""
-
-    camera: Intrinsics
-    depth_scale: float
-    number: int
-    time_s: float
 
 
 class LiveFrames:
@@ -65,9 +54,9 @@ class LiveFrames:
         self._report = report
         self._changed = threading.Condition()
         self._newest: tuple[int, DepthFrame] | None = None  # its stream, and what waits to be yielded
-        self._last: Header | None = None  # of the last frame that was accepted
+        self._last: DepthFrame | None = None  # of the last frame that was accepted
         self._last_stream = 0
-        self._rejected: deque[Header] = deque(maxlen=2 * NEW_STREAM_FRAMES)  # since then
+        self._rejected: deque[DepthFrame] = deque(maxlen=2 * NEW_STREAM_FRAMES)  # since then
         self._ended = False
         self._counts = dict.fromkeys(COUNTED, 0)
         self._reported: set[str] = set()  # causes for which frames were rejected
@@ -111,12 +100,11 @@ class LiveFrames:
 
     def _accept(self, frame: DepthFrame) -> str | None:
         """Keep a frame that belongs to the stream or begins another; gives what is to be reported, if any."""
-        header = Header(frame.intrinsics, frame.depth_scale, frame.number, frame.time_s)
         self._counts["received"] += 1
-        misfit = None if self._last is None else find_misfit(header, self._last)
+        misfit = None if self._last is None else find_misfit(frame, self._last)
         if misfit is not None:
-            self._rejected.append(header)
-            if not is_a_stream([other for other in self._rejected if other[:2] == header[:2]]):
+            self._rejected.append(frame)
+            if not begins_a_stream(self._rejected):
                 self._counts["rejected"] += 1
                 cause, words = misfit
                 first = cause not in self._reported
@@ -126,11 +114,11 @@ class LiveFrames:
         if self._newest is not None:
             self._counts["skipped"] += 1
         self._newest = self._last_stream, frame
-        self._last = header
+        self._last = frame
         self._rejected.clear()
         if misfit is None:
             return None
-        size = f"{header.camera.width}x{header.camera.height}"
+        size = f"{frame.intrinsics.width}x{frame.intrinsics.height}"
         return f"another stream of frames, {size}, has begun on {self._key}; tracking starts anew"
 
     def _take(self) -> tuple[int, DepthFrame] | None:
@@ -152,9 +140,9 @@ class LiveFrames:
         return self._newest is not None or self._ended
 
 
-def find_misfit(frame: Header, last: Header) -> tuple[str, str] | None:
+def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
     """Why a frame cannot follow another one: the cause, and what to say of it; None if it can."""
-    camera, other = frame.camera, last.camera
+    camera, other = frame.intrinsics, last.intrinsics
     if (camera.width, camera.height) != (other.width, other.height):
         return "size", f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}"
     if camera != other:
@@ -170,9 +158,11 @@ def find_misfit(frame: Header, last: Header) -> tuple[str, str] | None:
     return None
 
 
-def is_a_stream(frames: Sequence[Header]) -> bool:
-    """Whether the last `NEW_STREAM_FRAMES` frames of one camera follow each other."""
-    last = frames[-NEW_STREAM_FRAMES:]
+def begins_a_stream(rejected: Sequence[DepthFrame]) -> bool:
+    """Whether `NEW_STREAM_FRAMES` of these, up to the last, are of its camera and follow each other."""
+    newest = rejected[-1]
+    alike = [f for f in rejected if (f.intrinsics, f.depth_scale) == (newest.intrinsics, newest.depth_scale)]
+    last = alike[-NEW_STREAM_FRAMES:]
     return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))
 
 

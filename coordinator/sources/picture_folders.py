@@ -118,7 +118,7 @@ def sorted_by_number(folder: Path) -> dict[float, Path]:
     try:
         files = [f for f in folder.iterdir() if f.suffix.lower() == ".png" and not f.name.startswith(".")]
     except OSError as error:
-        raise InputError(f"cannot read {folder}: {error.strerror}; mend its permissions") from error
+        raise InputError(f"cannot read {folder}: {error.strerror}; change its permissions") from error
     numbered: dict[float, Path] = {}
     for file in sorted(files):
         found = NUMBER.search(file.stem)

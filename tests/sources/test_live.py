@@ -22,7 +22,6 @@ from PIL import Image
 from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
 from common.refinement import Refined
-from common.settings import RefineSettings
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
 from coordinator.results.log import read_log
@@ -30,7 +29,7 @@ from coordinator.results.track import read_track
 from tests.support.asked import Asked, refining, unmoved
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread, started, wait_until
-from tests.support.processes.serving import MODEL, pool, serving
+from tests.support.processes.serving import serving
 from tests.support.processes.warm_processes import gepf, start
 from worker.service import Kernel
 from worker.warm_up import tiny_frame
@@ -196,28 +195,6 @@ def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_pat
     assert summary["deadline_ms"] == pytest.approx(130.0)
     assert summary["particles_unanswered"] == 80 - track.particles_answered.sum() > 0
     assert np.isfinite(track.pose).all()
-
-
-def test_unanswered_particles_are_left_out_in_order(endpoint: str) -> None:
-    """What was answered stands in its place, NaN in the others'; a frame after it is whole again."""
-    poses = np.arange(120.0).reshape(20, 6) / 100
-    slow = Still(0.02)
-    with pool(endpoint, deadline=0.25) as refiner, serving(endpoint, "w", slow.kernel):
-        refiner.wait_for(1)
-        refiner.publish(tiny_frame())
-        part = refiner.submit(MODEL, poses, RefineSettings()).result()
-        answered = part.answered
-        assert 0 < len(answered) < 20
-        assert part.poses.shape == poses.shape
-        np.testing.assert_array_equal(part.take(answered).poses, poses[answered])
-        assert np.isnan(np.delete(part.poses, answered, axis=0)).all()
-        slow.seconds_per_particle = 0.0
-
-        def next_is_whole() -> bool:
-            refiner.publish(tiny_frame())
-            return np.array_equal(refiner.submit(MODEL, poses, RefineSettings()).result().poses, poses)
-
-        wait_until(next_is_whole)  # the worker is done with what is not wanted any more
 
 
 def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) -> None:

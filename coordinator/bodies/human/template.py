@@ -97,18 +97,16 @@ def _cylindrical(points: Array, start: Array, end: Array) -> tuple[Array, Array]
 
 def _spine_shares(points: Array, joints: Joints, measures: Measures) -> dict[str, Array]:
     """Quadratic B-splines over the anchors, by level; pelvis and skull are rigid."""
-    levels = _level(np.stack([_anchor(name, joints) for name in SPINE_ANCHORS]), joints, measures)
+    anchors = np.stack([joints[name] for name in (*SPINE_ANCHORS[:-1], "skullbase")])
+    levels = _level(anchors, joints, measures)
     levels[-3:] += np.array(_NECK_SHIFT) * measures.stature
     ends = 1.5 * levels[[0, -1]] - 0.5 * levels[[1, -2]]
     knots = np.concatenate([ends[:1], levels, ends[1:]])
     places = np.concatenate([[-0.5], np.arange(len(levels)), [len(levels) - 0.5]])
     position = np.interp(_level(points, joints, measures), knots, places)
-    shares = np.stack([_spline(position - i) for i in range(len(SPINE_ANCHORS))])
+    x = np.abs(position - np.arange(len(SPINE_ANCHORS))[:, None])
+    shares = np.where(x < 0.5, 0.75 - x**2, 0.5 * np.maximum(1.5 - x, 0.0) ** 2)
     return dict(zip(SPINE_ANCHORS, shares / shares.sum(axis=0), strict=True))
-
-
-def _anchor(name: str, joints: Joints) -> Array:
-    return joints["skullbase" if name == "skull" else name]
 
 
 def _level(points: Array, joints: Joints, measures: Measures) -> Array:
@@ -116,12 +114,6 @@ def _level(points: Array, joints: Joints, measures: Measures) -> Array:
     height = -points[:, 1]
     slant = 0.5 * blend(height, -joints["vc7"][1] - 0.015 * measures.stature, 0.05 * measures.stature)
     return np.asarray(height - slant * points[:, 2])
-
-
-def _spline(x: Array) -> Array:
-    """Quadratic B-spline."""
-    x = np.abs(x)
-    return np.where(x < 0.5, 0.75 - x**2, 0.5 * np.maximum(1.5 - x, 0.0) ** 2)
 
 
 def strongest(shares: dict[str, Array], links: tuple[str, ...]) -> tuple[NDArray[np.int64], Array]:
