@@ -158,27 +158,18 @@ class Mutator:
                 choices = (*TEXTS, value + "x", value[:-1])
             case list():
                 choices = (value[:-1], value + value[:1])
-            case dict():
-                choices = (self._other_map(value),)
+            case dict():  # a field less, or one more
+                gone = self._one_of([*value, None])
+                fewer = {name: held for name, held in value.items() if name != gone}
+                choices = (fewer, {**value, self._one_of(TEXTS): 0})
         return self._one_of(choices)
-
-    def _other_map(self, value: dict[Any, Any]) -> dict[Any, Any]:
-        """A map with a field less, or one more."""
-        if value and self._rng.random() < 0.5:
-            gone = self._one_of(list(value))
-            return {name: held for name, held in value.items() if name != gone}
-        return {**value, self._one_of(TEXTS): 0}
 
     def _other_bytes(self, value: bytes) -> bytes:
         """An array's bytes with a number in it that is none, or huge, or an index beyond."""
-        number = (
-            struct.pack("<d", self._one_of(FLOATS))
-            if self._rng.random() < 0.5
-            else struct.pack("<Q", self._one_of(INTEGERS) % 2**64)
-        )
+        numbers = struct.pack("<d", self._one_of(FLOATS)), struct.pack("<Q", self._one_of(INTEGERS) % 2**64)
         at = 8 * self._rng.randrange(max(1, len(value) // 8))
-        changed = value[:at] + number + value[at + 8 :]
-        return changed[: len(value)] if self._rng.random() < 0.9 else changed + number
+        changed = value[:at] + self._one_of(numbers) + value[at + 8 :]
+        return changed[: len(value)] if self._rng.random() < 0.9 else changed + numbers[0]
 
     def _one_of(self, choices: Sequence[T]) -> T:
         return self._rng.choice(choices)

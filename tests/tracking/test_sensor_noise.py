@@ -24,7 +24,6 @@ from coordinator.tracking.sensor_noise import (
     SensorNoise,
     assume_noise,
     measure_noise,
-    outline_deviation,
 )
 from tests.support.people import rendered
 
@@ -55,14 +54,6 @@ def test_noise_across_is_measured(lateral: float) -> None:
     """Within 40 %: an outline is all that shows it, and narrow gaps that noise closes make it seem more."""
     found = measure_noise(noisy(SensorNoise(0.15, lateral)))
     assert found.lateral == pytest.approx(lateral, rel=0.4)
-
-
-def test_a_frayed_disc() -> None:
-    """A disc whose pixels are displaced by 3 is measured as that, to a tenth."""
-    rng = np.random.default_rng(0)
-    here = np.indices((300, 300)) - 149.5
-    mask = np.hypot(*(here + 3.0 * rng.standard_normal(here.shape))) < 100.0
-    assert outline_deviation(mask) == pytest.approx(3.0, rel=0.1)
 
 
 def test_a_clean_camera_is_assumed_no_worse_than_it_was() -> None:
