@@ -11,7 +11,7 @@ import pytest
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from tests.support.people import shown
-from tests.support.recordings import camera_file, write_open3d
+from tests.support.recordings import write_open3d
 from tests.support.rooms import CABINET, CAMERA, Room
 from tests.support.stand_ins import Direct
 
@@ -25,8 +25,7 @@ def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(
     """Exit code 3, a line in red, all files, and a banner in the report."""
     room = Room((CABINET,), noise=0.001)
     depth = np.array([room.see(None, number).frame.depth for number in range(FRAMES)])
-    sequence = write_open3d(tmp_path / "empty", depth)
-    camera_file(sequence, 1000.0, CAMERA)
+    sequence = write_open3d(tmp_path / "empty", depth, CAMERA)
     out = tmp_path / "run"
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "200")
@@ -46,10 +45,9 @@ def test_a_camera_upside_down_is_turned(tmp_path: Path, rotate: str) -> None:
     """As --rotate says, or as it is found; said with --rotate, up is known to exports too."""
     frame = shown("standing").frames[0]
     depth = np.repeat(frame.depth[None, ::-1, ::-1], 2, axis=0)
-    sequence = write_open3d(tmp_path / "turned", depth)
     camera = frame.intrinsics
     lens = (camera.fx, camera.fy, camera.width - 1 - camera.cx, camera.height - 1 - camera.cy)
-    camera_file(sequence, frame.depth_scale, type(camera)(camera.width, camera.height, *lens))
+    sequence = write_open3d(tmp_path / "turned", depth, type(camera)(camera.width, camera.height, *lens))
     out = tmp_path / "run"
     asked = ("--rotate", rotate, "--no-pictures", "--quiet")
     assert main(["track", str(sequence), "--out", str(out), *asked], Direct().connect) == 0

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from tests.support.people import CAMERA, RAISING, STANDING, Shown, frame_of, rendered
+from tests.support.recordings import write_open3d
 from tests.support.rooms import in_a_room
 
 FRAMES = 6
@@ -54,12 +53,7 @@ def nearer(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np
 def write_pair(folder: Path, frames: int = FRAMES) -> Path:
     """The two as a sequence; its truth is the first one's."""
     shown, _ = pair()
-    (folder / "depth").mkdir(parents=True)
-    for frame in shown.frames[:frames]:
-        Image.fromarray(frame.depth).save(folder / "depth" / f"{frame.number:06d}.png")
-    camera = {"width": CAMERA.width, "height": CAMERA.height, "depth_scale": 1000}
-    matrix = [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy, 1]
-    (folder / "camera_intrinsic.json").write_text(json.dumps({**camera, "intrinsic_matrix": matrix}))
+    write_open3d(folder, np.array([frame.depth for frame in shown.frames[:frames]]), CAMERA)
     names = np.array(human(STATURES[0]).joint_names)
     np.savez(folder / "truth.npz", joint_names=names, joint_positions=shown.joints[:frames])
     return folder

@@ -18,11 +18,10 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from common.camera import Intrinsics, back_project
-from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.sources.utd_mhad import KINECT
-from coordinator.synthesis.rendering import DepthRenderer
+from tests.support.people import rendered
 
 Depth = NDArray[np.uint16]  # (F, H, W), millimetres
 Write = Callable[[Path, Depth], Path]
@@ -44,12 +43,12 @@ def matrix_of(camera: Intrinsics) -> NDArray[np.float64]:
     return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
 
 
-def write_open3d(path: Path, depth: Depth) -> Path:
+def write_open3d(path: Path, depth: Depth, camera: Intrinsics = KINECT) -> Path:
     """As Open3D's recorders do."""
     (path / "depth").mkdir(parents=True)
     for n, image in enumerate(depth):
         Image.fromarray(image).save(path / "depth" / f"{n:06d}.png")
-    camera_file(path, 1000.0)
+    camera_file(path, 1000.0, camera)
     return path
 
 
@@ -170,7 +169,5 @@ def recorded() -> Depth:
     poses = np.array(
         [name_pose(model, START | {name: rate * n for name, rate in RAISING.items()}) for n in range(FRAMES)]
     )
-    with DepthRenderer(KINECT) as renderer:
-        images = [renderer.depth(v, model.triangles) for v in pose_vertices(model, poses)]
-    millimetres: NDArray[np.float64] = np.rint(np.array(images) * 1000.0)
+    millimetres: NDArray[np.float64] = np.rint(np.array(rendered(model, poses, KINECT)) * 1000.0)
     return millimetres.astype(np.uint16)

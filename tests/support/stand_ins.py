@@ -14,12 +14,10 @@ from typing import Self
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
 
 from common.body import BodyModel
-from common.camera import Intrinsics, project
+from common.camera import Intrinsics
 from common.frame import SubjectFrame
-from common.kinematics import pose_vertices
 from common.refinement import Refined
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import human
@@ -31,6 +29,8 @@ from coordinator.results.live_results import Outlet
 from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked, unmoved
+from tests.support.people import rendered
+from tests.support.recordings import write_open3d
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,12 +118,7 @@ class Listening(Direct):
         return super().answer(asked)
 
 
-CAMERA = {
-    "width": 64,
-    "height": 48,
-    "intrinsic_matrix": [50.0, 0, 0, 0, 50.0, 0, 32.0, 24.0, 1],
-    "depth_scale": 1000,
-}
+CAMERA = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
 START = {"root_tz": 2.0, "r_elbow_flexion": 0.5}
 
 
@@ -177,12 +172,9 @@ def workers() -> StillWorkers:
 @pytest.fixture
 def sequence(tmp_path: Path) -> Path:
     """Five frames of a person at two metres, with a start; nothing is seen in frame 3."""
-    folder = tmp_path / "person"
-    (folder / "depth").mkdir(parents=True)
-    for number in range(5):
-        depth = np.zeros((48, 64), dtype=np.uint16) if number == 3 else standing()
-        Image.fromarray(depth).save(folder / "depth" / f"{number:06d}.png")
-    (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA))
+    depth = np.repeat(standing()[None], 5, axis=0)
+    depth[3] = 0
+    folder = write_open3d(tmp_path / "person", depth, CAMERA)
     (folder / "init.json").write_text(json.dumps(START))
     return folder
 
@@ -190,12 +182,5 @@ def sequence(tmp_path: Path) -> Path:
 @cache
 def standing() -> NDArray[np.uint16]:
     """The person as it starts, in millimetres."""
-    model = human()
-    vertices = pose_vertices(model, name_pose(model, START)[None])[0]
-    camera = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
-    columns, rows = np.rint(project(vertices, camera)).astype(int).T
-    seen = (columns >= 0) & (columns < 64) & (rows >= 0) & (rows < 48)
-    depth = np.full((48, 64), 65_535, dtype=np.uint16)
-    np.minimum.at(depth, (rows[seen], columns[seen]), (1000.0 * vertices[seen, 2]).astype(np.uint16))
-    depth[depth == 65_535] = 0
-    return depth
+    (depth,) = rendered(human(), name_pose(human(), START)[None], CAMERA)
+    return np.rint(1000.0 * depth).astype(np.uint16)

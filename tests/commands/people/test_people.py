@@ -15,7 +15,7 @@ from coordinator.cli import main
 from coordinator.files import LOG_FILE
 from tests.support.pairs import FRAMES, STATURES, pair, write_pair
 from tests.support.people import CAMERA, frame_of
-from tests.support.recordings import camera_file, write_open3d
+from tests.support.recordings import write_open3d
 from tests.support.rooms import in_a_room
 from tests.support.stand_ins import Direct
 
@@ -106,8 +106,7 @@ def test_an_interrupted_run_goes_on_with_the_same_bytes(sequence: Path, calm: Pa
 def test_where_nobody_is_nobody_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The first person has a folder all the same."""
     empty = in_a_room(frame_of(0, np.zeros((CAMERA.height, CAMERA.width))))
-    sequence = write_open3d(tmp_path / "empty", np.repeat(empty.depth[None], 2, axis=0))
-    camera_file(sequence, empty.depth_scale, CAMERA)
+    sequence = write_open3d(tmp_path / "empty", np.repeat(empty.depth[None], 2, axis=0), CAMERA)
     assert track(sequence, tmp_path / "out") == 3
     assert "0 of up to 2 people were found" in capsys.readouterr().err
 
