@@ -101,7 +101,7 @@ class Site:
     def await_leaving(self, workers: Iterable[str]) -> None:
         """Return when the run knows that these workers are gone."""
         for name in workers:
-            self.wait_until(partial(self._is_gone, name), f"{name} leaves")
+            self.wait_until(partial(self._knows, name, False), f"{name} leaves")
 
     def await_answers(self, workers: Iterable[str]) -> None:
         """Return when each of these workers is there, has done batches from now on, and was heard.
@@ -109,7 +109,7 @@ class Site:
         Three of them: a worker has two requests at the most, and is given no more until one is answered.
         """
         for name in workers:
-            self.wait_until(partial(self._is_there, name), f"{name} joins")
+            self.wait_until(partial(self._knows, name, True), f"{name} joins")
             self.await_batches(name, 3)
 
     def await_batches(self, worker: str, more: int) -> None:
@@ -144,17 +144,9 @@ class Site:
         """What all have said."""
         return "\n".join(f"{path.name}:\n{path.read_text()}" for path in sorted(self.folder.glob("*.txt")))
 
-    def _is_there(self, worker: str) -> bool:
-        return self._comings(worker) > self._goings(worker)
-
-    def _is_gone(self, worker: str) -> bool:
-        return self._comings(worker) == self._goings(worker)
-
-    def _comings(self, worker: str) -> int:
-        return self.count("coordinator", f"worker {worker} joined")
-
-    def _goings(self, worker: str) -> int:
-        return self.count("coordinator", f"worker {worker} left")
+    def _knows(self, worker: str, there: bool) -> bool:
+        joined, left = (self.count("coordinator", f"worker {worker} {what}") for what in ("joined", "left"))
+        return (joined > left) is there
 
     def _start(self, name: str, do: Callable[..., None], *arguments: object) -> None:
         log = self.folder / f"{name}.txt"
