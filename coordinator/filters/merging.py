@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from common.body import ROTATION, BodyModel
+from common.compiling import numba
 from common.kinematics import difference
 
 Array = NDArray[np.float64]
@@ -37,14 +37,24 @@ def merge_by_covariance(
     well does by millimetres. `roots` (N, D, D) are Cholesky factors of covariances. Returns as `merge`.
     """
     rim = MERGE_VARIANCES * poses.shape[1]
+    return merge(model, poses, log_likelihood, lambda n, steps: are_within(roots[n], steps, rim))
 
-    def is_near(n: int, steps: Array) -> NDArray[np.bool_]:
-        with np.errstate(over="ignore"):  # far beyond the rim
-            squares = np.sum(solve_triangular(roots[n], steps.T, lower=True) ** 2, axis=0)
-        near: NDArray[np.bool_] = squares < rim
-        return near
 
-    return merge(model, poses, log_likelihood, is_near)
+@numba.njit(cache=True, nogil=True)
+def are_within(root: Array, steps: Array, squared: float) -> NDArray[np.bool_]:
+    """Which steps (K, D) have less than a squared Mahalanobis length, by a Cholesky factor (D, D)."""
+    within = np.empty(len(steps), dtype=np.bool_)
+    whitened = np.empty(len(root))
+    for k in range(len(steps)):
+        total = 0.0
+        for i in range(len(root)):
+            rest = steps[k, i]
+            for j in range(i):
+                rest -= root[i, j] * whitened[j]
+            whitened[i] = rest / root[i, i]
+            total += whitened[i] * whitened[i]
+        within[k] = total < squared
+    return within
 
 
 def merge(

@@ -28,9 +28,6 @@ Propose = Callable[[BodyModel, Any, Observation, FilterSettings, np.random.Gener
 Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator], Belief | Proposal[Any]]
 
 
-LONE_POINTS = 10_000  # for a single particle, which has time for all: few of 4 000 are on an arm
-
-
 @dataclass(frozen=True, slots=True)
 class Method:
     """The steps of a filter, whose beliefs and proposals are of its own kind, and what makes the method.
@@ -101,7 +98,7 @@ def settings_for(
     if chosen.lone and particles not in (None, 1):
         raise InputError(f"method {method} follows a single particle; leave --particles out")
     if points is None:
-        points = max(settings.points, LONE_POINTS) if chosen.lone else settings.points
+        points = Settings().points if chosen.lone else settings.points  # one particle has time for more
     if particles is None:
         particles = chosen.particles or settings.filter.particles
     of_filter = msgspec.structs.replace(settings.filter, particles=particles)
@@ -137,7 +134,6 @@ def apply_method(settings: Settings) -> Settings:
 
 
 MOST_PACE = 3.0  # times the iterations at a pace of 1, and its square at a pace of 2
-LIVE_PACE = 1.0
 
 
 def pace_iterations(settings: RefineSettings, interval: float, pace: float, most: int) -> RefineSettings:
@@ -154,4 +150,4 @@ def pace_iterations(settings: RefineSettings, interval: float, pace: float, most
 
 def keep_up(settings: Settings) -> Settings:
     """Settings for live input, where a frame that takes long makes the next one come later."""
-    return msgspec.structs.replace(settings, pace_iterations=min(settings.pace_iterations, LIVE_PACE))
+    return msgspec.structs.replace(settings, pace_iterations=min(settings.pace_iterations, 1.0))

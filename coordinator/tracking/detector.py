@@ -15,22 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
-from common.camera import back_project
-from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.scene.planes import Planes
-from coordinator.tracking.gating import (
-    MISPLACED_FACTOR,
-    NO_PERSON_FACTOR,
-    Gate,
-    gate_pose,
-    is_misplaced,
-    is_no_person,
-)
+from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
+from coordinator.tracking.observation import observed_points
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
@@ -40,11 +32,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 STATURES_M = (1.5, 1.62, 1.74, 1.86, 1.98)
-STATURE_STEPS = (0.94, 0.97, 1.0, 1.03, 1.06)  # about the best of these
+STATURE_STEPS = (0.97, 1.0, 1.03)  # about the best of these
 GIRTHS = (0.9, 1.05, 1.2)
 USUAL_GIRTH = GIRTHS[1]
 FIRST_ITERATIONS, FIRST_POINTS = 3, 1_000  # of the first stage
-MATCHED_POINTS = 4_000  # at most, which are compared with the library
 DISTINCT_M = 0.05  # in the mean joint: what is nearer is the same candidate
 ELSEWHERE_M = 0.2  # of a joint, between poses that are told apart
 FACING_LOG_LIKELIHOOD = 2.0  # by which a person facing one way explains it better than facing the other
@@ -157,12 +148,12 @@ class Detector:
         candidates = self._refine_tracked(start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
-            gate = gate.against(is_no_person(observed_points(subject), size[0]), NO_PERSON_FACTOR)
+            gate = gate.against(is_no_person(observed_points(subject), size[0]))
             if planes.has_floor:
                 joints, names = candidates.joints[0], start.model.joint_names
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]
-                misplaced = is_misplaced(float(trunk @ planes.up), float(planes.above(joints).min()))
-                gate = gate.against(misplaced, MISPLACED_FACTOR)
+                lowest = float(planes.above(joints).min())
+                gate = gate.against(is_misplaced(float(trunk @ planes.up), lowest))
         return Detection(start, candidates, gate)
 
     def redetect(
@@ -216,13 +207,13 @@ class Detector:
         then = iterations(settings, effort.iterations)
         found = self._refine_candidates(sizes, found.poses, found.sizes, then)
         found = found.distinct(names, effort.finalists)
-        for vary in (vary_stature, vary_girth) if size is None else ():
-            tried = [vary(*sizes[place]) for place in found.sizes]
-            candidate = np.repeat(np.arange(len(tried)), [len(each) for each in tried])
-            sizes = list(dict.fromkeys(each for several in tried for each in several))
-            of = np.array([sizes.index(each) for several in tried for each in several])
-            found = self._refine_candidates(sizes, found.poses[candidate], of, then)
-            found = found.distinct(names, effort.finalists)
+        if size is None:
+            steps = [(step, girth) for step in STATURE_STEPS for girth in GIRTHS]
+            tried = [(sizes[place][0] * step, girth) for place in found.sizes for step, girth in steps]
+            sizes = list(dict.fromkeys(tried))
+            poses = np.repeat(found.poses, len(steps), axis=0)
+            of = np.array([sizes.index(each) for each in tried])
+            found = self._refine_candidates(sizes, poses, of, then).distinct(names, effort.finalists)
         return sizes[found.sizes[0]], found
 
     def _match(
@@ -235,11 +226,11 @@ class Detector:
     ) -> tuple[Array, Indices]:
         """Candidates (N, D) from the library in all ways up and from the last pose, and their sizes (N,)."""
         points = observed_points(subject)
-        few = points[:: -(-len(points) // MATCHED_POINTS)]
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
         counts = [effort.candidates, *(effort.turned for _ in ways_up[1:])]
         matched = [
-            self._library.match(few, scales, way, count) for way, count in zip(ways_up, counts, strict=True)
+            self._library.match(points, scales, way, count)
+            for way, count in zip(ways_up, counts, strict=True)
         ]
         if last is not None:
             poses = displaced(self._bodies.for_start(*sizes[0]), last, points)
@@ -299,33 +290,14 @@ def ordered(parts: Sequence[Candidates]) -> Candidates:
     return whole.take(order[np.isfinite(whole.log_likelihood[order])])
 
 
-def vary_stature(stature: float, girth: float) -> list[tuple[float, float]]:
-    """Sizes somewhat shorter and taller."""
-    return [(stature * step, girth) for step in STATURE_STEPS]
-
-
-def vary_girth(stature: float, girth: float) -> list[tuple[float, float]]:  # noqa: ARG001 as the other
-    """The same stature with every girth."""
-    return [(stature, each) for each in GIRTHS]
-
-
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:
     """Settings of so many iterations of ICP."""
     return msgspec.structs.replace(settings, icp_iterations=count)
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
-    """The same frame with only so many of its points, evenly chosen."""
-    count = len(subject.picked)
-    chosen = np.arange(min(points, count)) * count // max(1, min(points, count))
-    return replace(subject, picked=subject.picked[chosen])
-
-
-def observed_points(subject: SubjectFrame) -> Array:
-    """The subject's points (P, 3) in the camera frame, metres."""
-    depth = subject.frame.metres()
-    points: Array = back_project(depth, subject.frame.intrinsics)[depth > 0]
-    return points
+    """The same frame with at most so many of its points, evenly chosen."""
+    return replace(subject, picked=subject.picked[:: -(-len(subject.picked) // points)].copy())
 
 
 def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:
@@ -339,21 +311,12 @@ def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np
     return turned
 
 
-@numba.njit(cache=True, nogil=True)
 def keep_distinct(joints: Array, count: int) -> Indices:
     """Which of (N, J, 3), so many at the most, differ from all before by DISTINCT_M in the mean joint."""
-    kept = np.empty(min(count, len(joints)), dtype=np.int64)
-    found = 0
-    for n in range(len(joints)):
-        differs = found < len(kept)
-        for k in range(found):
-            total = 0.0
-            for j in range(joints.shape[1]):
-                x, y = joints[kept[k], j, 0] - joints[n, j, 0], joints[kept[k], j, 1] - joints[n, j, 1]
-                z = joints[kept[k], j, 2] - joints[n, j, 2]
-                total += np.sqrt(x * x + y * y + z * z)
-            differs = differs and total > DISTINCT_M * joints.shape[1]
-        if differs:
-            kept[found] = n
-            found += 1
-    return kept[:found]
+    kept = list[int]()
+    for n, each in enumerate(joints):
+        if len(kept) == count:
+            break
+        if np.all(np.linalg.norm(joints[kept] - each, axis=-1).mean(axis=-1) > DISTINCT_M):
+            kept.append(n)
+    return np.array(kept, dtype=np.int64)

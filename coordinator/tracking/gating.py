@@ -22,7 +22,6 @@ FLAT_SHARE = 0.85  # of the points in one plane: a board, a curtain
 PLANE_M = 0.03  # thickness of a plane
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-NO_PERSON_FACTOR, MISPLACED_FACTOR = 2.0, 1.3  # of the residual, where something else speaks against a pose
 UNEXPLAINED = "the body does not explain what is seen"
 
 
@@ -38,9 +37,9 @@ class Gate:
         """Whether the pose can be believed."""
         return self.residual <= 1.0
 
-    def against(self, why: str, factor: float) -> Self:
-        """The gate where something else speaks against the pose, in words (empty for nothing)."""
-        return type(self)(factor * self.residual, self.why or why) if why else self
+    def against(self, why: str) -> Self:
+        """The gate of a pose that something else rules out, in words; the same gate where `why` is empty."""
+        return type(self)(np.inf, self.why or why) if why else self
 
 
 def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) -> Gate:

@@ -155,52 +155,29 @@ def first_from(z: float, scale: np.float32) -> int:
 
 
 def see(subject: SubjectFrame, last_time_s: float | None, step: Array | None = None) -> Observation:
-    """The sighting of a frame; at the usual interval where its time is not after the last one's.
+    """What a frame shows; at the usual interval where its time is not after the last one's.
 
-    `step` (D,) is what encoders say of the motion since then. Intervals are whole tenths of a millisecond:
-    how a file rounds its times is to change nothing.
+    `step` (D,) is what encoders say of the motion since then. Intervals are whole tenths of a millisecond,
+    so that the rounding of times in a file changes nothing.
     """
     since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, DIGITS)
     return Observation(some_points(subject), since if since > 0.0 else USUAL_INTERVAL, step)
 
 
-def some_points(subject: SubjectFrame) -> Array:
-    """About POINTS of the observed points (P, 3), evenly spread over them, camera frame, metres."""
+def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
+    """The observed points (P, 3), camera frame, metres; about `most` of them, evenly spread, if given."""
     frame, camera = subject.frame, subject.frame.intrinsics
-    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-    every = max(1, len(subject.picked) // POINTS)
-    points = np.empty((len(range(0, len(subject.picked), every)), 3))
-    place_some(frame.depth, float(frame.depth_scale), lens, subject.picked, every, points)
-    return points
+    picked = subject.picked if most is None else subject.picked[:: max(1, len(subject.picked) // most)]
+    rows, columns = np.divmod(picked, np.uint32(frame.depth.shape[1]))
+    z = frame.depth.ravel()[picked] / frame.depth_scale
+    return np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=1)
+
+
+def some_points(subject: SubjectFrame) -> Array:
+    """About POINTS of the observed points (P, 3), camera frame, metres."""
+    return observed_points(subject, POINTS)
 
 
 def distance_of(subject: SubjectFrame) -> float:
     """Median depth of some of the observed points, metres; 0 without any."""
-    return median_depth(some_points(subject))
-
-
-@numba.njit(cache=True, nogil=True)
-def place_some(
-    depth: NDArray[np.uint16],
-    scale: float,
-    lens: tuple[float, float, float, float],
-    picked: NDArray[np.uint32],
-    every: int,
-    points: Array,
-) -> None:
-    """Fill points (P, 3) with each so many-th picked pixel of depth (H, W), by a lens (fx, fy, cx, cy)."""
-    fx, fy, cx, cy = lens
-    for p in range(len(points)):
-        row, column = divmod(np.int64(picked[p * every]), np.int64(depth.shape[1]))
-        z = depth[row, column] / scale
-        points[p, 0], points[p, 1], points[p, 2] = (column - cx) / fx * z, (row - cy) / fy * z, z
-
-
-@numba.njit(cache=True, nogil=True)
-def median_depth(points: Array) -> float:
-    """Of points (P, 3), metres; 0 without any."""
-    if len(points) == 0:
-        return 0.0
-    depths = np.sort(points[:, 2])
-    middle = len(depths) // 2
-    return float(depths[middle] if len(depths) % 2 else (depths[middle - 1] + depths[middle]) / 2.0)
+    return float(np.median(some_points(subject)[:, 2])) if len(subject.picked) else 0.0

@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 
 INTERVAL_S = 0.095  # between measured frames, at least: frames beside each other share their errors
 WINDOW_FRAMES = 15  # the median over as many is within 1 cm of the next window's (subjects 1 and 2)
-REVISED_FRAMES = 3  # of the first window, after which the stature is revised
 MEAN_STATURE_M = 1.69  # of men and women (ANSUR II)
 LEAST_CHANGE_SHARE = 0.005  # of stature: for less, a new body is not worth its making
 CONTRADICTION_SHARE = 0.03  # of stature, by which a later window must differ: three times a window's error
@@ -56,8 +55,8 @@ class SizeEstimate:
         """The stature (m) of the body from now on, in place of this one."""
         if not self.statures:
             return stature
-        count, measured = len(self.statures), float(np.median(self.statures))
-        due = count == WINDOW_FRAMES or (not self.settled and count % REVISED_FRAMES == 0)
+        measured = float(np.median(self.statures))
+        due = len(self.statures) == WINDOW_FRAMES or not self.settled
         least = CONTRADICTION_SHARE if self.settled else LEAST_CHANGE_SHARE
         return measured if due and abs(measured / stature - 1.0) > least else stature
 
@@ -108,7 +107,7 @@ def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
     aside = np.einsum("pi,pi->p", offset, offset) - along * along
     along = np.sort(along[(np.abs(along) < SEARCH_RADIUS_M) & (aside < AXIS_RADIUS_M**2)])
     stray = int(STRAY_AREA_M2 * camera.fx * camera.fy / joint[2] ** 2)
-    if len(along) < 20 + stray:
+    if len(along) <= stray:
         return float("nan")
     end = float(along[-1 - stray])
     if end < -HIDDEN_END_M:  # the points end well before the joint: something hides it

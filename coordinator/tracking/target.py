@@ -261,12 +261,12 @@ class TargetTracker:
             self._belief = self._method.begin(self.model, self.start.pose, self._settings.filter)
         elif len(subject.picked) < self.least_pixels:
             self.nothing_seen()
-        elif self.management.pause > 0:
-            self.management = replace(self.management, pause=self.management.pause - 1)
+        elif not self.management.searches:
+            self.management = self.management.not_found(self.management.why)
         else:
             detection = self._detector.detect(subject, noise, planes)
             if not detection.gate.passes:
-                self.management = self.management.search_failed(detection.gate.why)
+                self.management = self.management.not_found(detection.gate.why)
                 return
             self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
             self._belief = self._believe(detection.candidates)
@@ -378,7 +378,7 @@ class TargetTracker:
     def _lose(self, submitted: Submitted) -> Status:
         """Nothing of the body was seen: hypotheses stay where they are."""
         if self._belief is None:
-            return "searching" if submitted.shows and self.management.failures else "absent"
+            return "searching" if submitted.shows and self.management.searched else "absent"
         unseen = np.full(len(self._belief.residual), np.nan)
         self._belief = replace(self._belief.at_rest(), residual=unseen)
         self.nothing_seen()

@@ -9,10 +9,8 @@ from coordinator.tracking.gating import LEAST_PIXELS, Gate
 
 LOST_RESIDUAL = 1.3  # normalised, from which a tracked body is badly explained: usual frames stay below 1.2
 PATIENCE_FRAMES = 2  # in a row that may be badly explained before the body is looked for
-LONGEST_PAUSE_FRAMES = 5  # between searches for a body of which nothing is known
-CHECKED_FRAMES = (2, 5, 9)  # after a detection, in which it is compared with a new search
-CHECK_INTERVAL_FRAMES = 10  # between later comparisons, while the pose is in doubt
-DOUBTFUL_RESIDUAL = 0.85  # normalised, from which a pose is in doubt
+SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and checks of one that was just detected
+CHECK_INTERVAL_FRAMES = 10  # between later checks, while the pose is in doubt
 GONE_SHARE = 0.35  # of the body's pixels in the last good frame, below which it may have left
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
@@ -21,29 +19,33 @@ FACING_DOUBT = "front and back look alike: it may face the other way"
 class TrackManagement:
     """How the track went lately, in frames.
 
-    seeks: the body may be anywhere. tracked: since the last detection. unexplained, failures: in a row, of
-    frames and of searches for an unknown body. pause: until the next of these searches. residual, why: of
-    the last frame. pixels: of the body in the last frame that it explained. ambiguous_facing: in the last
-    search, front and back explained the frame about as well.
+    seeks: the body may be anywhere. tracked: since the last detection. unexplained: in a row. searched: since
+    the first search for an unknown body. residual, why: of the last frame. pixels: of the body in the last
+    frame that it explained. ambiguous_facing: in the last search, front and back explained the frame about
+    as well.
     """
 
     seeks: bool = False
     tracked: int = 0
     unexplained: int = 0
-    failures: int = 0
-    pause: int = 0
+    searched: int = 0
     residual: float = 0.0
     why: str = ""
     pixels: int = 0
     ambiguous_facing: bool = False
 
     @property
+    def searches(self) -> bool:
+        """Whether to search for an unknown body in the present frame."""
+        return self.searched % SEARCH_INTERVAL_FRAMES == 0
+
+    @property
     def checks(self) -> bool:
         """Whether to look elsewhere, though the body seems to be where it is."""
-        in_doubt = self.residual > DOUBTFUL_RESIDUAL or self.ambiguous_facing
-        later = self.tracked - CHECKED_FRAMES[-1]
-        due = later > 0 and later % CHECK_INTERVAL_FRAMES == 0
-        return self.seeks or self.tracked in CHECKED_FRAMES or (in_doubt and due)
+        new = self.tracked < CHECK_INTERVAL_FRAMES
+        interval = SEARCH_INTERVAL_FRAMES if new else CHECK_INTERVAL_FRAMES
+        due = self.tracked % interval == interval - 1
+        return self.seeks or (due and (new or self.residual > 1.0 or self.ambiguous_facing))
 
     @property
     def reason(self) -> str:
@@ -56,12 +58,11 @@ class TrackManagement:
 
     def nothing_seen(self) -> Self:
         """After a frame that does not show the body where it was."""
-        return replace(self, seeks=True, pause=0, failures=0, why="", ambiguous_facing=False)
+        return replace(self, seeks=True, searched=0, why="", ambiguous_facing=False)
 
-    def search_failed(self, why: str) -> Self:
-        """After a search for an unknown body that found none to be believed."""
-        failures = self.failures + 1
-        return replace(self, failures=failures, pause=min(failures, LONGEST_PAUSE_FRAMES) - 1, why=why)
+    def not_found(self, why: str) -> Self:
+        """After a frame in which an unknown body was searched for, or waited for, in vain."""
+        return replace(self, searched=self.searched + 1, why=why)
 
     def updated(self, gate: Gate, pixels: int, *, redetected: bool) -> Self:
         """After a frame with so many pixels of the body, which was tracked, or detected elsewhere."""
@@ -82,5 +83,5 @@ class TrackManagement:
         )
 
 
-GIVEN = TrackManagement(tracked=CHECKED_FRAMES[-1] + 1)
-"""Of a body whose start was given: it is compared with a search only while in doubt."""
+GIVEN = TrackManagement(tracked=CHECK_INTERVAL_FRAMES)
+"""Of a body whose start was given: it is checked only while in doubt."""

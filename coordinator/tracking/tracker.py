@@ -27,6 +27,7 @@ from coordinator.tracking.reporting import Tracked, Updated
 from coordinator.tracking.segmenter import Segmented, Segmenter
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.target import TargetTracker
+from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
 Array = NDArray[np.float64]
 
@@ -155,7 +156,7 @@ class Tracker:
         if not target.start.found:
             if not all(each.start.found for each in self._targets[:place]) or not free:
                 return None
-            chosen = free[target.management.failures % len(free)]
+            chosen = free[target.management.searched // SEARCH_INTERVAL_FRAMES % len(free)]
         elif target.expected is None:
             chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)
         elif target.misses(segmented.pixels(place)):

@@ -18,7 +18,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import NO_PLANES as NONE
-from coordinator.tracking.detector import Candidates, Detection, Detector, thin
+from coordinator.tracking.detector import Candidates, Detection, Detector
 from coordinator.tracking.gating import Gate
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -156,15 +156,6 @@ def test_a_person_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None
         found = estimate.joint_positions
         assert (found[sides[0]] - found[sides[1]]) @ (joints[sides[0]] - joints[sides[1]]) > 0.0
         assert np.linalg.norm(found - joints, axis=-1).mean() < 0.05
-
-
-def test_points_are_thinned_evenly() -> None:
-    """As many as asked for, of all parts of the image; never more than there are."""
-    subject = subject_of(shown("standing").frames[0], 2_000)
-    few = thin(subject, 300)
-    assert len(few.picked) == 300
-    assert np.isin(few.picked, subject.picked).all()
-    assert len(thin(subject, 10**6).picked) == len(subject.picked)
 
 
 def test_what_a_detection_needs_is_made_before_the_first_frame() -> None:
