@@ -18,7 +18,6 @@ Image = NDArray[np.float32]
 
 ROWS, COLUMNS = 40, 36
 EMPTY = np.float32(1e3)  # depth of a cell in which there is nothing
-PERSON_CELL_M = 0.06  # of a person of reference stature
 BOUND_CELLS = 4.0  # a difference of depth beyond it is as bad as an empty cell
 
 

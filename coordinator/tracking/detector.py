@@ -21,6 +21,7 @@ from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.scene.planes import Planes
+from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
 from coordinator.tracking.observation import observed_points
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
@@ -37,7 +38,6 @@ GIRTHS = (0.9, 1.05, 1.2)
 USUAL_GIRTH = GIRTHS[1]
 FIRST_ITERATIONS, FIRST_POINTS = 3, 1_000  # of the first stage
 DISTINCT_M = 0.05  # in the mean joint: what is nearer is the same candidate
-ELSEWHERE_M = 0.2  # of a joint, between poses that are told apart
 FACING_LOG_LIKELIHOOD = 2.0  # by which a person facing one way explains it better than facing the other
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch below which an image has no upright
 
@@ -96,7 +96,7 @@ class Detection:
 
     def is_elsewhere(self, joints: Array) -> bool:
         """Whether it is another posture or place than that of joints (J, 3), and not the same one refined."""
-        return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > ELSEWHERE_M)
+        return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > OFF)
 
     def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
         """Whether a candidate that faces away from joints (J, 3) explains the frame about as well."""
@@ -233,7 +233,7 @@ class Detector:
             for way, count in zip(ways_up, counts, strict=True)
         ]
         if last is not None:
-            poses = displaced(self._bodies.for_start(*sizes[0]), last, points)
+            poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m)
             matched.append((poses, np.zeros(len(poses), dtype=np.int64)))
         return np.concatenate([poses for poses, _ in matched]), np.concatenate([of for _, of in matched])
 

@@ -17,19 +17,16 @@ from common.body import ROTATION, BodyModel
 from common.compiling import numba
 from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
-from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, PERSON_CELL_M, ROWS, compare, describe
+from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare, describe
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-SEED = 20  # of the library, whatever the run's
-PERSON_POSES = 3_000
-OTHER_POSES = 6_000  # of any other body, which may be turned in any way
+POSES = 4_000
 DESCRIBED_VERTICES = 1_700  # of the surface, which are enough to fill the cells of a descriptor
 TUMBLED_SHARE = 0.1  # of people's poses are turned in any way
 ELEVATION_DEG = (-20.0, 50.0)  # from which a camera looks down
-LEAN_DEG = 8.0  # standard deviation of the trunk's roll
-SPREAD_DEG = 15.0  # standard deviation of every joint angle about its mode
+SPREAD_DEG = 15.0  # standard deviation of every joint angle about its mode, and of the trunk's roll
 
 Angles = tuple[float, float, float, float]
 
@@ -48,12 +45,15 @@ ARMS: tuple[Angles, ...] = (
 
 LEG = ("hip_flexion", "hip_abduct", "hip_twisting", "knee_flexion")
 STRAIGHT: Angles = (0, 3, 0, 5)
-LEGS: tuple[tuple[Angles, Angles], ...] = (
+STANDING: tuple[tuple[Angles, Angles], ...] = (
     (STRAIGHT, STRAIGHT),
     ((0, 20, 0, 5), (0, 20, 0, 5)),  # wide
     ((30, 3, 0, 15), (-15, 3, 0, 20)),  # a stride
     ((80, 5, 0, 90), STRAIGHT),  # a knee lifted
     ((70, 3, 0, 10), STRAIGHT),  # a kick
+)
+LEGS = (
+    *STANDING,
     ((70, 5, 0, 75), (-15, 3, 0, 35)),  # a lunge
     ((85, 10, 0, 90), (0, 5, 0, 95)),  # down on one knee
     ((85, 8, 0, 85), (85, 8, 0, 85)),  # sits
@@ -62,7 +62,6 @@ LEGS: tuple[tuple[Angles, Angles], ...] = (
     ((95, 8, 0, 140), (95, 8, 0, 140)),  # sits on the heels
     ((90, 5, 0, 10), (90, 5, 0, 10)),  # sits with the legs stretched out
 )
-STANDING_LEGS = 5  # the first of these are for people who stand
 
 TILT = ("vl3_tilt",)
 TILTS = (0.0, 25.0, 55.0)
@@ -118,13 +117,10 @@ def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
     A person's degrees of freedom have their MPEG-4 names. Any other body may be turned in any way, its joints
     anywhere in their ranges.
     """
-    rng = np.random.default_rng(SEED)
-    if person:
-        return describe_poses(model, draw_people(model, PERSON_POSES, rng), PERSON_CELL_M)
-    poses = draw_any(model, OTHER_POSES, rng)
-    some = poses[:: len(poses) // 200]
-    extent = float(np.max(np.ptp(lay_vertices(model, link_transforms(model, some)), axis=1)))
-    return describe_poses(model, poses, 1.1 * extent / COLUMNS)
+    rng = np.random.default_rng(0)
+    poses = draw_people(model, POSES, rng) if person else draw_any(model, POSES, rng)
+    some = pose_vertices(model, poses[:: len(poses) // 100])
+    return describe_poses(model, poses, float(np.max(np.ptp(some, axis=1))) / COLUMNS)
 
 
 def look_straight(at: Array, roll: float) -> Array:
@@ -147,24 +143,24 @@ def turned_to(poses: Array, places: Array, turn: Array) -> Array:
     return moved
 
 
-def displaced(model: BodyModel, pose: Array, points: Array) -> Array:
+def displaced(model: BodyModel, pose: Array, points: Array, cell_m: float) -> Array:
     """A pose (D,) moved to where points (P, 3) are observed, in four turns (4, D) about the upright axis."""
     turn = look_straight(points.mean(axis=0), 0.0)
     poses = np.tile(pose, (4, 1))
     for n, each in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
         each[3:6] = euler_angles(euler_matrix(pose[3:6]) @ quarter, pose[3:6])
-    observed = middle_of(points @ turn.T)
+    observed = middle_of(points @ turn.T, cell_m)
     for each, surface in zip(poses, pose_vertices(model, poses)[:, :: stride(model)], strict=True):
-        each[:3] += (observed - middle_of(surface @ turn.T)) @ turn
+        each[:3] += (observed - middle_of(surface @ turn.T, cell_m)) @ turn
     return poses
 
 
-def middle_of(points: Array) -> Array:
-    """The middle (3,) of what is seen of points (P, 3) along the third axis, as people's library has it."""
+def middle_of(points: Array, cell_m: float) -> Array:
+    """The middle (3,) of what is seen of points (P, 3) along the third axis, as a descriptor has it."""
     middle = np.empty(3)
     image = np.empty((ROWS, COLUMNS), dtype=np.float32)
-    describe(np.ascontiguousarray(points), PERSON_CELL_M, image, middle)
+    describe(np.ascontiguousarray(points), cell_m, image, middle)
     return middle
 
 
@@ -179,7 +175,7 @@ def draw_people(model: BodyModel, count: int, rng: np.random.Generator) -> Array
         put(model, poses, f"{side}_", ARM, arm + SPREAD_DEG * rng.standard_normal(arm.shape))
     chosen = rng.integers(len(LEGS), size=count)
     stands = rng.random(count) < 0.5
-    chosen[stands] = rng.integers(STANDING_LEGS, size=int(stands.sum()))
+    chosen[stands] = rng.integers(len(STANDING), size=int(stands.sum()))
     pairs = np.array(LEGS, dtype=np.float64)[chosen]  # (N, 2, 4)
     swapped = rng.random(count) < 0.5
     pairs[swapped] = pairs[swapped, ::-1]
@@ -204,7 +200,7 @@ def turns(count: int, rng: np.random.Generator) -> Array:
     """Angles (N, 3) of the root: yaw all round, seen from above or below; some turned in any way."""
     down = np.radians(rng.uniform(*ELEVATION_DEG, size=count))
     yaw = rng.uniform(-np.pi, np.pi, size=count)
-    lean = np.radians(LEAN_DEG) * rng.standard_normal(count)
+    lean = np.radians(SPREAD_DEG) * rng.standard_normal(count)
     angles = np.stack([down, yaw, lean], axis=-1)
     tumbled = rng.random(count) < TUMBLED_SHARE
     angles[tumbled] = any_turns(int(tumbled.sum()), rng)
@@ -246,14 +242,6 @@ def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary
 def stride(model: BodyModel) -> int:
     """From one to the next of the vertices that are enough to fill the cells."""
     return max(1, len(model.vertices) // DESCRIBED_VERTICES)
-
-
-def lay_vertices(model: BodyModel, transforms: Array) -> Array:
-    """Some vertices (N, V, 3) of the surface, each moved by its main link's transform (N, L, 3, 4)."""
-    every = stride(model)
-    t = transforms[:, model.skin_links[::every, 0]]
-    moved: Array = np.einsum("nvij,vj->nvi", t[..., :3], model.vertices[::every]) + t[..., 3]
-    return moved
 
 
 @numba.njit(cache=True, nogil=True)

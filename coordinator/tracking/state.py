@@ -23,7 +23,6 @@ from coordinator.tracking.track_management import TrackManagement
 
 Array = NDArray[np.float64]
 
-QUARTER = 0.5 * np.pi
 USUAL_MEASURES = (REFERENCE_STATURE, 1.0)  # of a body whose measures are not known
 
 
@@ -32,8 +31,7 @@ class Start:
     """A body and its pose (D,) in the first frame that shows it; `values` by name, of what does not move too.
 
     Until it is `found`, the body is only what its degrees of freedom and joints are named after: the pose is
-    not a number, nor are stature and girth. `way_up` is by how much the picture has to be turned for the
-    body to be upright, radians, in quarters. `noise` is what was measured of the camera's in that frame; zero
+    not a number, nor are stature and girth. `noise` is what was measured of the camera's in that frame; zero
     where it was not.
     """
 
@@ -44,12 +42,16 @@ class Start:
     values: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise = field(default_factory=SensorNoise)
     found: bool = True
-    way_up: float = 0.0
 
     @property
     def held(self) -> dict[str, float]:
         """Values other than zero of degrees of freedom that do not move."""
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
+
+    @property
+    def way_up(self) -> float:
+        """The turn of the picture, radians in whole quarters, after which the body is upright in it."""
+        return way_up(self.model, self.pose) if self.found else 0.0
 
 
 def no_start(bodies: Bodies) -> Start:
@@ -71,20 +73,17 @@ def detected_start(
     """The start at a pose (D,) of the body that was searched for, of this stature and girth."""
     values = pose_by_name(searched, pose)
     model, tracked = bodies.tracked(*size, values)
-    return Start(model, tracked, *size, values, noise, way_up=way_up(model, tracked))
+    return Start(model, tracked, *size, values, noise)
 
 
 def way_up(model: BodyModel, pose: Array) -> float:
-    """By how many quarter turns, in radians, the picture is turned so that a pose (D,) is upright in it."""
+    """The turn of the picture, radians in whole quarters, after which a pose (D,) is upright in it."""
     if not {"head", "pelvis"} <= set(model.joint_names):
         return 0.0
     joints = joint_positions(model, pose[None])[0]
     across, down, _ = joints[model.joint_names.index("head")] - joints[model.joint_names.index("pelvis")]
-    quarters = round(float(-np.arctan2(across, -down)) / QUARTER) % 4
-    return quarters * QUARTER
-
-
-FEW = 40  # degrees of freedom that fit into a line
+    quarter = 0.5 * np.pi
+    return round(float(-np.arctan2(across, -down)) / quarter) % 4 * quarter
 
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
@@ -96,13 +95,9 @@ def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict
 
 
 def require_known(name: str, dof_names: Collection[str], where: str, remedy: str = "") -> None:
-    """InputError unless a body has this degree of freedom; it lists them all where they are few."""
-    if name in dof_names:
-        return
-    if len(dof_names) <= FEW:
-        known = ", ".join(dof_names)
-        raise InputError(f"{where}: unknown degree of freedom '{name}'; choose from {known}{remedy}")
-    raise InputError(f"{where}: {unknown_dof(name, dof_names)}{remedy}")
+    """InputError unless a body has this degree of freedom."""
+    if name not in dof_names:
+        raise InputError(f"{where}: {unknown_dof(name, dof_names)}{remedy}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

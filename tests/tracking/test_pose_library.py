@@ -10,7 +10,7 @@ from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.descriptor import COLUMNS, EMPTY, PERSON_CELL_M, ROWS, compare, describe
+from coordinator.tracking.descriptor import COLUMNS, EMPTY, ROWS, compare, describe
 from coordinator.tracking.pose_library import (
     describe_poses,
     displaced,
@@ -22,7 +22,7 @@ from tests.support.people import STANDING
 Array = NDArray[np.float64]
 
 MODEL = human(1.75)
-CELL = PERSON_CELL_M
+CELL = 0.06  # metres
 
 
 def described(points: Array) -> tuple[NDArray[np.float32], Array, int]:
@@ -92,7 +92,7 @@ def test_a_pose_that_was_seen_is_tried_where_points_are_seen_now() -> None:
     pose = name_pose(MODEL, STANDING)
     moved = pose.copy()
     moved[[0, 2]] += (0.5, 0.4)
-    tried = displaced(MODEL, pose, visible_points(MODEL, moved))
+    tried = displaced(MODEL, pose, visible_points(MODEL, moved), CELL)
     off = joint_positions(MODEL, tried) - joint_positions(MODEL, moved[None])
     assert len(tried) == 4
     assert np.linalg.norm(off, axis=-1).mean(axis=1).min() < 0.12
