@@ -54,7 +54,7 @@ def test_next_to_nothing_is_less_than_a_third_of_what_was_seen() -> None:
 
 
 def test_an_unknown_body_is_searched_for_at_once_and_then_now_and_then() -> None:
-    """A search takes longer than a frame; after one that shows nobody, the next person is searched at once."""
+    """A search takes longer than a frame; after an empty frame, the next person is searched at once."""
     management, searches = TrackManagement(), list[int]()
     for number in range(12):
         if management.searches:
