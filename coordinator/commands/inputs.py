@@ -61,10 +61,6 @@ class Input:
         particles = counted(job.settings.filter.particles, "particle")
         return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
 
-    def note(self) -> str:
-        """What there is to say after a frame."""
-        return ""
-
     def asked(self) -> Asked:
         """What decides the results besides the frames."""
         job, states = self.job, None if self.job.joint_states is None else self.job.joint_states.hash
@@ -158,10 +154,6 @@ class LiveInput(Input):
         """A frame; InputError where the room without people has another size."""
         check_size(self.job.background, self.scope.background, frame.depth.shape)
         return frame
-
-    def note(self) -> str:
-        """How many frames a newer one superseded."""
-        return f", {self.received.counts['skipped']} frames skipped"
 
     def facts(self) -> dict[str, object]:
         """What became of the messages."""

@@ -137,8 +137,10 @@ def track_frames(
                     rate.count()
                     recorder.append(tracked, workers.statistics, rate.seconds)
                     others = [f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2)]
-                    state = describe(tracked[0].estimate, rate.per_second)
-                    advance(recorder.frames, given.total, "".join([state, *others, given.note()]))
+                    state = "".join([describe(tracked[0].estimate, rate.per_second), *others])
+                    if isinstance(given, LiveInput):
+                        state += f", {given.received.counts['skipped']} frames skipped"
+                    advance(recorder.frames, given.total, state)
                     if recorder.frames == before + 2:
                         gc.freeze()  # what is loaded by now, which collections would look at for 0.1 s each
         except SilentWorkers:

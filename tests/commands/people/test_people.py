@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -142,14 +141,6 @@ def test_what_is_meant_for_one_is_refused(
     assert track(sequence, tmp_path / "out", *options) == 2
     assert says in capsys.readouterr().err.replace("\n", " ")
     assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_with_a_run_is_refused(sequence: Path, calm: Path, tmp_path: Path) -> None:
-    """Whoever wants another run gives another folder."""
-    out = tmp_path / "copy"
-    shutil.copytree(calm, out)
-    assert track(sequence, out) == 2
-    assert track(sequence, out, "--seed", "4", "--resume") == 2
 
 
 def test_workers_change_no_byte(sequence: Path, calm: Path, tmp_path: Path) -> None:
