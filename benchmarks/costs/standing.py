@@ -79,7 +79,7 @@ def standing(points: int, noise: SensorNoise | None = None, seed: int = 0) -> Ca
         depth = renderer.depth(pose_vertices(model, truth)[0], model.triangles)
     noisy = add_noise(depth.astype(np.float64), CAMERA, noise or SensorNoise(), rng)
     units = np.rint(noisy * UNITS_PER_METRE).astype(np.uint16)
-    subject = isolate(DepthFrame(0, 0.0, units, UNITS_PER_METRE, CAMERA), None, points)
+    subject = isolate(DepthFrame(0, 0.0, units, UNITS_PER_METRE, CAMERA), points)
     if subject is None or len(subject.picked) != points:
         raise RuntimeError(f"the camera sees fewer than {points} points of the person")
     return Case(model, subject, observe(subject), truth, start)

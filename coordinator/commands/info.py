@@ -20,7 +20,7 @@ from coordinator.sources.camera import doubt_camera, doubt_range, parse_camera_o
 
 if TYPE_CHECKING:
     from coordinator.scene.candidates import Candidate
-    from coordinator.scene.room import SceneView
+    from coordinator.scene.scene import SceneView
 
 logger = logging.getLogger(__name__)
 
@@ -80,21 +80,23 @@ def look(source: Source) -> tuple[SceneView, list[Candidate]]:
 
 def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]:
     """Facts by name: floor, walls and candidates."""
-    height = view.floor_height
-    walls = view.planes.coefficients[1 if view.planes.has_floor else 0 :]
-    down = -view.up
+    from coordinator.scene.noise import sigma
+
+    planes = view.planes
+    walls = planes.coefficients[1 if planes.has_floor else 0 :]
+    down = -planes.up
     return {
         "frame_looked_at": view.number,
         "floor": None
-        if height is None
+        if not planes.has_floor
         else {
-            "camera_height_m": round(height, 3),
+            "camera_height_m": round(planes.camera_height, 3),
             "pitch_deg": round(float(np.degrees(np.arcsin(down[2]))), 1),
             "roll_deg": round(float(np.degrees(np.arcsin(down[0]))), 1),
         },
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
         "room": view.furnished,
-        "noise_mm": round(1000.0 * float(view.noise.sigma(np.array([2.0]))[0]), 1),
+        "noise_mm": round(1000.0 * float(sigma(np.array(2.0), view.growth)), 1),
         "people": [
             {
                 "may_be": "a person" if n == 0 and each.score > PROMISING else "a person or furniture",

@@ -20,7 +20,6 @@ from coordinator.commands.workers import Workers
 from coordinator.filters.methods import keep_up
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
 from coordinator.results.evaluation import Truth, read_truth
-from coordinator.scene.scope import up_in_picture
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.live import LiveFrames, from_first_seen
@@ -45,8 +44,10 @@ class Input:
         self.job = job
         self.bodies = choose_bodies(job.active, job.settings.preset, job.model)
         self.start = choose_start(job.init, source, self.bodies.dof_names) if job.people == 1 else None
-        turn_deg = job.settings.rotate_deg
-        up = None if turn_deg is None else up_in_picture(np.radians(turn_deg))
+        up = None
+        if job.settings.rotate_deg is not None:
+            turn = np.radians(job.settings.rotate_deg)
+            up = np.array([-np.sin(turn), -np.cos(turn), 0.0])
         if source is not None and source.gravity is not None:
             up = -source.gravity
         background = None if job.background is None else read_background(job.background, source)

@@ -18,8 +18,7 @@ from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOp
 from coordinator.filters.methods import find_method, settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.configuration import AUTOMATIC
-from coordinator.scene.candidates import WAYS, Person
-from coordinator.scene.scope import Limits, Scope
+from coordinator.scene.scope import WAYS, Scope
 from coordinator.sources import camera as cameras
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.sources.live import live_key
@@ -131,14 +130,14 @@ def choose_scope(options: TrackOptions) -> Scope:
         region = (left, top, right, bottom)
         if not (left < right and top < bottom):
             raise InputError(f"--roi {options.roi} holds no pixel; give left,top,right,bottom")
-    person = Person(options.person)
+    person: str | tuple[int, int] = options.person
     if options.person not in WAYS:
         if "," not in options.person:
             choices = ", ".join(WAYS[1:])
             raise InputError(f"--person {options.person} is unknown; give X,Y in pixels or one of {choices}")
         column, row = split(options.person, "--person", int, 2)
-        person = Person(pixel=(column, row))
-    return Scope(Limits(near, far, region), person)
+        person = (column, row)
+    return Scope(near, far, region, person)
 
 
 def split(text: str, option: str, kind: Callable[[str], T], count: int | None = None) -> tuple[T, ...]:

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_erosion
 
 from coordinator.pictures.shading import Colour, shade_depth
 from coordinator.scene.candidates import Candidate
-from coordinator.scene.room import ON_PLANE, SceneView
+from coordinator.scene.scene import ON_PLANE, SceneView
 
 FLOOR: Colour = (70, 150, 90)
 WALL: Colour = (80, 110, 170)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # it brings the compiler, which takes long to load
     from coordinator.bodies.tracked import Bodies
     from coordinator.scene.scope import Scope
 
-PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "open3d", "scipy")
+PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
 PEOPLE = "people"  # how many were asked for, where it is not one
 PATH = "path"  # where the sequence was, for later reference; it does not influence results
 GIVEN = "camera_given"  # what the user said of the camera

@@ -1,23 +1,109 @@
-"""The scene that a camera sees: what is known of it, frame after frame."""
+"""The scene that a camera sees: its noise, its planes, and its background, learned pixel by pixel.
+
+The background is the farthest that was measured at a pixel where no person may be. What is nearer and stays
+for a second replaces it: a chair was moved.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from common.camera import Intrinsics
+from common.compiling import numba
 from common.frame import DepthFrame
-from coordinator.scene.geometry import Array, Depth, Mask
-from coordinator.scene.noise import DepthNoise, fit_noise
-from coordinator.scene.planes import NO_PLANES, Planes, find_planes, follow_planes, sample_rays
-from coordinator.scene.room import Background, Learned, SceneView
+from coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
+from coordinator.scene.planes import (
+    Array,
+    Planes,
+    extents,
+    find_planes,
+    follow_planes,
+    sample_rays,
+    to_points,
+)
 
-PERSON_SPAN_M = 2.4  # between the measured points of a frame from which on it shows more than a person
-EXTREMES = (1.0, 99.0)  # per cent of the points, between which a span is taken
-FILLED = 0.4  # of the picture, from which on so much is measured that it cannot be people alone
-MOVED = 0.5  # of what is measured, where so much is not as it was the camera moved: what is known is void
-PLANES_EVERY_FRAMES = 30  # planes are sought again, where none were found
-NOTHING = Background.of(np.zeros((0, 0), np.float32)).at(np.empty(0, np.uint32))
+Depth = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Marks = NDArray[np.uint8]
+Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
+
+PERSON_LENGTH_M = (0.6, 2.5)  # of a person's greatest extent
+SETTLED_FRAMES = 30  # that something nearer is still until it is background; between searches for planes
+NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneView:
+    """One frame with what is known of its scene.
+
+    depth: (H, W) metres, 0 where nothing was measured, or nothing that counts.
+    growth: of the depth's noise.
+    background: (H, W) metres, what is seen where nobody is; 0 where that is not known.
+    furnished: more than people is measured; where it is not, what is not measured is empty.
+    left_out: (H, W) pixels that do not count, as the user says; they say nothing of anybody.
+    """
+
+    number: int
+    depth: Depth
+    camera: Intrinsics
+    growth: float
+    planes: Planes
+    background: Depth
+    furnished: bool
+    left_out: Mask | None = None
+
+    @property
+    def lens(self) -> Lens:
+        """fx, fy, cx, cy."""
+        return self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy
+
+    def marks(self, planes: Array | None = None) -> Marks:
+        """NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3), all if None.
+
+        What is deeper than the background is foreground: a person may come through a door.
+        """
+        coefficients = self.planes.coefficients if planes is None else planes
+        return mark_pixels(self.depth, self.background, self.lens, coefficients, self.growth)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def mark_pixels(depth: Depth, background: Depth, lens: Lens, planes: Array, growth: float) -> Marks:
+    """Marks (H, W) of a window as `SceneView.marks` says; the lens is that of the window."""
+    fx, fy, cx, cy = lens
+    marks = np.empty(depth.shape, dtype=np.uint8)
+    for v in range(depth.shape[0]):
+        y = (v - cy) / fy
+        for u in range(depth.shape[1]):
+            z = depth[v, u]
+            if not z > 0.0:
+                marks[v, u] = NOT_MEASURED
+                continue
+            x, margin = (u - cx) / fx, margin_at(z, growth)
+            inverse = 1.0 / z
+            highest = inverse - margin * inverse * inverse
+            mark = FOREGROUND
+            for p in range(len(planes)):
+                if planes[p, 0] * x + planes[p, 1] * y + planes[p, 2] > highest:
+                    mark = ON_PLANE
+            if mark == FOREGROUND and abs(z - background[v, u]) < margin:
+                mark = BACKGROUND
+            marks[v, u] = mark
+    return marks
+
+
+class Learned(NamedTuple):
+    """What one frame changed in the background: flat indices (N,) of pixels, and what holds there."""
+
+    pixels: NDArray[np.uint32]
+    depth: Depth  # (N,) metres
+    nearer: Marks  # (N,) frames in which something nearer was measured
+
+
+NOTHING = Learned(np.empty(0, np.uint32), np.empty(0, np.float32), np.empty(0, np.uint8))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,11 +112,11 @@ class SceneChange:
 
     seen: int = 0  # frames that show something
     growth: float = 0.0  # of the depth's noise; 0 before anything was measured
-    planes: Array = field(default_factory=lambda: NO_PLANES.coefficients)  # (P, 3)
+    planes: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
     furnished: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none are known in the beginning
-    learned: Learned = field(default_factory=lambda: NOTHING)
+    learned: Learned = NOTHING
 
 
 class Scene:
@@ -38,116 +124,120 @@ class Scene:
 
     Each frame is given to `see`, and then to `learn`. From the same frames and people's pixels the same
     follows, bit for bit; `recall` does it from the changes alone. A frame of another size than those before,
-    or than the background, is another camera's: the scene starts anew with it.
+    or than the background, is from another camera: the scene starts anew with it.
 
     Args:
         background: Depth (H, W) in metres where nobody is, 0 where that is not known; None to learn it all.
-        up: Where the sky is about (3,), camera frame; None for a camera that is held as usual.
+        up: Up (3,), as far as it is known, camera frame; None for a camera that is held as usual.
     """
 
     def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
-        self._sky = NO_PLANES.sky if up is None else up
-        self._noise: DepthNoise | None = None
-        self._background: Background | None = None
-        self._size: tuple[int, ...] | None = None
-        self._begin(background)
+        self._no_planes = Planes() if up is None else Planes(sky=up)
+        self._background: Depth
+        self._nearer: Marks
+        self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
+        self._furnished = background is not None
 
     def see(self, frame: DepthFrame, left_out: Mask | None = None) -> SceneView:
         """A frame with what is known of its scene; `left_out` (H, W) are pixels that do not count."""
         depth = frame.metres()
-        if self._size not in (None, depth.shape):
-            self._begin(None)
-        self._size = depth.shape
-        self._look(depth, sample_rays(depth, frame.intrinsics))
-        known = self._background
+        if self._background.shape != depth.shape:
+            self._begin(np.zeros_like(depth))
+        if depth.any():
+            self._look(depth, frame.intrinsics)
         return SceneView(
             number=frame.number,
             depth=depth,
             camera=frame.intrinsics,
-            noise=self._noise or DepthNoise(),
+            growth=self._growth or USUAL_GROWTH,
             planes=self._planes,
-            background=np.zeros_like(depth) if known is None else known.depth,
+            background=self._background,
             furnished=self._furnished,
             left_out=left_out,
         )
 
     def learn(self, view: SceneView, people: Mask | None = None) -> SceneChange:
-        """Take in the frame that was seen last, and give what it changed.
+        """Learn from the frame that was seen last, and give what it changed.
 
         Args:
             view: The frame, as it was seen.
             people: Pixels (H, W) that are a person's, or may be: they are not learned.
         """
         if not self._furnished:
-            return self._change(NOTHING)
+            return self._change(NOTHING.pixels)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
-        known = self._background or Background.of(np.zeros_like(view.depth))
-        was_known = known.depth.ravel() > 0.0
-        pixels = known.learn(view.depth, view.noise.growth, outside)
-        if np.count_nonzero(was_known[pixels]) > MOVED * np.count_nonzero(view.depth):
-            known = Background.of(np.zeros_like(view.depth))
-            known.learn(view.depth, view.noise.growth, outside)
-            pixels = np.arange(view.depth.size, dtype=np.uint32)
-            self._given = False
-        self._background = known
-        return self._change(known.at(pixels))
+        known, growth = self._background > 0.0, self._growth or USUAL_GROWTH
+        pixels = learn_pixels(view.depth, growth, outside, self._background, self._nearer)
+        moved = np.count_nonzero(known.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
+        if moved:  # as most is not as it was, the camera was moved
+            self._background[:], self._nearer[:] = 0.0, 0
+            learn_pixels(view.depth, growth, outside, self._background, self._nearer)
+        if moved or self._seen <= 1:
+            return self.all()
+        return self._change(pixels)
 
     def recall(self, change: SceneChange) -> None:
         """Know what was known after the frame that made this change, if all before it were recalled, too."""
-        self._seen, self._furnished = change.seen, change.furnished
-        self._noise = DepthNoise(change.growth) if change.growth else None
-        self._planes = Planes(change.planes, change.has_floor, self._sky)
-        if self._background is None or self._background.depth.shape != change.size:
-            self._background, self._given = Background.of(np.zeros(change.size, np.float32)), False
-        if change.size == (0, 0):
-            self._background = None
-            return
-        self._size = change.size
-        self._background.recall(change.learned)
-        self._given = self._given and len(change.learned.pixels) < self._background.depth.size
+        if self._background.shape != change.size:
+            self._begin(np.zeros(change.size, np.float32))
+        self._seen, self._furnished, self._growth = change.seen, change.furnished, change.growth
+        self._planes = Planes(change.planes, change.has_floor, self._no_planes.sky)
+        self._background.ravel()[change.learned.pixels] = change.learned.depth
+        self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
 
     def all(self) -> SceneChange:
-        """The change that leads from nothing, or from the background that was given, to what is known now."""
-        known = self._background
-        if known is None:
-            return self._change(NOTHING)
-        touched = (known.depth > 0.0) | (known.frames > 0) | (not self._given)
-        return self._change(known.at(np.flatnonzero(touched).astype(np.uint32)))
+        """The change that leads from nothing to what is known now."""
+        return self._change(np.arange(self._background.size, dtype=np.uint32))
 
-    def _begin(self, background: Depth | None) -> None:
+    def _begin(self, background: Depth) -> None:
         self._seen = 0
-        self._noise = None
-        self._planes = replace(NO_PLANES, sky=self._sky)
-        self._furnished = self._given = background is not None  # given: what is known began with this
-        self._background = None if background is None else Background.of(background)
-        self._size = None if background is None else background.shape
+        self._growth = 0.0
+        self._planes = self._no_planes
+        self._furnished = False
+        self._background = background
+        self._nearer = np.zeros(background.shape, np.uint8)
 
-    def _look(self, depth: Depth, rays: Array) -> None:
-        if not len(rays):
-            return
-        self._noise = self._noise or fit_noise(depth)
+    def _look(self, depth: Depth, camera: Intrinsics) -> None:
+        self._growth = self._growth or fit_noise(depth)
         if len(self._planes.coefficients):
-            self._planes = follow_planes(self._planes, rays, self._noise)
-        elif self._seen % PLANES_EVERY_FRAMES == 0 and shows_more_than_a_person(rays):
-            self._planes = find_planes(rays, self._noise, self._sky)
-            filled = float(np.mean(depth > 0.0)) > FILLED
-            self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
+            self._planes = follow_planes(self._planes, sample_rays(depth, camera, self._growth))
+        elif self._seen % SETTLED_FRAMES == 0:
+            rays = sample_rays(depth, camera, self._growth)
+            if len(rays) and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]:
+                self._planes = find_planes(rays, self._planes.sky)
+                filled = bool(np.count_nonzero(depth) > 0.5 * depth.size)
+                self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
         self._seen += 1
 
-    def _change(self, learned: Learned) -> SceneChange:
+    def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:
         return SceneChange(
             self._seen,
-            self._noise.growth if self._noise else 0.0,
+            self._growth,
             self._planes.coefficients,
             self._planes.has_floor,
             self._furnished,
-            (0, 0) if self._background is None else self._background.depth.shape,
-            learned,
+            self._background.shape,
+            Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
         )
 
 
-def shows_more_than_a_person(rays: Array) -> bool:
-    """Whether points (N, 3) of `sample_rays` spread farther than one person can."""
-    points = np.column_stack([rays[:, :2], np.ones(len(rays))]) / rays[:, 2:]
-    low, high = np.percentile(points, EXTREMES, axis=0)
-    return bool((high - low).max() > PERSON_SPAN_M)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def learn_pixels(
+    depth: Depth, growth: float, people: Mask, background: Depth, nearer: Marks
+) -> NDArray[np.uint32]:
+    """Learn a depth image (H, W) in place; gives the flat indices (N,) of the pixels that changed."""
+    pixels = np.empty(depth.size, dtype=np.uint32)
+    count = 0
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            z, known = depth[v, u], background[v, u]
+            margin = margin_at(z, growth)
+            alike = abs(z - known) <= margin
+            if not z > 0.0 or people[v, u] or (alike and nearer[v, u] == 0):
+                continue
+            pixels[count] = v * depth.shape[1] + u
+            count += 1
+            nearer[v, u] = nearer[v, u] + 1 if z < known - margin else 0
+            if z > known + margin or nearer[v, u] == SETTLED_FRAMES:
+                background[v, u], nearer[v, u] = z, 0
+    return pixels[:count]

@@ -3,78 +3,85 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame
-from coordinator.scene.candidates import Person
+from coordinator.scene.candidates import Candidate
+from coordinator.scene.scene import SceneView
 
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Metres, and left, top, right and bottom in pixels, half-open; None for no limit."""
-
-    near: float | None = None
-    far: float | None = None
-    region: tuple[int, int, int, int] | None = None
-
-    def keep(self, frame: DepthFrame) -> DepthFrame:
-        """The frame, in which nothing else was measured; the same one without limits."""
-        return self.split(frame)[0]
-
-    def split(self, frame: DepthFrame) -> tuple[DepthFrame, NDArray[np.bool_] | None]:
-        """What `keep` and `leave_out` give."""
-        left_out = self.leave_out(frame)
-        if left_out is None:
-            return frame, None
-        return replace(frame, depth=np.where(left_out, np.uint16(0), frame.depth)), left_out
-
-    def leave_out(self, frame: DepthFrame) -> NDArray[np.bool_] | None:
-        """Pixels (H, W) that do not count, measured or not; None without limits."""
-        if self == Limits():
-            return None
-        depth = frame.metres()
-        left_out = np.zeros(depth.shape, dtype=np.bool_)
-        if self.near is not None:
-            left_out |= (depth > 0.0) & (depth < self.near)
-        if self.far is not None:
-            left_out |= depth > self.far
-        if self.region is not None:
-            left, top, right, bottom = self.region
-            inside = np.zeros_like(left_out)
-            inside[max(0, top) : max(0, bottom), max(0, left) : max(0, right)] = True
-            left_out |= ~inside
-        return left_out
+MOVED_SHARE = 0.2  # of a person's pixels: at least so many are before a known background where it moved
+WAYS = ("best", "nearest", "largest", "moving")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scope:
-    """What of the frames counts, who is meant where there are several, and the room without anybody.
+    """What of the frames counts, which of several people is meant, and the room without people.
 
+    near, far: metres; None for no limit.
+    region: left, top, right and bottom in pixels, half-open; None for the whole image.
+    person: One of WAYS, or a pixel at which the person is seen, column and row.
     background: depth (H, W) in metres, 0 where that is not known; None to learn it all.
     up: Unit vector (3,) away from the ground, camera frame, where the recording or the user says so.
     """
 
-    limits: Limits = field(default_factory=Limits)
-    person: Person = field(default_factory=Person)
+    near: float | None = None
+    far: float | None = None
+    region: tuple[int, int, int, int] | None = None
+    person: str | tuple[int, int] = "best"
     background: NDArray[np.float32] | None = None
     up: NDArray[np.float64] | None = None
+
+    def limit(self, frame: DepthFrame) -> tuple[DepthFrame, NDArray[np.bool_] | None]:
+        """The frame in which only what counts was measured; pixels (H, W) that do not count, measured or not.
+
+        Without limits it is the same frame, and None.
+        """
+        if self.near is None and self.far is None and self.region is None:
+            return frame, None
+        depth = frame.metres()
+        left_out = (depth > 0.0) & (depth < (self.near or 0.0))
+        if self.far is not None:
+            left_out |= depth > self.far
+        if self.region is not None:
+            left, top, right, bottom = np.maximum(self.region, 0)
+            outside = np.ones_like(left_out)
+            outside[top:bottom, left:right] = False
+            left_out |= outside
+        return replace(frame, depth=np.where(left_out, np.uint16(0), frame.depth)), left_out
+
+    def choose(self, view: SceneView, found: Sequence[Candidate]) -> list[Candidate]:
+        """The candidates who may be meant, the likeliest first."""
+
+        def moved(candidate: Candidate) -> float:
+            return float(np.mean(view.background[candidate.mask] > 0.0))
+
+        def pixels_off(candidate: Candidate) -> float:
+            at = np.array(self.person)[::-1]
+            return float(np.linalg.norm(np.argwhere(candidate.mask) - at, axis=1).min())
+
+        if not isinstance(self.person, str):
+            return sorted(found, key=pixels_off)
+        order: dict[str, Callable[[Candidate], float]] = {
+            "best": lambda each: -each.score,
+            "nearest": lambda each: float(np.median(each.points[:, 2])),
+            "largest": lambda each: -float(np.sum(each.points[:, 2] ** 2)),
+            "moving": lambda each: -moved(each),
+        }
+        possible = [each for each in found if self.person != "moving" or moved(each) > MOVED_SHARE]
+        return sorted(possible, key=order[self.person])
 
     def describe(self) -> dict[str, object]:
         """All of it by name, as JSON can hold it; of the background a hash."""
         empty = self.background
         return {
-            "person": self.person.way if self.person.pixel is None else list(self.person.pixel),
-            "near": self.limits.near,
-            "far": self.limits.far,
-            "roi": None if self.limits.region is None else list(self.limits.region),
+            "person": self.person if isinstance(self.person, str) else list(self.person),
+            "near": self.near,
+            "far": self.far,
+            "roi": None if self.region is None else list(self.region),
             "background": None if empty is None else hashlib.sha256(empty.tobytes()).hexdigest()[:12],
             "up": None if self.up is None else self.up.tolist(),
         }
-
-
-def up_in_picture(turn: float) -> NDArray[np.float64]:
-    """Up (3,) in the frame of a camera whose picture has to be turned by so much, radians, to be upright."""
-    return np.array([-np.sin(turn), -np.cos(turn), 0.0])

@@ -1,7 +1,7 @@
-"""The pixels of a frame labelled for one body: its own, empty, in front of it, or unknown.
+"""The pixels of a frame labelled for one body: its own, empty, hidden, or unknown.
 
-What is near the posed body and no part of the room, and what continues it in depth, is the subject's. Where
-several bodies are near each other, a pixel is of the body that is nearest.
+What is near the posed body and no part of the room, and what continues it in depth, is the subject. Where
+several bodies are near each other, a pixel belongs to the nearest body.
 """
 
 from __future__ import annotations
@@ -13,20 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import back_project
+from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
-from coordinator.scene.distance_field import DistanceField, squared_cells
-from coordinator.scene.geometry import Array, Mask, Window, label_parts
-from coordinator.scene.room import FOREGROUND, NOT_MEASURED, ON_PLANE, SceneView, mark_pixels
+from coordinator.scene.noise import margin_at
+from coordinator.scene.planes import Array
+from coordinator.scene.scene import (
+    FOREGROUND,
+    NOT_MEASURED,
+    ON_PLANE,
+    Depth,
+    Lens,
+    Mask,
+    SceneView,
+    mark_pixels,
+)
 
 Labels = NDArray[np.uint8]
+Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
 
-REACH_M = 0.28  # from the posed surface to what may be the subject's
-CLOSE_M = 0.08  # and to what is, if it is no part of the room
-TOUCHING_M = 0.04  # between the posed surface and the room, where the two cannot be told apart
-THICKNESS_M = 0.25  # of a person behind what is seen
-CLOSEST_M = 0.1  # to the camera's plane
-EXPLAINED_M = 0.12  # from the posed surface to what is surely no other person's, and no room's
-PRESENT_SHARE = 0.35  # of the posed surface in the frame on the subject's pixels: with less it may have left
+NEAR_M = 0.12  # to a posed surface: what is no part of the room is the subject there, and nothing is learned
+CELL_M = 0.04  # of the grid of distances; where body and room are nearer, they cannot be told apart
+REACH_CELLS = 7  # from the surface to what may be the subject: what continues it in depth
+REACH_M = CELL_M * REACH_CELLS
+STEP_M = 0.03  # between neighbouring pixels of one surface, the noise aside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,53 +62,103 @@ def slices(window: Window) -> tuple[slice, slice]:
     return slice(top, bottom), slice(left, right)
 
 
+def measure_distances(view: SceneView, surface: Array) -> Depth:
+    """Metres (H, W) from what each pixel shows to the points (V, 3) of a surface; infinite beyond REACH_M.
+
+    By a grid of cells around the surface, in which distances spread along one axis after another.
+    """
+    margin = REACH_M + CELL_M
+    low = surface.min(axis=0) - margin
+    shape = tuple(((surface.max(axis=0) + margin - low) / CELL_M).astype(np.int64) + 1)
+    far = (REACH_CELLS + 1) ** 2
+    squares = np.full(shape, far, dtype=np.uint8)
+    squares[tuple(((surface - low) / CELL_M).astype(np.int64).T)] = 0
+    flat = squares.ravel()
+    for stride in (1, shape[2], shape[1] * shape[2]):  # the margin keeps lines of the grid apart
+        before = flat.copy()
+        for step in range(1, REACH_CELLS + 1):
+            shift, more = step * stride, np.uint8(step * step)
+            np.minimum(flat[:-shift], before[shift:] + more, out=flat[:-shift])
+            np.minimum(flat[shift:], before[:-shift] + more, out=flat[shift:])
+    metres = np.float32(CELL_M) * np.sqrt(np.arange(far + 1, dtype=np.float32))
+    metres[REACH_CELLS**2 + 1 :] = np.inf
+    found = np.full(view.depth.shape, np.inf, dtype=np.float32)
+    look_up(view.depth, view.lens, window_of(view, surface), low, np.minimum(squares, far), metres, found)
+    return found
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def look_up(
+    depth: Depth,
+    lens: Lens,
+    window: Window,
+    low: Array,
+    squares: NDArray[np.uint8],
+    metres: Depth,
+    found: Depth,
+) -> None:
+    """Fill found (H, W) in a window with metres by square, in a grid of squares that begins at `low` (3,)."""
+    fx, fy, cx, cy = lens
+    left, top, right, bottom = window
+    nearest, farthest = low[2], low[2] + CELL_M * squares.shape[2]
+    for v in range(top, bottom):
+        for u in range(left, right):
+            z = depth[v, u]
+            if not (z > 0.0 and nearest <= z < farthest):
+                continue
+            x, y = (u - cx) / fx * z - low[0], (v - cy) / fy * z - low[1]
+            i, j, k = int(x / CELL_M), int(y / CELL_M), int((z - low[2]) / CELL_M)
+            if (
+                x >= 0.0
+                and y >= 0.0
+                and i < squares.shape[0]
+                and j < squares.shape[1]
+                and k < squares.shape[2]
+            ):
+                found[v, u] = metres[squares[i, j, k]]
+
+
 def segment_body(
-    view: SceneView,
-    surface: Array,
-    field: DistanceField | None = None,
-    others: Mask | None = None,
-    reach: float = REACH_M,
+    view: SceneView, surface: Array, distances: Depth, others: Mask | None = None
 ) -> Segmentation:
     """Label the pixels around the points (V, 3) of a posed body, metres.
 
     Args:
         view: The frame in its scene.
         surface: The points.
-        field: Distances from them, if they are known.
+        distances: Metres (H, W) from them.
         others: Pixels (H, W) that are other people's, or may be: they say nothing of this one.
-        reach: Metres from the surface to what may be the subject's.
     """
     window = window_of(view, surface)
-    part, background = view.depth[slices(window)], view.background[slices(window)]
+    depth, near = view.depth[slices(window)], distances[slices(window)]
     fx, fy, cx, cy = view.lens
     lens = (fx, fy, cx - window[0], cy - window[1])
-    marks = np.empty(part.shape, dtype=np.uint8)
-    mark_pixels(part, background, lens, view.planes.coefficients, view.noise.growth, marks)
-    squares = (field or DistanceField.around(surface)).measure(part, lens)
-    unclear = (marks != FOREGROUND) & (marks != NOT_MEASURED) & (squares <= squared_cells(TOUCHING_M))
+    planes, background = view.planes.coefficients, view.background[slices(window)]
+    marks = mark_pixels(depth, background, lens, planes, view.growth)
+    unclear = (marks != FOREGROUND) & (near <= CELL_M)
     for mask in (view.left_out, others):
         if mask is not None:
             unclear |= mask[slices(window)]
-    near = (marks == FOREGROUND) & (squares <= squared_cells(reach)) & ~unclear
-    parts = label_parts(part, near, view.noise.growth)
+    possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear
+    parts = label_parts(depth, possible, view.growth)
     chosen = np.zeros(parts.max(initial=0) + 1, dtype=np.bool_)
-    chosen[parts[squares <= squared_cells(CLOSE_M)]] = True
-    labels = np.full(part.shape, EMPTY, dtype=np.uint8)
-    labels[(marks != ON_PLANE) & (part < surface[:, 2].max())] = HIDDEN
+    chosen[parts[near <= NEAR_M]] = True
+    labels = np.full(depth.shape, EMPTY, dtype=np.uint8)
+    labels[(marks != ON_PLANE) & (depth < surface[:, 2].max())] = HIDDEN
     labels[marks == NOT_MEASURED] = UNMEASURED if view.furnished else EMPTY
     labels[unclear] = UNKNOWN
-    labels[near & chosen[parts]] = SUBJECT
+    labels[possible & chosen[parts]] = SUBJECT
     return Segmentation(window, labels)
 
 
 def segment_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Segmentation:
     """The same of a person whose pixels (H, W) are known, of whom there is no posed body yet."""
     points = back_project(view.depth, view.camera)[mask]
-    behind = points * (1.0 + THICKNESS_M / points[:, 2:])
-    found = segment_body(view, np.concatenate([points, behind]), others=others)
-    mine = mask[slices(found.window)]
+    behind = points * (1.0 + REACH_M / points[:, 2:])  # a person is about as thick
+    surface = np.concatenate([points, behind])
+    found = segment_body(view, surface, measure_distances(view, surface), others)
     labels = np.where(found.labels == SUBJECT, np.uint8(UNKNOWN), found.labels)
-    labels[mine] = SUBJECT
+    labels[mask[slices(found.window)]] = SUBJECT
     return replace(found, labels=labels)
 
 
@@ -107,7 +166,7 @@ def window_of(view: SceneView, surface: Array) -> Window:
     """The pixels in which something within REACH_M of the points (V, 3) can be seen."""
     width, height = view.camera.width, view.camera.height
     nearest = surface[:, 2] - REACH_M
-    if nearest.min() < CLOSEST_M:
+    if nearest.min() <= 0.0:
         return 0, 0, width, height
     fx, fy, cx, cy = view.lens
     u, v = cx + fx * surface[:, 0] / surface[:, 2], cy + fy * surface[:, 1] / surface[:, 2]
@@ -117,31 +176,58 @@ def window_of(view: SceneView, surface: Array) -> Window:
     return left, top, right, bottom
 
 
-def is_present(view: SceneView, surface: Array, segmentation: Segmentation) -> bool:
-    """Whether enough of the points (V, 3) of a posed body fall on pixels that show it."""
+def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> bool:
+    """Whether most of the points (V, 3) of a posed body are where the picture is empty."""
     fx, fy, cx, cy = view.lens
     left, top, _, _ = segmentation.window
-    x, y, z = surface[surface[:, 2] > CLOSEST_M].T
-    u, v = np.rint(cx + fx * x / z).astype(int) - left, np.rint(cy + fy * y / z).astype(int) - top
+    x, y, z = surface[surface[:, 2] > 0.0].T
+    u, v = cx + fx * x / z - left, cy + fy * y / z - top
     rows, columns = segmentation.labels.shape
-    inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
-    shown = segmentation.labels[v[inside], u[inside]] == SUBJECT
-    return bool(np.count_nonzero(shown) > PRESENT_SHARE * len(shown))
+    inside = (u >= 0.0) & (u < columns) & (v >= 0.0) & (v < rows)
+    labels = segmentation.labels[v[inside].astype(int), u[inside].astype(int)]
+    return bool(np.count_nonzero(labels == EMPTY) >= 0.5 * len(labels))
 
 
-def assign_pixels(view: SceneView, fields: Sequence[DistanceField]) -> list[Mask | None]:
-    """For each of several bodies the pixels (H, W) nearer to another; None where no other body is near."""
-    touching = [any(one.meets(other) for other in fields if other is not one) for one in fields]
-    if not any(touching):
-        return [None] * len(fields)
-    squares = np.array([field.measure(view.depth, view.lens) for field in fields])
-    nearest = squares.min(axis=0)
-    return [mine > nearest if near else None for mine, near in zip(squares, touching, strict=True)]
+def assign_pixels(distances: Sequence[Depth]) -> list[Mask | None]:
+    """For each of several bodies the pixels (H, W) that are nearer to another; None for one alone."""
+    if len(distances) < 2:
+        return [None] * len(distances)
+    nearest = np.min(distances, axis=0)
+    return [mine > nearest for mine in distances]
 
 
-def explained(view: SceneView, fields: Sequence[DistanceField]) -> Mask:
-    """Pixels (H, W) within EXPLAINED_M of any of several bodies: not learned as the room, and nobody else."""
-    near = np.zeros(view.depth.shape, dtype=np.bool_)
-    for field in fields:
-        near |= field.measure(view.depth, view.lens) <= squared_cells(EXPLAINED_M)
-    return near
+def label_parts(depth: Depth, inside: Mask, growth: float) -> NDArray[np.int32]:
+    """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
+
+    Neighbouring pixels are connected where they are no farther apart than one surface and its noise allow.
+    """
+    labels = np.zeros(depth.shape, dtype=np.int32)
+    label_pixels(depth, inside, growth, labels)
+    return labels
+
+
+@numba.njit(cache=True, nogil=True)
+def label_pixels(depth: Depth, inside: Mask, growth: float, labels: NDArray[np.int32]) -> None:
+    """Fill labels (H, W), 0 before, as `label_parts` says."""
+    rows, columns = depth.shape
+    stack = np.empty(rows * columns, dtype=np.int64)
+    last = 0
+    for start in range(rows * columns):
+        if not inside[start // columns, start % columns] or labels[start // columns, start % columns] != 0:
+            continue
+        last += 1
+        labels[start // columns, start % columns] = last
+        stack[0], count = start, 1
+        while count > 0:
+            count -= 1
+            row, column = stack[count] // columns, stack[count] % columns
+            z = depth[row, column]
+            step = STEP_M + margin_at(z, growth)
+            for k in range(4):
+                r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
+                if not (0 <= r < rows and 0 <= c < columns) or not inside[r, c] or labels[r, c] > 0:
+                    continue
+                if abs(depth[r, c] - z) < step:
+                    labels[r, c] = last
+                    stack[count] = r * columns + c
+                    count += 1

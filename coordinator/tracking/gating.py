@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.settings import FAR_NOISIER, RefineSettings
-from coordinator.scene.candidates import RANSAC_ROUNDS
-from coordinator.scene.geometry import segment_plane
+from coordinator.scene.noise import USUAL_GROWTH
+from coordinator.scene.planes import FLAT_SHARE, share_on_plane, to_rays
 
 Array = NDArray[np.float64]
 
@@ -18,8 +18,6 @@ RESIDUAL_M = 0.03  # mean distance of observed points that can be believed, besi
 MISFIT_M = 0.028  # root of the mean cost, which also counts model surface where nothing is measured
 LEAST_PIXELS = 150  # that can show a body
 SPAN_SHARES = (0.35, 1.6)  # of the stature, that a person spans in a frame: else the depth scale is wrong
-FLAT_SHARE = 0.85  # of the points in one plane: a board, a curtain
-PLANE_M = 0.03  # thickness of a plane
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
 UNEXPLAINED = "the body does not explain what is seen"
@@ -62,7 +60,7 @@ def is_no_person(points: Array, stature: float) -> str:
         size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
         return f"what is seen is {size} from end to end, which is no person: is depth_scale right?"
     some = points[:: -(-len(points) // 1_000)]
-    flat = len(segment_plane(some, PLANE_M, RANSAC_ROUNDS, seed=0)[1]) / len(some)
+    flat = share_on_plane(to_rays(some, USUAL_GROWTH))
     return (
         f"{100 * flat:.0f} % of what is seen lies in one plane: a thing, no person"
         if flat > FLAT_SHARE

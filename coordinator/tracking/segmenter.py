@@ -11,17 +11,15 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import bounding_box, pose_vertices
+from common.kinematics import pose_vertices
 from coordinator.scene.candidates import candidates
-from coordinator.scene.distance_field import DistanceField
-from coordinator.scene.room import SceneView
-from coordinator.scene.scene import Scene, SceneChange
+from coordinator.scene.scene import Depth, Mask, Scene, SceneChange, SceneView
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import (
-    Segmentation,
+    NEAR_M,
     assign_pixels,
-    explained,
-    is_present,
+    is_missing,
+    measure_distances,
     segment_body,
     segment_mask,
 )
@@ -84,68 +82,57 @@ class Segmenter:
 
     def segment(self, frame: DepthFrame, bodies: Sequence[PosedBody | None]) -> Segmented:
         """What the next frame shows near each body; and, if one may be anywhere, of other people."""
-        frame, left_out = self._scope.limits.split(frame)
+        frame, left_out = self._scope.limit(frame)
         view = self._scene.see(frame, left_out)
         if not view.furnished and len(bodies) == 1:
-            (body,) = bodies
-            box = None if body is None else bounding_box(body.model, body.pose)
-            subject = isolate(frame, box, self._points)
-            change = self._scene.learn(view)
-            found = () if body is not None or subject is None else (subject,)
-            return Segmented(frame, (None if body is None else subject,), found, view, change)
-        return self._segment_room(frame, view, bodies)
+            subject, change = isolate(frame, self._points), self._scene.learn(view)
+            found = () if bodies[0] is not None or subject is None else (subject,)
+            return Segmented(frame, (None if bodies[0] is None else subject,), found, view, change)
+        surfaces = [body.surface for body in bodies if body is not None]
+        distances = [measure_distances(view, surface) for surface in surfaces]
+        others, known = assign_pixels(distances), near_any(view, distances)
+        strangers, theirs = tuple[SubjectFrame, ...](), known.copy()
+        if len(surfaces) < len(bodies):
+            possible = candidates(view, known)
+            found_masks = [each.mask for each in self._scope.choose(view, possible)]
+            found_masks = found_masks[:1] if len(bodies) == 1 else found_masks
+            strangers = self._people(frame, view, found_masks, known)
+            for mask in found_masks:
+                others = [mask if other is None else mask | other for other in others]
+            for each in possible:
+                theirs |= each.mask
+        segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
+        if any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True)):
+            theirs[:] = True  # a body may be elsewhere: wherever it is, it is not learned as the room
+        change = self._scene.learn(view, theirs)
+        own = (subject_of(frame, each, self._points) for each in segmented)
+        subjects = tuple(None if body is None else next(own) for body in bodies)
+        return Segmented(frame, subjects, strangers, view, change)
 
     def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
         """People in a frame that was segmented already, beside those who are tracked; the likeliest first."""
         frame, view = segmented.frame, segmented.view
         if not view.furnished and len(segmented.subjects) == 1:
-            subject = isolate(frame, None, self._points)
+            subject = isolate(frame, self._points)
             return () if subject is None else (subject,)
-        known = explained(view, [DistanceField.around(body.surface) for body in tracked])
-        found = self._scope.person.choose(view, candidates(view, known))
-        return self._subjects(frame, [segment_mask(view, each.mask, known) for each in found])
+        known = near_any(view, [measure_distances(view, body.surface) for body in tracked])
+        found = self._scope.choose(view, candidates(view, known))
+        return self._people(frame, view, [each.mask for each in found], known)
 
-    def _segment_room(
-        self, frame: DepthFrame, view: SceneView, bodies: Sequence[PosedBody | None]
-    ) -> Segmented:
-        """Where something else than people is measured, or several people are tracked."""
-        placed = [n for n, body in enumerate(bodies) if body is not None]
-        surfaces = [body.surface for body in bodies if body is not None]
-        fields = [DistanceField.around(surface) for surface in surfaces]
-        others, strangers = assign_pixels(view, fields), list[Segmentation]()
-        known = explained(view, fields)
-        people = known.copy()
-        if len(placed) < len(bodies):
-            possible = candidates(view, known)
-            found = self._scope.person.choose(view, possible)
-            found = found[:1] if len(bodies) == 1 else found
-            strangers = [segment_mask(view, each.mask, known) for each in found]
-            theirs = np.logical_or.reduce([np.zeros_like(known), *(each.mask for each in found)])
-            others = [theirs if mask is None else mask | theirs for mask in others]
-            people = np.logical_or.reduce([people, *(each.mask for each in possible)])
-        segmented = {
-            n: segment_body(view, surface, fields[place], others[place])
-            for place, (n, surface) in enumerate(zip(placed, surfaces, strict=True))
-        }
-        present = (is_present(view, each, segmented[n]) for n, each in zip(placed, surfaces, strict=True))
-        if not all(present):  # a body may be elsewhere: wherever it is, it is not learned as the room
-            people = np.logical_or.reduce([people, *(each.mask for each in candidates(view, known))])
-        change = self._scene.learn(view, people)
-        subjects = [
-            self._subjects(frame, [segmented[n]] if n in segmented else []) for n in range(len(bodies))
-        ]
-        return Segmented(
-            frame,
-            tuple(found[0] if found else None for found in subjects),
-            self._subjects(frame, strangers),
-            view,
-            change,
-        )
-
-    def _subjects(self, frame: DepthFrame, people: Sequence[Segmentation]) -> tuple[SubjectFrame, ...]:
-        """The people of a frame that was segmented, without those of whom nothing is measured."""
-        found = (subject_of(frame, each, self._points) for each in people)
+    def _people(
+        self, frame: DepthFrame, view: SceneView, masks: Sequence[Mask], known: Mask
+    ) -> tuple[SubjectFrame, ...]:
+        """People whose pixels (H, W) are known, beside the pixels of those who are tracked."""
+        found = (subject_of(frame, segment_mask(view, mask, known), self._points) for mask in masks)
         return tuple(subject for subject in found if subject is not None)
+
+
+def near_any(view: SceneView, distances: Sequence[Depth]) -> Mask:
+    """Pixels (H, W) near a body, by the distances from each: not learned as the room, and no other person."""
+    near = np.zeros(view.depth.shape, dtype=np.bool_)
+    for each in distances:
+        near |= each <= NEAR_M
+    return near
 
 
 def prepare() -> None:

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from common.frame import DepthFrame
 from common.settings import RefineSettings
-from coordinator.scene.noise import GROWTH, LEAST, fit_noise
+from coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
 
 STEP = 0.1  # of the logarithm of a distance
 OUTLINE_BLUR = 4.0  # pixels over which an outline is averaged until it no longer frays
@@ -46,8 +46,8 @@ def measure_noise(frame: DepthFrame) -> SensorNoise:
     depth_m = frame.metres()
     distance = float(np.median(depth_m[depth_m > 0.0]))
     metres_a_pixel = distance / frame.intrinsics.fx
-    along = fit_noise(depth_m)
-    deviation = float(along.sigma(np.array(distance))) if along.growth > GROWTH[0] else 0.0
+    growth = fit_noise(depth_m)
+    deviation = float(sigma(np.array(distance), growth)) if growth > GROWTH[0] else 0.0
     return SensorNoise(deviation, outline_deviation(depth_m > 0.0) * metres_a_pixel, distance)
 
 

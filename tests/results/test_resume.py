@@ -18,7 +18,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import METHODS, settings_for
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Entry, Opening, append_records, read_log
-from coordinator.scene.planes import NO_PLANES as NONE
+from coordinator.scene.planes import Planes
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.observation import isolate
@@ -74,8 +74,8 @@ def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
     target = TargetTracker(DirectRefiner(), preset("default"), bodies(), start=STANDING)
     before, state = dict(vars(target)), target.state
     frame = shown("standing").frames[0]
-    subject = isolate(frame, None, 1000)
-    target.report(target.update(target.submit(frame, subject, NONE, Stopwatch())))
+    subject = isolate(frame, 1000)
+    target.report(target.update(target.submit(frame, subject, Planes(), Stopwatch())))
     changed = {name.lstrip("_") for name, value in vars(target).items() if value is not before[name]}
     recorded = {field.name for field in fields(Checkpoint)} | {"start"}
     assert changed - {"distance"} <= recorded  # of the present frame, before anything is done with it

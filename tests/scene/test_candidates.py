@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import UNKNOWN
-from coordinator.scene.candidates import Candidate, Person, candidates
+from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.scene import Scene
-from coordinator.scene.scope import Limits
-from coordinator.scene.segmentation import segment_body
+from coordinator.scene.scope import Scope
+from coordinator.scene.segmentation import measure_distances, segment_body
 from tests.support.rooms import CABINET, TABLE, Room
 
 PERSON = (-0.4, 2.6)
@@ -63,42 +63,35 @@ def test_one_of_two_is_chosen_as_asked() -> None:
     found = candidates(view)
     assert len(found) == 2
     row, column = np.argwhere(far.mask & ~near.mask).mean(axis=0).astype(int).tolist()
-    assert Person("nearest").choose(view, found)[0].mask[near.mask].mean() > 0.9
-    assert Person(pixel=(column, row)).choose(view, found)[0].mask[far.mask].mean() > 0.9
-    assert Person("moving").choose(view, found) == []
-
-
-def test_who_moved_stands_before_a_known_background() -> None:
-    """Of two people, one of whom was there before, the other is the one who moves."""
-    room = Room(noise=0.001)
-    scene = Scene()
-    for number in range(40):
-        view = scene.see(room.see(None, number).frame)
-        scene.learn(view)
-    view = scene.see(room.see(PERSON, 41).frame)
-    assert len(Person("moving").choose(view, candidates(view))) == 1
+    assert Scope(person="nearest").choose(view, found)[0].mask[near.mask].mean() > 0.9
+    assert Scope(person=(column, row)).choose(view, found)[0].mask[far.mask].mean() > 0.9
+    assert Scope(person="moving").choose(view, found) == []
+    scene = Scene(Room(noise=0.001).see(None).frame.metres())
+    view = scene.see(near.frame)
+    assert len(Scope(person="moving").choose(view, candidates(view))) == 1
 
 
 def test_limits_leave_nothing_else() -> None:
     """Beyond near, far and region nothing is measured any more; without limits the frame is the same one."""
     frame = Room().see(PERSON).frame
-    kept = Limits(near=2.4, far=2.8, region=(10, 20, 90, 100)).keep(frame)
+    kept = Scope(near=2.4, far=2.8, region=(10, 20, 90, 100)).limit(frame)[0]
     rows, columns = np.nonzero(kept.depth)
     assert kept.metres()[kept.depth > 0].min() >= 2.4
     assert kept.metres().max() <= 2.8
     assert (columns.min(), rows.min()) >= (10, 20)
     assert columns.max() < 90
     assert rows.max() < 100
-    assert Limits().keep(frame) is frame
+    assert Scope().limit(frame)[0] is frame
 
 
 def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
     """It is neither empty nor unmeasured: whose arm reaches out of the region has it still."""
-    room, limits = Room(), Limits(region=(0, 0, 66, 120))
+    room, scope = Room(), Scope(region=(0, 0, 66, 120))
     frame = room.see(PERSON).frame
-    frame, left_out = limits.split(frame)
+    frame, left_out = scope.limit(frame)
     view = Scene().see(frame, left_out)
-    cut = segment_body(view, room.surface(PERSON, 2000))
+    surface = room.surface(PERSON, 2000)
+    cut = segment_body(view, surface, measure_distances(view, surface))
     left, top, right, bottom = cut.window
     assert left_out is not None
     outside = left_out[top:bottom, left:right]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from coordinator.scene.noise import fit_noise
-from coordinator.scene.planes import Planes, find_planes, follow_planes, sample_rays
+from coordinator.scene.planes import Array, Planes, find_planes, follow_planes, sample_rays
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Box, Room
 
 PERSON = (-0.4, 2.6)
@@ -15,7 +16,12 @@ PERSON = (-0.4, 2.6)
 def planes_of(room: Room) -> Planes:
     """What is found with a person in the room."""
     depth = room.see(PERSON).frame.metres()
-    return find_planes(sample_rays(depth, CAMERA), fit_noise(depth))
+    return find_planes(rays_of(depth), Planes().sky)
+
+
+def rays_of(depth: NDArray[np.float32]) -> Array:
+    """Rays of a depth image (H, W) in metres."""
+    return sample_rays(depth, CAMERA, fit_noise(depth))
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.2, 0.5])
@@ -40,7 +46,7 @@ def test_planes_are_followed_when_the_camera_moves_a_little() -> None:
     for number in range(1, 9):
         after = Room(noise=0.002, pitch=np.radians(0.5 * number))
         depth = after.see(PERSON, number).frame.metres()
-        followed = follow_planes(followed, sample_rays(depth, CAMERA), fit_noise(depth))
+        followed = follow_planes(followed, rays_of(depth))
     assert followed.up @ (after.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.7))
 
 
@@ -48,14 +54,14 @@ def test_a_person_alone_has_no_planes() -> None:
     """Where nothing but a person is measured, no part of it is taken for a wall or a floor."""
     seen = Room().see(PERSON)
     depth = np.where(seen.mask, seen.frame.metres(), np.float32(0.0))
-    assert len(find_planes(sample_rays(depth, CAMERA), fit_noise(depth)).coefficients) == 0
+    assert len(find_planes(rays_of(depth), Planes().sky).coefficients) == 0
 
 
 @pytest.mark.parametrize("growth", [0.001, 0.004])
 def test_noise_is_measured(growth: float) -> None:
     """The growth of the noise is found within a quarter, whatever is seen."""
     depth = Room((TABLE,), noise=growth).see(PERSON).frame.metres()
-    assert fit_noise(depth).growth == pytest.approx(growth, rel=0.25)
+    assert fit_noise(depth) == pytest.approx(growth, rel=0.25)
 
 
 def test_a_floor_between_furniture_is_found() -> None:
@@ -78,5 +84,5 @@ def test_no_floor_is_made_up() -> None:
     rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy
     shown = (np.abs(rows * depth - HEIGHT) > 0.05) | (rows < 0)  # without the floor itself
     above = np.where(shown, depth, np.float32(0.0))
-    found = find_planes(sample_rays(above, CAMERA), fit_noise(depth))
+    found = find_planes(rays_of(above), Planes().sky)
     assert not found.has_floor

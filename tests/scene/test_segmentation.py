@@ -14,15 +14,15 @@ from scipy.spatial import cKDTree
 
 from common.camera import Intrinsics, back_project
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame
-from coordinator.scene.distance_field import DistanceField
 from coordinator.scene.scene import Scene
 from coordinator.scene.segmentation import (
     Segmentation,
     assign_pixels,
-    explained,
+    measure_distances,
     segment_body,
     segment_mask,
 )
+from coordinator.tracking.segmenter import near_any
 from tests.support.rooms import CABINET, TABLE, Box, Room
 
 PERSON = (-0.4, 2.6)
@@ -39,7 +39,8 @@ def whole(cut: Segmentation, shape: tuple[int, int]) -> NDArray[np.uint8]:
 def cut_from(room: Room, frame: DepthFrame, off: float = 0.0) -> NDArray[np.uint8]:
     """Kinds of a frame's pixels, cut with a body that is so far off its place, metres."""
     view = Scene().see(frame)
-    return whole(segment_body(view, room.surface((PERSON[0] + off, PERSON[1]))), view.depth.shape)
+    surface = room.surface((PERSON[0] + off, PERSON[1]))
+    return whole(segment_body(view, surface, measure_distances(view, surface)), view.depth.shape)
 
 
 @pytest.mark.parametrize("boxes", [(), (CABINET,), (TABLE, CABINET)])
@@ -77,7 +78,11 @@ def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_el
     alone = replace(frame, depth=np.where(truth, frame.depth, np.uint16(0)))
     view = Scene().see(alone)
     assert not view.furnished
-    assert set(segment_body(view, room.surface(PERSON)).labels.ravel()) == {SUBJECT, EMPTY}
+    surface = room.surface(PERSON)
+    assert set(segment_body(view, surface, measure_distances(view, surface)).labels.ravel()) == {
+        SUBJECT,
+        EMPTY,
+    }
 
 
 def test_pixels_that_are_known_are_the_subject() -> None:
@@ -99,26 +104,26 @@ def test_of_two_people_each_has_the_nearest_pixels() -> None:
     truth = [one.mask & (one.frame.depth == depth) for one in seen]
     view = Scene().see(replace(seen[0].frame, depth=depth))
     surfaces = [room.surface(place) for place in places]
-    fields = [DistanceField.around(surface) for surface in surfaces]
-    others = assign_pixels(view, fields)
+    distances = [measure_distances(view, surface) for surface in surfaces]
+    others = assign_pixels(distances)
     for n in range(2):
-        mine = segment_body(view, surfaces[n], fields[n], others[n]).subject(depth.shape)
+        mine = segment_body(view, surfaces[n], distances[n], others[n]).subject(depth.shape)
         assert np.mean(truth[n][mine]) > 0.97
         assert np.mean(mine[truth[n]]) > 0.9
-    assert assign_pixels(view, [fields[0]]) == [None]
+    assert assign_pixels(distances[:1]) == [None]
 
 
 def test_distances_are_those_to_the_nearest_point() -> None:
     """Of pixels around random points, to half a cell's diagonal; what is far is far."""
     points = np.random.default_rng(3).uniform(-0.2, 0.3, (60, 3)) + np.array([0.1, -0.2, 2.0])
-    field, view = DistanceField.around(points), Scene().see(Room().see(None).frame)
+    view = Scene().see(Room().see(None).frame)
     depth = np.random.default_rng(4).uniform(1.6, 2.6, view.depth.shape).astype(np.float32)
-    found = np.sqrt(field.measure(depth, view.lens))
-    exact = cKDTree(points).query(back_project(depth, view.camera))[0] / 0.04
-    near = exact < 7.0
-    assert np.all(np.abs(found - exact)[near] < np.sqrt(3.0))
+    found = measure_distances(replace(view, depth=depth), points)
+    exact = cKDTree(points).query(back_project(depth, view.camera))[0]
+    near = exact < 0.2
+    assert np.all(np.abs(found - exact)[near] < 0.04 * np.sqrt(3.0))
     assert near.any()
-    assert np.all(found[exact > 10.0] >= 8.0)
+    assert np.all(found[exact > 0.4] == np.inf)
 
 
 def test_no_place_of_a_body_reads_beyond_the_picture() -> None:
@@ -142,9 +147,9 @@ def segment_at(x: float, z: float) -> None:
         frame = DepthFrame(0, 0.0, np.full((12, 16), units, np.uint16), 1000.0, camera)
         scene = Scene(np.full((12, 16), 3.0, np.float32))
         view = scene.see(frame)
-        fields = [DistanceField.around(surface), DistanceField.around(surface + 0.1)]
-        others = assign_pixels(view, fields)
-        scene.learn(view, explained(view, fields))
-        left, top, right, bottom = segment_body(view, surface, fields[0], others[0]).window
+        distances = [measure_distances(view, surface), measure_distances(view, surface + 0.1)]
+        others = assign_pixels(distances)
+        scene.learn(view, near_any(view, distances))
+        left, top, right, bottom = segment_body(view, surface, distances[0], others[0]).window
         assert 0 <= left <= right <= camera.width
         assert 0 <= top <= bottom <= camera.height

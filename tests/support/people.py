@@ -131,7 +131,7 @@ def rendered(model: BodyModel, poses: Array, camera: Intrinsics = CAMERA) -> lis
 
 def subject_of(frame: DepthFrame, points: int) -> SubjectFrame:
     """A frame of which all that is measured is the subject's."""
-    subject = isolate(frame, None, points)
+    subject = isolate(frame, points)
     assert subject is not None
     return subject
 

@@ -17,7 +17,7 @@ from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
-from coordinator.scene.planes import NO_PLANES as NONE
+from coordinator.scene.planes import Planes
 from coordinator.tracking.detector import Candidates, Detection, Detector
 from coordinator.tracking.gating import Gate
 from coordinator.tracking.pose_library import draw_any
@@ -60,7 +60,7 @@ def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, Bo
     """What is detected in a frame that shows a pose. Candidates are never asked for their covariance."""
     subject = subject_of(show(model, pose[None]).frames[0], 2_000)
     refiner = Listening()
-    found = Detector(bodies, refiner, preset("default")).detect(subject, SensorNoise(), NONE)
+    found = Detector(bodies, refiner, preset("default")).detect(subject, SensorNoise(), Planes())
     assert refiner.asked == {False}
     return found, found.start.model
 

@@ -29,7 +29,7 @@ def test_iterations_go_with_the_time_between_frames(interval: float, iterations:
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
     """Points lie on the surface that is seen; time that stands still or goes back is the usual interval."""
     depth = np.full((24, 32), 2000, dtype=np.uint16)
-    subject = isolate(DepthFrame(3, 0.5, depth, 1000.0, CAMERA), None, 100)
+    subject = isolate(DepthFrame(3, 0.5, depth, 1000.0, CAMERA), 100)
     assert subject is not None
     sighting = see(subject, 0.4)
     np.testing.assert_allclose(sighting.points[:, 2], 2.0)

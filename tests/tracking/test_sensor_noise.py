@@ -17,7 +17,6 @@ from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.commands.job import choose_settings
 from coordinator.commands.options import TrackOptions
-from coordinator.scene.noise import DepthNoise
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.scenes import arm
 from coordinator.tracking.sensor_noise import (
@@ -76,7 +75,7 @@ def test_of_an_image_of_points_the_usual_noise_is_assumed() -> None:
     depth = np.zeros((9, 9), dtype=np.uint16)
     depth[::3, ::3] = 2000
     measured = measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA))
-    assert measured.depth == pytest.approx(DepthNoise().sigma(np.array(2.0)))
+    assert measured.depth == pytest.approx(0.007, abs=0.003)
 
 
 def test_rounding_is_noise() -> None:

@@ -346,7 +346,7 @@ def test_a_joint_that_went_faster_than_people_is_named() -> None:
 def test_points_are_picked_evenly() -> None:
     """As many as asked for, in ascending order, each from its own equal share of the pixels."""
     frame = shown("standing").frames[0]
-    every, some = isolate(frame, None, 10**6), isolate(frame, None, 500)
+    every, some = isolate(frame, 10**6), isolate(frame, 500)
     assert every is not None
     assert some is not None
     assert len(some.picked) == 500 < len(every.picked)

@@ -99,7 +99,7 @@ def test_a_body_that_is_nowhere_in_sight_is_impossible() -> None:
 
 def observe_few() -> Observation:
     """Another frame: fewer points and pixels."""
-    found = isolate(plain_path.render(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), None, 70)
+    found = isolate(plain_path.render(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), 70)
     assert found is not None
     return observe(found)
 

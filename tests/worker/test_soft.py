@@ -52,7 +52,7 @@ def seen(seed: int, points: int = 4000) -> Observation:
     with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(model, truth[None])[0], model.triangles).astype(np.float64)
     noisy = add_noise(depth, CAMERA, NOISE, np.random.default_rng(seed))
-    subject = isolate(DepthFrame(0, 0.0, np.rint(noisy * 1e4).astype(np.uint16), 1e4, CAMERA), None, points)
+    subject = isolate(DepthFrame(0, 0.0, np.rint(noisy * 1e4).astype(np.uint16), 1e4, CAMERA), points)
     assert subject is not None
     return observe(subject)
 

@@ -43,7 +43,7 @@ def seen(name: str) -> tuple[Array, Observation]:
     with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(person(), truth[None])[0], person().triangles)
     frame = DepthFrame(0, 0.0, np.rint(depth * 1000.0).astype(np.uint16), 1000.0, CAMERA)
-    subject = isolate(frame, None, POINTS)
+    subject = isolate(frame, POINTS)
     assert subject is not None
     return truth, observe(subject)
 

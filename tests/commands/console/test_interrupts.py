@@ -19,7 +19,6 @@ from coordinator.cli import main
 from coordinator.commands.console import loading, noted_interrupts
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
-from coordinator.scene.geometry import held_interrupts
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start
 from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
@@ -62,7 +61,7 @@ def test_after_loading_interrupts_are_exceptions_again() -> None:
         signal.signal(signal.SIGINT, before)
 
 
-def end_as_open3d_does() -> None:
+def fail_to_load() -> None:
     """An interrupt within its loading."""
     try:
         signal.raise_signal(signal.SIGINT)
@@ -76,7 +75,7 @@ def swallow(number: signal.Signals = signal.SIGINT) -> None:
         signal.raise_signal(number)
 
 
-@pytest.mark.parametrize("happens", [end_as_open3d_does, swallow])
+@pytest.mark.parametrize("happens", [fail_to_load, swallow])
 def test_what_was_swallowed_or_turned_into_a_fault_is_raised_at_the_end(happens: Callable[[], None]) -> None:
     """As KeyboardInterrupt."""
     with pytest.raises(KeyboardInterrupt), noted_interrupts():
@@ -88,20 +87,6 @@ def test_a_fault_without_an_interrupt_stays_what_it_is() -> None:
     swallow()
     with pytest.raises(ImportError), noted_interrupts():
         raise ImportError("really missing")
-
-
-def test_open3d_loads_to_its_end_before_an_interrupt_counts() -> None:
-    """The interrupt comes after the context, once."""
-    done: list[str] = []
-
-    def load() -> None:
-        with held_interrupts():
-            signal.raise_signal(signal.SIGINT)
-            done.append("loaded")
-
-    with pytest.raises(KeyboardInterrupt):
-        load()
-    assert done == ["loaded"]
 
 
 @pytest.mark.usefixtures("no_traces")

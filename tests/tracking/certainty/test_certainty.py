@@ -51,7 +51,7 @@ def seen_as(posture: str) -> SubjectFrame:
     pose = pose_of({"standing": STANDING, "folded": BEFORE_THE_BODY, "sideways": SIDEWAYS}[posture])
     with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(body(), pose[None])[0], body().triangles)
-    subject = isolate(frame_of(0, depth), None, 4_000)
+    subject = isolate(frame_of(0, depth), 4_000)
     assert subject is not None
     return subject
 
@@ -187,7 +187,7 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
     depth = np.zeros((40, 40), dtype=np.uint16)
     depth[10:30, 10:30] = 2_000
     frame = DepthFrame(0, 0.0, depth, 1000.0, Intrinsics(40, 40, 60.0, 60.0, 19.5, 19.5))
-    subject = isolate(frame, None, 100)
+    subject = isolate(frame, 100)
     assert subject is not None
     found = certainty_of({**STANDING, "root_tz": -3.0}, subject)
     assert np.isfinite(found.off_probability).all()

@@ -38,7 +38,7 @@ def scene() -> tuple[BodyModel, Array, SubjectFrame]:
         )
     noisy = add_noise(depth.astype(np.float64), shot.camera, NOISE, np.random.default_rng(0))
     units = np.clip(np.rint(SCALE * noisy), 0, 65_535).astype(np.uint16)
-    subject = isolate(DepthFrame(0, 0.0, units, SCALE, shot.camera), None, 10_000)
+    subject = isolate(DepthFrame(0, 0.0, units, SCALE, shot.camera), 10_000)
     assert subject is not None
     model = activate(shot.model, ARM_DOFS, shot.poses[FRAME])
     return model, shot.poses[FRAME][[shot.model.dof(name) for name in ARM_DOFS]], subject
