@@ -21,7 +21,7 @@ from coordinator.scene.scope import Scope
 from coordinator.tracking import segmenter
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Lookahead, Stopwatch
-from coordinator.tracking.observation import CLEARANCE, some_points
+from coordinator.tracking.observation import some_points
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated
 from coordinator.tracking.segmenter import Segmented, Segmenter
@@ -30,6 +30,8 @@ from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
 Array = NDArray[np.float64]
+
+STEP_M = 0.8  # that a body may go between two frames
 
 
 class Tracker:
@@ -168,7 +170,7 @@ class Tracker:
         others = [each.expected for n, each in enumerate(self._targets) if n != place]
         found = self._segmenter.find_candidates(segmented, [each for each in others if each is not None])
         for each in found[:1]:
-            near = distance(each, target.last_seen) < CLEARANCE
+            near = distance(each, target.last_seen) < STEP_M
             if each.pixels > pixels and (near or pixels < target.least_pixels):
                 target.nothing_seen()
                 return each
