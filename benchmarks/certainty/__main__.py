@@ -2,21 +2,49 @@
 
 The hard actions of UTD-MHAD at 30, 15 and 10 frames a second, where depth does not contradict the reference:
 how many joints lie within one and two deviations, and how many of those more than 15 cm off are flagged at
-which share of false alarms. With --fit what it goes by is fitted anew first, on subjects 1 and 2 and on
-rendered people with exact truth, and written to coordinator/tracking/certainty/fitted.py. Lines on stderr,
-a table on stdout, numbers in a JSON file where asked. Exit code 1 if a recording crashed. How well one
-particle knows that it has lost a limb: --demo 12 --set method=gradient.
+which share of false alarms. With --fit the functions are fitted anew first and printed as FIT of
+coordinator/tracking/certainty/certainty.py: on subjects 1 and 2, also tracked by --method gradient and in
+pictures that end at the knees, and on rendered people that --method gradient tracks. Lines on stderr, a table
+on stdout, numbers in a JSON file where asked. Exit code 1 if a recording crashed. How well one particle knows
+that it has lost a limb: --demo 12 --set method=gradient.
 """
 
 from __future__ import annotations
 
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from benchmarks.certainty.measure import measure
-from benchmarks.running import add_changes, add_data, add_processes, command_line, measured
+import msgspec
+
+from benchmarks.certainty.fitting import fit
+from benchmarks.certainty.gather import Gathered, find_hard, gather, render_people
+from benchmarks.certainty.scores import Score, score, score_table
+from benchmarks.recordings import Recording
+from benchmarks.running import (
+    Crash,
+    add_changes,
+    add_data,
+    add_processes,
+    command_line,
+    keep,
+    measured,
+    progress,
+    run_forked,
+    screen,
+    settings_with,
+)
+from benchmarks.tracking import prepare
+from common.errors import InputError
+from coordinator.bodies.tracked import Bodies
+from coordinator.tracking.certainty.certainty import FIT
 
 EVERY = [1, 2, 3]  # n-th of 30 frames a second
+FIT_SUBJECTS = (1, 2)
+PEOPLE, GRADIENT, CUT, RENDERED = "people", "gradient", "cut", "rendered"  # kinds of recordings to fit to
+FIRST_RENDERED, RENDERED_FOR_FIT = 20, range(100, 112)  # seeds beyond those that the demo itself has
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -42,6 +70,68 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if chosen.every is None:
         chosen.every = EVERY if chosen.demo is None else [1]
     return measured(measure, chosen)
+
+
+def measure(choice: Namespace) -> int:
+    """Exit code: 1 if a recording crashed. InputError for what makes no sense."""
+    if choice.fit and choice.demo is not None:
+        raise InputError("give --fit or --demo: what is fitted is scored on recorded people")
+    console = progress()
+    console.print("loading kernels and bodies")
+    bodies, crashes, scores, found = prepare(), list[str](), list[Score](), FIT
+    with TemporaryDirectory() as folder:
+        if choice.fit:
+            gathered = gather_to_fit(choice, Path(folder), bodies, crashes)
+            found = fit(gathered, (PEOPLE, GRADIENT))
+            screen().print(found)
+            for kind in (PEOPLE, GRADIENT, CUT, RENDERED):
+                scores.append(score(f"fitted: {kind}", [g for g in gathered if g.kind == kind], found))
+        if choice.demo is None:
+            name, recordings = f"subjects {choice.subjects}", find_hard(choice.data, choice.subjects)
+        else:
+            seeds = range(FIRST_RENDERED, FIRST_RENDERED + choice.demo)
+            name, recordings = f"{choice.demo} people of gepf demo", render_people(Path(folder), seeds)
+        scores.append(score(name, track_all(name, recordings, choice, bodies, crashes), found))
+    for line in crashes:
+        console.print(line)
+    screen().print(score_table(scores))
+    options = {name: str(value) for name, value in vars(choice).items()}
+    keep({"options": options, "scores": scores}, choice.out)
+    return 1 if crashes else 0
+
+
+def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list[str]) -> list[Gathered]:
+    """What certainty is fitted to, of each kind of recordings."""
+    people, rendered = find_hard(choice.data, FIT_SUBJECTS), render_people(folder, RENDERED_FOR_FIT)
+    plain = Namespace(**{**vars(choice), "cut": None})
+    gradient = Namespace(**{**vars(plain), "changes": [*choice.changes, "method=gradient"]})
+    cut = Namespace(**{**vars(plain), "cut": 0.0})
+    return [
+        *track_all(PEOPLE, people, plain, bodies, crashes),
+        *track_all(GRADIENT, people, gradient, bodies, crashes),
+        *track_all(CUT, people, cut, bodies, crashes),
+        *track_all(RENDERED, rendered, Namespace(**{**vars(gradient), "every": [1]}), bodies, crashes),
+    ]
+
+
+def track_all(
+    kind: str, recordings: Sequence[Recording], choice: Namespace, bodies: Bodies, crashes: list[str]
+) -> list[Gathered]:
+    """All recordings, frame rates and seeds, each in a process of its own."""
+    settings = settings_with(choice.changes, None)
+    jobs = [(r, n, seed) for seed in range(choice.seeds) for n in choice.every for r in recordings]
+
+    def run(job: tuple[Recording, int, int]) -> Gathered | None:
+        recording, n, seed = job
+        return gather(kind, recording, n, msgspec.structs.replace(settings, seed=seed), bodies, choice.cut)
+
+    found: dict[int, Gathered] = {}
+    for job, result in run_forked(run, jobs, choice.processes):
+        if isinstance(result, Crash):
+            crashes.append(f"{job[0].name}: {result.error}")
+        elif result is not None:
+            found[jobs.index(job)] = result
+    return [found[number] for number in sorted(found)]
 
 
 if __name__ == "__main__":

@@ -1,20 +1,23 @@
-"""The evidence about each joint of a recording as it is tracked, beside how far the joint was off."""
+"""The features of each joint of recordings as they are tracked, beside how far the joint was off."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.certainty.cutting import cut_below, row_between
-from benchmarks.recordings import Recording, read_frames, read_reference
+from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
+from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
+from coordinator.files import TRUTH_FILE
 from coordinator.results.evaluation import positions
-from coordinator.tracking.certainty.evidence import weigh_evidence
+from coordinator.synthesis.sequence import PERSON, synthesise
+from coordinator.tracking.certainty.features import Features, measure_features
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.segmenter import Segmenter
@@ -23,66 +26,86 @@ from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]
 
+FRAMES = 50  # of each rendered person
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gathered:
-    """F tracked frames of one recording with J joints and K clues."""
+    """F tracked frames of one recording with J joints."""
 
+    kind: str  # recordings of one kind are scored together
     person: str  # whose constant offsets are removed; empty where the truth is exact
-    performance: str  # recordings of the same one are fitted or scored together
-    every: int
-    lone: bool  # a single particle was drawn
-    interval: Array  # (F,) seconds since the frame before
-    evidence: Array  # (F, J, K)
+    features: Features  # (F, J) each
     apart: Array  # (F, J, 3) metres from the reference
     holds: NDArray[np.bool_]  # (F, J) where the depth does not contradict the reference
     status: NDArray[np.str_]  # (F,)
 
 
+def find_hard(data: Path, subjects: Sequence[int]) -> list[Recording]:
+    """The hard actions of subjects; InputError where there are none."""
+    return choose(find_people(data, subjects), ["hard"])
+
+
+def render_people(folder: Path, seeds: Sequence[int]) -> list[Recording]:
+    """People who move fast at 10 frames a second, with exact truth, written to a folder."""
+    for seed in seeds:
+        synthesise(PERSON, folder / str(seed), FRAMES, seed=seed, kinect=True)
+    return [Recording(str(s), folder / str(s), folder / str(s) / TRUTH_FILE) for s in seeds]
+
+
 def gather(
-    recording: Recording, every: int, settings: Settings, bodies: Bodies, cut: float | None = None
-) -> Gathered:
-    """Track every n-th frame and gather what is said of the frames in which the body is known.
+    kind: str, recording: Recording, every: int, settings: Settings, bodies: Bodies, cut: float | None = None
+) -> Gathered | None:
+    """Track every n-th frame; None if the body is known in no frame that has a reference.
 
     cut: share of the way from knees to hips at which the picture ends; None for all of it.
     """
     frames = read_frames(recording)
-    names, truth, holds = read_joints(recording, frames)
+    reference = read_reference(recording, frames)
     if cut is not None:
-        row = row_between(truth, names, cut, frames[0].intrinsics)
+        row = row_between(reference.joints, reference.names, cut, frames[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
     segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies)
-    rows: list[tuple[float, Array, Array, NDArray[np.bool_], str]] = []
+    rows: list[tuple[Array, Array, NDArray[np.bool_], str]] = []
     for frame in frames[::every]:
         segmented = segmenter.segment(frame, [tracker.expected])
         (subject,) = segmented.candidates[:1] or segmented.subjects
         updated = tracker.update(tracker.submit(frame, subject, segmented.view.planes, Stopwatch()))
-        estimate, sighted = tracker.report(updated).estimate, updated.sighted
-        if estimate.status in UNKNOWN or sighted is None or not np.isfinite(truth[frame.number]).all():
+        estimate, measurement = tracker.report(updated).estimate, updated.measurement
+        found = np.flatnonzero(reference.frame == frame.number)
+        if estimate.status in UNKNOWN or measurement is None or not len(found):
             continue
-        mine = positions(tracker.model.joint_names, names)
-        evidence = weigh_evidence(
-            tracker.model, estimate.pose, estimate.hypothesis_pose, estimate.hypothesis_weight, sighted
+        features = measure_features(
+            tracker.model,
+            estimate.pose,
+            estimate.hypothesis_pose,
+            estimate.hypothesis_weight,
+            measurement,
+            tracker.management.residual,
         )
-        off = estimate.joint_positions[mine] - truth[frame.number]
-        rows.append((sighted.interval, evidence[mine], off, holds[frame.number], estimate.status))
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
+        mine, row = positions(tracker.model.joint_names, reference.names), found[0]
+        apart = estimate.joint_positions[mine] - reference.joints[row]
+        rows.append((np.array(features)[:, mine], apart, reference.holds[row], estimate.status))
+    if not rows:
+        return None
+    columns, apart, holds, status = (np.array(column) for column in zip(*rows, strict=True))
     person = "" if recording.action is None else recording.name.rpartition("_")[2]
-    lone = settings.filter.particles == 1
-    return Gathered(person, performance_of(recording), every, lone, *columns)
+    return Gathered(kind, person, Features(*np.moveaxis(columns, 1, 0)), apart, holds, status)
 
 
-def read_joints(
-    recording: Recording, frames: Sequence[DepthFrame]
-) -> tuple[tuple[str, ...], Array, NDArray[np.bool_]]:
-    """Names (J,), joints (T, J, 3) of each frame, NaN where there are none, and which hold (T, J)."""
-    reference = read_reference(recording, frames)
-    shape = len(frames), len(reference.names)
-    joints, holds = np.full((*shape, 3), np.nan), np.zeros(shape, dtype=bool)
-    joints[reference.frame], holds[reference.frame] = reference.joints, reference.holds
-    return reference.names, joints, holds
+def row_between(joints: Array, names: tuple[str, ...], share: float, camera: Intrinsics) -> int:
+    """The row at a share of the way from knees to hips, by joints (F, J, 3)."""
+    knees, hips = (
+        np.mean([joints[:, names.index(f"{side}_{part}")] for side in ("left", "right")], axis=(0, 1))
+        for part in ("knee", "hip")
+    )
+    _, y, z = knees + share * (hips - knees)
+    return int(np.clip(round(camera.cy + camera.fy * y / z), 1, camera.height))
 
 
-def performance_of(recording: Recording) -> str:
-    """The action, or who danced, whatever the camera."""
-    return recording.name.partition("_")[0]
+def cut_below(frame: DepthFrame, row: int) -> DepthFrame:
+    """What a camera sees whose picture ends at a row."""
+    camera = frame.intrinsics
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+    depth = np.ascontiguousarray(frame.depth[:row])
+    return replace(frame, depth=depth, intrinsics=Intrinsics(camera.width, row, *lens))

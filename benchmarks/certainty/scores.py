@@ -1,4 +1,4 @@
-"""How well the tracker's word holds: what is flagged, and how many joints lie within their deviation."""
+"""How well the stated certainty holds: joints that are flagged, and joints within their deviation."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from benchmarks.certainty.fitting import distances, judge
+from benchmarks.certainty.fitting import joints_of
 from benchmarks.certainty.gather import Gathered
-from coordinator.tracking.certainty.assessment import Functions
-from coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED
+from coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED, Fit
 
 Array = NDArray[np.float64]
 
@@ -45,26 +44,22 @@ class Score(msgspec.Struct, frozen=True):
     hidden: Calibration
 
 
-def score(name: str, gathered: Sequence[Gathered], functions: Functions) -> Score:
-    """Hold what the functions say against how far joints are off, where the reference holds."""
-    verdicts, off = [judge(one, functions) for one in gathered], distances(gathered)
-    holds = [one.holds for one in gathered]
-    log_odds, log_deviation = np.concatenate([v[h] for v, h in zip(verdicts, holds, strict=True)]).T
-    away = np.concatenate([d[h] for d, h in zip(off, holds, strict=True)])
-    shown = np.concatenate([one.evidence[..., 0][one.holds] for one in gathered]) >= SHOWN
-    wrong, in_deviations = away > OFF, away / np.exp(log_deviation)
-    flagged = log_odds > logit(FLAGGED)
-    suspected = np.concatenate(
-        [
-            (v[..., 0] > logit(SUSPECTED)).any(axis=1) | (one.status != "tracked")
-            for v, one in zip(verdicts, gathered, strict=True)
-        ]
-    )
-    away_of = [(d > OFF) & h for d, h in zip(off, holds, strict=True)]
-    some_off = np.concatenate([one.any(axis=1) for one in away_of])
-    caught = np.concatenate(
-        [(a & (v[..., 0] > logit(FLAGGED))).any(axis=1) for a, v in zip(away_of, verdicts, strict=True)]
-    )
+def score(name: str, gathered: Sequence[Gathered], fit: Fit) -> Score:
+    """Hold what a fit says against how far joints are off, where the reference holds."""
+    features, away, _ = joints_of(gathered)
+    certainty = fit.judge(features)
+    probability, in_deviations = certainty.off_probability, away / certainty.deviation
+    wrong, flagged, seen = away > OFF, probability > FLAGGED, features.seen >= SHOWN
+    ends = np.cumsum([np.count_nonzero(one.holds, axis=1).sum() for one in gathered])[:-1]
+    some_off, caught, suspected = [], [], []
+    for one, off in zip(gathered, np.split(wrong, ends), strict=True):
+        said = fit.judge(one.features).off_probability
+        is_off = np.zeros(one.holds.shape, dtype=bool)
+        is_off[one.holds] = off
+        some_off.append(is_off.any(axis=1))
+        caught.append((is_off & (said > FLAGGED)).any(axis=1))
+        suspected.append((said > SUSPECTED).any(axis=1) | (one.status != "tracked"))
+    frames, doubted = np.concatenate(some_off), np.concatenate(suspected)
     return Score(
         name=name,
         joints=len(away),
@@ -72,26 +67,21 @@ def score(name: str, gathered: Sequence[Gathered], functions: Functions) -> Scor
         flagged_percent=percent(flagged[wrong]),
         false_percent=percent(flagged[~wrong]),
         roc=[
-            (100.0 * share, percent(log_odds[wrong] > limit_for(log_odds[~wrong], share)))
+            (100.0 * share, percent(probability[wrong] > limit_for(probability[~wrong], share)))
             for share in FALSE_ALARMS
         ],
-        suspected_frames_percent=percent(suspected[some_off]),
-        doubted_frames_percent=percent(suspected[~some_off]),
-        flagged_frames_percent=percent(caught[some_off]),
-        off_frames=int(some_off.sum()),
-        seen=calibration(in_deviations[shown]),
-        hidden=calibration(in_deviations[~shown]),
+        suspected_frames_percent=percent(doubted[frames]),
+        doubted_frames_percent=percent(doubted[~frames]),
+        flagged_frames_percent=percent(np.concatenate(caught)[frames]),
+        off_frames=int(frames.sum()),
+        seen=calibration(in_deviations[seen]),
+        hidden=calibration(in_deviations[~seen]),
     )
 
 
-def logit(probability: float) -> float:
-    """Its log odds."""
-    return float(np.log(probability / (1.0 - probability)))
-
-
-def limit_for(log_odds: Array, share: float) -> float:
-    """The log odds above which this share lies."""
-    return float(np.quantile(log_odds, 1.0 - share)) if len(log_odds) else np.inf
+def limit_for(probability: Array, share: float) -> float:
+    """The probability above which this share lies."""
+    return float(np.quantile(probability, 1.0 - share)) if len(probability) else np.inf
 
 
 def percent(values: NDArray[np.bool_]) -> float:

@@ -110,7 +110,6 @@ class Checkpoint:
     generator: str  # the random generator's state as JSON, whose integers have any size
     scene: SceneChange  # what the frame changed in what is known of the scene; of a resumed run, all of it
     management: TrackManagement = field(default_factory=TrackManagement)
-    verdict: NDArray[np.float64] | None = None  # (J, 2) about each joint, see certainty/assessment.py
     size: SizeEstimate | None = None  # of the person; None where it is not sought
 
 

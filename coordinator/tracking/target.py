@@ -26,7 +26,7 @@ from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.certainty.evidence import Sighted
+from coordinator.tracking.certainty.features import Measurement
 from coordinator.tracking.detector import Candidates, Detection, Detector
 from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
@@ -61,7 +61,7 @@ class Request:
     model: BodyModel
     settings: RefineSettings
     proposal: Proposal[Any]
-    observed: Sighted
+    measurement: Measurement
     pending: Pending
 
 
@@ -112,7 +112,6 @@ class TargetTracker:
         self._expected = self.start.pose if self._given else None  # (D,) near which the next frame shows it
         self._time_s: float | None = None  # of the last frame that showed something
         self._distance = 0.0  # metres, of what the present frame shows
-        self._verdict: Array | None = None  # (J, 2) about each joint, of the frame that was reported last
         self._size: SizeEstimate | None = None  # None where the size is not sought
         self.scene = SceneChange()  # what the frame that was submitted last changed in it
         if state is not None:
@@ -122,7 +121,7 @@ class TargetTracker:
         past = state.checkpoint
         self.start, self.scene, self.management = state.start, past.scene, past.management
         self._expected, self._time_s, self._size = past.expected, past.time_s, past.size
-        self._verdict, self._rng = past.verdict, load_generator(past.generator)
+        self._rng = load_generator(past.generator)
         if past.belief:
             begun = self._method.begin(self.model, self.start.pose, self._settings.filter)
             self._belief = replace(begun, **past.belief)
@@ -143,7 +142,6 @@ class TargetTracker:
             json.dumps(self._rng.bit_generator.state),
             self.scene,
             self.management,
-            self._verdict,
             self._size,
         )
         return TrackerState(self.start, checkpoint)
@@ -197,12 +195,11 @@ class TargetTracker:
             proposal = self._predict(self._belief, subject)
         with clock.stage("refine"):
             settings = self._refine_settings
-            stretch, lone = settings.noise_lateral / settings.noise_depth, len(proposal.poses) == 1
-            past = self._belief.reported
-            observed = Sighted(subject, past, proposal.interval, stretch, lone, first)
+            stretch, past = settings.noise_lateral / settings.noise_depth, self._belief.reported
+            measurement = Measurement(subject, past, proposal.interval, stretch, first)
             pending = self._send(proposal, settings)
         return Submitted(
-            frame, Request(self.model, settings, proposal, observed, pending), shows, detection, clock
+            frame, Request(self.model, settings, proposal, measurement, pending), shows, detection, clock
         )
 
     def send_ahead(self, subject: SubjectFrame | None, clock: Stopwatch) -> None:
@@ -221,13 +218,11 @@ class TargetTracker:
         self._time_s = frame.time_s
         with clock.stage("measure"):
             self._accept(belief, request, submitted.detection)
-        return Updated(frame, self.state, self._belief, None, answered, request.observed, clock)
+        return Updated(frame, self.state, self._belief, None, answered, request.measurement, clock)
 
     def report(self, updated: Updated) -> Tracked:
         """Assess and report a frame that was updated; before the next one is."""
-        reported = report(updated)
-        self._verdict = reported.state.checkpoint.verdict
-        return reported
+        return report(updated)
 
     @property
     def _redetects(self) -> bool:
@@ -324,14 +319,14 @@ class TargetTracker:
                 refined = replace(refined, poses=natural_angles(model, refined.poses))
                 found = self._method.update(model, proposal, refined, self._settings.filter, self._rng)
             if not isinstance(found, Proposal):
-                from_guess = request.observed.first  # the way from there is no motion
+                from_guess = request.measurement.first  # the way from there is no motion
                 return found.at_rest() if from_guess else found, answered
             with clock.stage("refine"):
                 proposal, pending = found, self._send(found, request.settings)
 
     def _accept(self, belief: Belief, request: Request, detection: Detection | None) -> None:
         """Go on with the tracked hypotheses, or with those of a detection that explains the frame better."""
-        subject, redetected = request.observed.subject, False
+        subject, redetected = request.measurement.subject, False
         gate = gate_pose(belief.log_weights[0], belief.residual[0], request.settings)
         self._belief = belief
         if detection is not None:

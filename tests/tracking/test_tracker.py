@@ -26,7 +26,7 @@ from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.refiner import Pending
-from coordinator.tracking.reporting import explain_leaps, find_leaps, judge
+from coordinator.tracking.reporting import judge
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
@@ -327,20 +327,6 @@ def test_one_word_says_how_sure_it_is(
     joints[:, 1, 0] = away
     sure = Certainty(np.ones(2), np.zeros(2), np.zeros(2))
     assert judge(management, np.array(weights), joints, joints[reported], sure) == word
-
-
-def test_a_joint_that_went_faster_than_people_is_named() -> None:
-    """A wrist that is elsewhere in the next frame; who walks, or is found again as a whole, does not leap."""
-    names, past = ("head", "right_wrist", "left_wrist", "pelvis"), np.zeros((4, 3))
-    walked, hopped = np.add(past, (3.0, 0.0, 0.0)), past.copy()
-    hopped[1] = (0.0, 0.6, 0.0)
-    assert not find_leaps(walked, past, 1.0 / 30.0).any()
-    assert find_leaps(hopped, past, 1.0 / 30.0).tolist() == [False, True, False, False]
-    assert not find_leaps(hopped, past, 1.0 / 10.0).any()
-    assert explain_leaps(names, find_leaps(hopped, past, 1.0 / 30.0)) == "found elsewhere: right wrist"
-    assert explain_leaps(names, find_leaps(past, past, 1.0 / 30.0)) == ""
-    hopped[:3] = (0.0, 0.8, 0.0)
-    assert explain_leaps(names, find_leaps(hopped, past, 1.0 / 30.0)) == "found elsewhere: pelvis"  # of most
 
 
 def test_points_are_picked_evenly() -> None:

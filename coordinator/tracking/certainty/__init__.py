@@ -1,1 +1,1 @@
-"""How sure a frame makes the tracker of each joint: evidence, and what it is worth by measurement."""
+"""How sure a frame makes the tracker of each joint."""

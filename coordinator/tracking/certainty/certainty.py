@@ -1,4 +1,4 @@
-"""How sure a frame makes the tracker of each joint, as it is reported."""
+"""How sure a frame makes the tracker of each joint: a logistic function of features, fitted to people."""
 
 from __future__ import annotations
 
@@ -6,24 +6,66 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
+
+from coordinator.tracking.certainty.features import Features
 
 Array = NDArray[np.float64]
 
 OFF = 0.15  # metres from the true joint, from which on a joint is off
-FLAGGED = 0.07  # chance of it from which on a joint is flagged: of those in place, 4 to 5 % are
-SUSPECTED = 0.3  # from which on the whole frame is in doubt
-PROBABLE = 0.5  # and from which on it rather is than not
+FLAGGED = 0.06  # probability from which on a joint is flagged: of those in place, 5 % are
+SUSPECTED = 0.25  # probability from which on the frame is ambiguous
+MOST_LOG_ODDS = 10.0  # beyond which nothing was measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Certainty:
-    """How sure a frame makes the tracker of each joint (J,); NaN where nobody knows where the body is."""
+    """How sure a frame makes the tracker of each joint (J,); NaN where the body's place is unknown."""
 
     seen: Array  # share of the surface around the joint that the frame shows, of what faces the camera
     off_probability: Array  # that it is more than 15 cm off
     deviation: Array  # expected distance from the true joint, one standard deviation, metres
 
 
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Log odds that a joint is off, linear in the features, and its deviation, which follows from them."""
+
+    intercept: float
+    weights: dict[str, float]  # log odds for each unit of a feature, see `Features`
+    deviation: tuple[float, float, float]  # log metres: intercept, of the log odds, of the hidden share
+
+    def log_odds(self, features: Features) -> Array:
+        """That joints are off, by features of any shape."""
+        found = sum((w * getattr(features, name) for name, w in self.weights.items()), self.intercept)
+        log_odds: Array = np.clip(found, -MOST_LOG_ODDS, MOST_LOG_ODDS)
+        return log_odds
+
+    def judge(self, features: Features) -> Certainty:
+        """How sure joints are."""
+        log_odds = self.log_odds(features)
+        intercept, odds, hidden = self.deviation
+        deviation = np.exp(intercept + odds * log_odds + hidden * (1.0 - features.seen))
+        return Certainty(features.seen, expit(log_odds), deviation)
+
+
+FIT = Fit(
+    intercept=-5.369,
+    weights={
+        "seen": -3.671,
+        "residual": 4.826,
+        "spread": 0.1368,
+        "speed": 0.4124,
+        "bend": 0.2634,
+        "folding": 8.167,
+        "crowding": 1.162,
+        "protrusion": 5.514,
+    },
+    deviation=(-1.844, 0.2756, 1.288),
+)
+"""By `python -m benchmarks.certainty --fit`."""
+
+
 def unknown_certainty(joints: int) -> Certainty:
-    """Of a frame of which nobody knows where the body is."""
+    """Of a frame in which the body's place is unknown."""
     return Certainty(*np.full((3, joints), np.nan))

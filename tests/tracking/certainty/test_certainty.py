@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics, project
-from common.frame import EMPTY, HIDDEN, SUBJECT, DepthFrame, SubjectFrame
+from common.frame import HIDDEN, SUBJECT, DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.certainty.assessment import built_in, conclude, recall
-from coordinator.tracking.certainty.certainty import Certainty
-from coordinator.tracking.certainty.evidence import CLUES, Sighted, weigh_evidence
-from coordinator.tracking.certainty.regions import regions_of
+from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
+from coordinator.tracking.certainty.features import Features, Measurement, measure_features
+from coordinator.tracking.certainty.surface import regions_of
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.reporting import explain_doubt, judge
 from coordinator.tracking.track_management import TrackManagement
-from tests.support.people import CAMERA, STANDING, frame_of
+from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
+from tests.support.residuals import residual_of
 
 Array = NDArray[np.float64]
 
@@ -56,70 +56,61 @@ def seen_as(posture: str) -> SubjectFrame:
     return subject
 
 
-def evidence_of(values: dict[str, float], subject: SubjectFrame) -> Array:
-    """Evidence (J, K) about a pose with no other hypothesis, held for a while."""
-    pose = pose_of(values)
-    return weigh_evidence(body(), pose, pose[None], np.ones(1), Sighted(subject, pose, 1.0 / 30.0, 1.0))
+def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Features:
+    """Features (J,) of a pose, held for a while, and other hypotheses of the same weight."""
+    poses = np.array([pose_of(each) for each in (values, *others)])
+    residual = residual_of(body(), poses[0], subject, SETTINGS.refine)
+    measurement = Measurement(subject, poses[0], 1.0 / 30.0, 1.0)
+    return measure_features(body(), poses[0], poses, np.ones(len(poses)), measurement, residual)
 
 
-def certainty_of(values: dict[str, float], subject: SubjectFrame) -> Certainty:
-    """What follows from it."""
-    evidence = evidence_of(values, subject)
-    return conclude(evidence, built_in().judge(evidence))
+def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:
+    """What follows from them."""
+    return FIT.judge(features_of(values, subject, *others))
 
 
 def shown_by_rendering(pose: Array) -> Array:
-    """Share (J,) of each region's surface facing the camera that OpenGL's z-buffer shows."""
+    """Share (J,) of each joint's surface facing the camera that OpenGL's z-buffer shows."""
     vertices, triangles = pose_vertices(body(), pose[None])[0], body().triangles
     with DepthRenderer(FINE) as renderer:
         depth = renderer.depth(vertices, triangles)
-    a, b, c = vertices[triangles[:, 0]], vertices[triangles[:, 1]], vertices[triangles[:, 2]]
-    normals = np.zeros_like(vertices)
-    for corner in triangles.T:
-        np.add.at(normals, corner, np.cross(b - a, c - a))
-    facing = np.maximum(0.0, -np.sum(normals * vertices, axis=1) / np.linalg.norm(vertices, axis=1))
-    columns, rows = np.rint(project(vertices, FINE)).astype(int).T
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    middles = (a + b + c) / 3.0
+    facing = np.maximum(0.0, -np.sum(np.cross(b - a, c - a) * middles, axis=1) / middles[:, 2])
+    columns, rows = np.rint(project(middles, FINE)).astype(int).T
     behind = np.where(depth > 0.0, depth, np.float32(np.inf))[rows, columns]
-    open_to_view = vertices[:, 2] <= behind + 0.02
-    regions = regions_of(body())
-    shares = []
-    for first, last in zip(regions.starts[:-1], regions.starts[1:], strict=True):
-        mine = regions.vertices[first:last]
-        weight = regions.weights[first:last] * facing[mine]
-        shares.append(weight[open_to_view[mine]].sum() / weight.sum())
-    return np.array(shares)
+    area = regions_of(body()) * facing
+    shares: Array = area @ (middles[:, 2] <= behind + 0.02) / area.sum(axis=1)
+    return shares
 
 
 @pytest.mark.parametrize(
     ("posture", "values"), [("standing", STANDING), ("folded", BEFORE_THE_BODY), ("sideways", SIDEWAYS)]
 )
 def test_what_is_seen_of_a_joint_is_what_a_rendering_shows(posture: str, values: dict[str, float]) -> None:
-    """Joint for joint, against OpenGL's z-buffer; some are open to view, sideways some are hidden."""
+    """Joint for joint, against OpenGL's z-buffer; what lies close behind another part counts as seen."""
     seen = certainty_of(values, seen_as(posture)).seen
     rendered = shown_by_rendering(pose_of(values))
-    np.testing.assert_allclose(seen, rendered, atol=0.12)
-    assert np.abs(seen - rendered).mean() < 0.04
+    np.testing.assert_allclose(seen, rendered, atol=0.3)
+    assert np.abs(seen - rendered).mean() < 0.08
+    assert np.all(seen > rendered - 0.05)
     assert seen.max() > 0.95
     if posture == "sideways":
-        assert seen.min() < 0.3
+        assert seen.min() < 0.05
 
 
 def test_a_table_hides_what_is_behind_it() -> None:
-    """Legs behind something nearer are not seen, and nothing speaks against them; without it, all does."""
+    """Legs behind something nearer are not seen, and may be anywhere."""
     subject = seen_as("standing")
-    kinds = np.where(subject.frame.depth > 0, np.uint8(SUBJECT), np.uint8(EMPTY))
-    knee = body().joint_names.index("right_knee")
-    below = slice(kinds.shape[0] // 2, None)
-    depth = subject.frame.depth.copy()
-    depth[below], kinds[below] = 0, HIDDEN
-    behind_a_table = replace(subject, frame=replace(subject.frame, depth=depth), kinds=kinds)
-    behind_a_table = replace(behind_a_table, picked=np.flatnonzero(depth).astype(np.uint32)[::8])
-    gone = replace(behind_a_table, kinds=np.where(kinds == HIDDEN, np.uint8(EMPTY), kinds))
-    hidden, missing = evidence_of(STANDING, behind_a_table)[knee], evidence_of(STANDING, gone)[knee]
-    shown, violated = CLUES.index("shown"), CLUES.index("violated")
-    assert hidden[shown] < 0.05
-    assert hidden[violated] < 0.05
-    assert missing[violated] > 0.9
+    depth, knee = subject.frame.depth.copy(), body().joint_names.index("right_knee")
+    depth[depth.shape[0] // 2 :] = 0
+    kinds = np.where(depth > 0, np.uint8(SUBJECT), np.uint8(HIDDEN))
+    picked = np.flatnonzero(depth).astype(np.uint32)[::8]
+    behind = replace(subject, frame=replace(subject.frame, depth=depth), kinds=kinds, picked=picked)
+    whole, hidden = certainty_of(STANDING, subject), certainty_of(STANDING, behind)
+    assert hidden.seen[knee] < 0.05
+    assert hidden.off_probability[knee] > 10.0 * whole.off_probability[knee]
+    assert hidden.deviation[knee] > 3.0 * whole.deviation[knee]
 
 
 def test_a_limb_that_is_elsewhere_is_flagged() -> None:
@@ -127,59 +118,31 @@ def test_a_limb_that_is_elsewhere_is_flagged() -> None:
     right = certainty_of(STANDING, seen_as("standing"))
     wrong = certainty_of({**STANDING, "r_shoulder_abduct": 1.4}, seen_as("standing"))
     wrist, other = (body().joint_names.index(f"{side}_wrist") for side in ("right", "left"))
-    assert (right.off_probability < 0.07).all()
-    assert wrong.off_probability[wrist] > 0.14
+    assert (right.off_probability < FLAGGED).all()
+    assert wrong.off_probability[wrist] > 2.0 * FLAGGED
     assert np.argmax(wrong.off_probability) in (wrist, body().joint_names.index("right_elbow"))
-    assert wrong.off_probability[other] < 0.07
+    assert wrong.off_probability[other] < FLAGGED
     assert wrong.deviation[wrist] > 2.0 * right.deviation[wrist]
 
 
 def test_rivals_make_a_joint_unsure() -> None:
-    """Two ways to hold an arm, of equal weight: its wrist is in doubt, and more so than with one of 1 %."""
-    pose, other = pose_of(STANDING), pose_of({**STANDING, "r_elbow_flexion": 1.5})
-    sighted = Sighted(seen_as("standing"), pose, 1.0 / 30.0, 1.0)
-    wrist = body().joint_names.index("right_wrist")
-
-    def certainty(weights: list[float]) -> Certainty:
-        evidence = weigh_evidence(body(), pose, np.stack([pose, other]), np.array(weights), sighted)
-        return conclude(evidence, built_in().judge(evidence))
-
-    even, odd = certainty([0.5, 0.5]), certainty([0.99, 0.01])
-    assert even.off_probability[wrist] > odd.off_probability[wrist]
-    assert even.deviation[wrist] > odd.deviation[wrist] > 0.0
-    np.testing.assert_array_equal(even.seen, odd.seen)
+    """With another way to hold an arm, as likely, its wrist is in more doubt than with none."""
+    other, wrist = {**STANDING, "r_elbow_flexion": 1.5}, body().joint_names.index("right_wrist")
+    alone, rivals = (certainty_of(STANDING, seen_as("standing"), *others) for others in ((), (other,)))
+    assert rivals.off_probability[wrist] > alone.off_probability[wrist]
+    assert rivals.deviation[wrist] > alone.deviation[wrist] > 0.0
+    np.testing.assert_array_equal(rivals.seen, alone.seen)
 
 
-def test_a_lone_particle_is_not_sure_because_it_is_alone() -> None:
-    """That one hypothesis is left of many says something; that one particle was drawn does not."""
-    pose = pose_of(STANDING)
-    sighted = Sighted(seen_as("standing"), pose, 1.0 / 30.0, 1.0)
-    agreed, alone = (
-        conclude(evidence, built_in().judge(evidence, lone=each.lone))
-        for each in (sighted, replace(sighted, lone=True))
-        for evidence in [weigh_evidence(body(), pose, pose[None], np.ones(1), each)]
-    )
-    assert np.all(alone.off_probability > 2.0 * agreed.off_probability)
-    assert np.all(alone.deviation > agreed.deviation)
-
-
-def test_what_was_known_fades() -> None:
-    """A verdict that stays is itself; after no time it is the old one, after a second the new one."""
-    new, old = np.full((3, 2), 1.0), np.full((3, 2), -2.0)
-    np.testing.assert_array_equal(recall(new, None, 0.1), new)
-    np.testing.assert_allclose(recall(old, old, 0.05), old)
-    np.testing.assert_allclose(recall(new, old, 0.0), old)
-    np.testing.assert_allclose(recall(new, old, 1.0), new, atol=1e-3)
-    assert -2.0 < recall(new, old, 0.1)[0, 0] < 1.0
-
-
-def test_evidence_that_is_beyond_all_measure_counts_as_its_limit() -> None:
-    """Infinite and missing clues leave probabilities between 0 and 1, and deviations finite."""
-    for value in (np.inf, -np.inf, np.nan, 1e300):
-        evidence = np.full((2, len(CLUES)), value)
-        found = conclude(evidence, built_in().judge(evidence))
-        assert np.all((found.off_probability > 0.0) & (found.off_probability < 1.0))
-        assert np.all(np.isfinite(found.deviation))
+def test_a_body_at_rest_is_neither_bent_nor_folded_nor_crowded() -> None:
+    """A bent elbow bends itself and the hand alone, and folds the body."""
+    rest = features_of({"root_tz": 2.5}, seen_as("standing"))
+    bent = features_of({"root_tz": 2.5, "r_elbow_flexion": 1.0}, seen_as("standing"))
+    for feature in (rest.bend, rest.folding, rest.crowding):
+        np.testing.assert_allclose(feature, 0.0, atol=1e-9)
+    arm = np.isin(body().joint_names, ("right_elbow", "right_wrist"))
+    np.testing.assert_allclose(bent.bend, arm * 1.0)
+    assert bent.folding[0] > 0.01
 
 
 def test_a_frame_without_the_body_in_it_still_says_something() -> None:
@@ -200,11 +163,10 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
         ([0.0, 0.0, 0.0], "tracked", ""),
         ([0.0, 0.35, 0.0], "ambiguous", "may be more than 15 cm off: left knee"),
         ([0.4, 0.35, 0.0], "ambiguous", "may be more than 15 cm off: head, left knee"),
-        ([0.6, 0.55, 0.0], "lost", "may be more than 15 cm off: head, left knee"),
     ],
 )
 def test_status_follows_from_the_joints(off: list[float], word: str, why: str) -> None:
-    """One joint in doubt makes a frame ambiguous, most of them lost; it says which, the likeliest first."""
+    """One joint in doubt makes a frame ambiguous; it says which, the likeliest first."""
     certainty = Certainty(np.ones(3), np.array(off), np.full(3, 0.05))
     assert judge(TrackManagement(), np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3)), certainty) == word
     assert explain_doubt(("head", "left_knee", "left_hip"), certainty) == why

@@ -8,7 +8,7 @@ import numpy as np
 
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from coordinator.tracking.certainty.certainty import Certainty
+from coordinator.tracking.certainty.certainty import FLAGGED, Certainty
 from tests.support.people import shown, tracker
 
 KNEES = 180  # row of the picture at which the standing person's are, about
@@ -41,6 +41,6 @@ def test_joints_outside_the_picture_are_much_less_sure() -> None:
     assert (cropped.seen[outside] < 0.05).all()
     assert cropped.off_probability[outside].min() > 10.0 * cropped.off_probability[inside].max()
     assert cropped.deviation[outside].min() > 2.0 * cropped.deviation[inside].max()
-    assert (cropped.off_probability[inside] < 0.07).all()
-    assert (whole.off_probability[outside] < 0.07).all()
+    assert (cropped.off_probability[inside] < FLAGGED).all()
+    assert (whole.off_probability[outside] < FLAGGED).all()
     assert (whole.seen[outside] > 0.5).all()

@@ -1,0 +1,109 @@
+"""Eight numbers that tell how sure a joint of a reported pose is.
+
+Two are of the frame: how much it shows of the surface around the joint, and how badly the pose explains it.
+Two are of the filter: how far the hypotheses lie apart, and how fast the joint moved. Four are of the pose:
+bent, folded and crowded limbs, and those that point at the camera, are lost more often.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.frame import SubjectFrame
+from common.kinematics import joint_positions
+from coordinator.tracking.certainty.surface import seen_shares
+
+Array = NDArray[np.float64]
+
+SPREAD_FLOOR_M, SPEED_FLOOR_M_S = 0.005, 0.1  # are added before the logarithm
+CROWDED_M = 0.2  # between two joints, one standard deviation of how much they count as near each other
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """What a frame's pose was estimated from, beside the hypotheses."""
+
+    subject: SubjectFrame
+    past: Array  # (D,) the pose that was reported before
+    interval: float  # seconds since then
+    stretch: float  # lateral over depth noise
+    first: bool = False  # the pose before is only a guess
+
+
+class Features(NamedTuple):
+    """Of each joint (J,). Those of the whole body are the same for all."""
+
+    seen: Array  # share of the surface around it that the frame shows, of what faces the camera
+    residual: Array  # of the body, relative to the largest that is expected
+    spread: Array  # logarithm of the root mean square distance of the hypotheses, metres
+    speed: Array  # logarithm, metres a second
+    bend: Array  # sum of the squared angles from the root to the joint, rad^2
+    folding: Array  # of the body: mean change of the distances between joints since the pose at rest, metres
+    crowding: Array  # how many more joints are near it than in the pose at rest
+    protrusion: Array  # metres before or behind the mean joint
+
+
+class Rest(NamedTuple):
+    """A body in the pose at rest."""
+
+    distances: Array  # (J, J) between joints, metres
+    bends: NDArray[np.bool_]  # (J, D) the angles between the root and each joint
+
+
+def measure_features(
+    model: BodyModel,
+    pose: Array,
+    hypotheses: Array,
+    weights: Array,
+    measurement: Measurement,
+    residual: float,
+) -> Features:
+    """Of a reported pose (D,), its hypotheses (M, D) with weights (M,), and its normalised residual."""
+    rest = rest_of(model)
+    joints, past, *others = joint_positions(model, np.stack([pose, measurement.past, *hypotheses]))
+    squares = np.sum((np.array(others) - joints) ** 2, axis=-1)
+    spread = np.sqrt(weights @ squares / weights.sum())
+    speed = np.linalg.norm(joints - past, axis=1) / measurement.interval
+    distances = between(joints)
+    folding = np.sqrt(np.mean((distances - rest.distances) ** 2, axis=1)).mean()
+    return Features(
+        seen=seen_shares(model, pose, measurement.subject, measurement.stretch),
+        residual=np.full(len(joints), residual),
+        spread=np.log(spread + SPREAD_FLOOR_M),
+        speed=np.log(speed + SPEED_FLOOR_M_S),
+        bend=rest.bends @ pose**2,
+        folding=np.full(len(joints), folding),
+        crowding=count_near(distances) - count_near(rest.distances),
+        protrusion=np.abs(joints[:, 2] - joints[:, 2].mean()),
+    )
+
+
+def between(joints: Array) -> Array:
+    """Distances (J, J) between joints (J, 3)."""
+    distances: Array = np.linalg.norm(joints[:, None] - joints, axis=-1)
+    return distances
+
+
+def count_near(distances: Array) -> Array:
+    """How many joints (J,) are near each, by their distances (J, J)."""
+    near: Array = np.exp(-0.5 * (distances / CROWDED_M) ** 2).sum(axis=1)
+    return near
+
+
+@lru_cache(maxsize=16)
+def rest_of(model: BodyModel) -> Rest:
+    """A body's joints at rest, and what bends between them and the root."""
+    count = len(model.kinds)
+    turns = (model.kinds == ROTATION) & ~np.isin(model.dof_names, ROOT_DOFS)
+    upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last for joints that nothing moves
+    for dof, parent in enumerate(model.parents):
+        upstream[dof] = upstream[parent]
+        upstream[dof, dof] = turns[dof]
+    at_rest = joint_positions(model, np.zeros((1, count)))[0]
+    return Rest(between(at_rest), upstream[model.link_dofs[model.joint_links]])
