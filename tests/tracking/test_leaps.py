@@ -17,6 +17,7 @@ WALKER = Path(__file__).parents[3] / "shared" / "data" / "real_rooms" / "ist_um"
 FARTHER = {9: 3.0, 10: 3.3}  # metres, by frame: the walker was nearer two frames before
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not WALKER.is_dir(), reason="the class room is not beside the checkout")
 def test_who_is_farther_by_half_a_metre_is_not_lost() -> None:
     """At four frames a second nothing of the walker is where it was; it is found where it is."""
