@@ -43,7 +43,7 @@ class SceneView:
     depth: (H, W) metres, 0 where nothing was measured, or nothing that counts.
     growth: of the depth's noise.
     background: (H, W) metres, what is seen where nobody is; 0 where that is not known.
-    furnished: more than people is measured; where it is not, what is not measured is empty.
+    furnished: more than one person alone is measured; else, what is not measured is empty.
     left_out: (H, W) pixels that do not count, as the user says; they say nothing of anybody.
     """
 
@@ -201,12 +201,11 @@ class Scene:
         self._growth = self._growth or fit_noise(depth)
         if len(self._planes.coefficients):
             self._planes = follow_planes(self._planes, sample_rays(depth, camera, self._growth))
-        elif self._seen % SETTLED_FRAMES == 0:
+        else:
             rays = sample_rays(depth, camera, self._growth)
-            if len(rays) and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]:
-                self._planes = find_planes(rays, self._planes.sky)
-                filled = bool(np.count_nonzero(depth) > 0.5 * depth.size)
-                self._furnished = self._furnished or filled or len(self._planes.coefficients) > 0
+            wide = len(rays) > 0 and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]
+            if wide and (not self._furnished or self._seen % SETTLED_FRAMES == 0):
+                self._planes, self._furnished = find_planes(rays, self._planes.sky), True
         self._seen += 1
 
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:

@@ -22,8 +22,9 @@ from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare,
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-POSES = 4_000
+POSES = 3_000
 SEED = 20  # of the library, whatever the run's
+PERSON_CELL_M = 0.06  # side of a descriptor's cell, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface, which are enough to fill the cells of a descriptor
 TUMBLED_SHARE = 0.1  # of people's poses are turned in any way
 ELEVATION_DEG = (-20.0, 50.0)  # from which a camera looks down
@@ -119,9 +120,11 @@ def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
     anywhere in their ranges.
     """
     rng = np.random.default_rng(SEED)
-    poses = draw_people(model, POSES, rng) if person else draw_any(model, POSES, rng)
-    some = pose_vertices(model, poses[:: len(poses) // 100])
-    return describe_poses(model, poses, float(np.max(np.ptp(some, axis=1))) / COLUMNS)
+    if person:
+        return describe_poses(model, draw_people(model, POSES, rng), PERSON_CELL_M)
+    poses = draw_any(model, POSES, rng)
+    extent = float(np.max(np.ptp(pose_vertices(model, poses[:: POSES // 100]), axis=1)))
+    return describe_poses(model, poses, extent / COLUMNS)
 
 
 def look_straight(at: Array, roll: float) -> Array:

@@ -28,7 +28,7 @@ def test_a_camera_that_looks_down(roll_deg: float) -> None:
     tracker = OnePerson(DirectRefiner(), SETTINGS, known())
     for frame, truth in zip(frames, joints, strict=True):
         estimate = tracker.track(frame)
-        assert estimate.status == "tracked"
+        assert estimate.status in ("tracked", "ambiguous")
         assert np.linalg.norm(estimate.joint_positions - truth, axis=-1).mean() < 0.05
 
 
