@@ -21,7 +21,6 @@ from coordinator.results.angles import read_slides, slides_of
 from coordinator.results.evaluation import Truth
 from coordinator.results.track import TrackedBody
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.state import Start
 from gepf.named import named
 from tests.support.runs import swing, write_run
 
@@ -115,7 +114,7 @@ def estimate_of(model: BodyModel, pose: NDArray[np.float64]) -> gepf.Estimate:
     """One frame of it."""
     joints = joint_positions(model, pose[None])[0]
     plain = Estimate(0, 0.0, "tracked", pose, joints, pose[None], np.ones(1), 0.01)
-    return named(plain, Start(model, pose, np.nan, np.nan))
+    return named(plain, model, {})
 
 
 def test_opensims_file_has_what_slides_in_metres(gantry: BodyModel, tmp_path: Path) -> None:
