@@ -20,7 +20,7 @@ from coordinator.tracking.observation import isolate
 from coordinator.tracking.sensor_noise import SensorNoise
 from worker.kernel.observation import Observation, observe, pack_observation
 from worker.kernel.surface import pack_model
-from worker.kernel.visibility import update_visibility
+from worker.kernel.visibility import pose_body, visible_vertices
 from worker.kernel.workspace import make_workspace
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -57,8 +57,8 @@ class Case:
         """Model points (Q, 3) that the camera sees in the start's pose."""
         skeleton, surface = pack_model(self.model)
         workspace = make_workspace(skeleton, surface, pack_observation(self.observation, RefineSettings()))
-        transforms, view = workspace.transforms, workspace.visibility
-        return view.posed[update_visibility(self.start[0], skeleton, surface, transforms, view)]
+        pose_body(self.start[0], skeleton, surface, workspace)
+        return workspace.posed[visible_vertices(surface, workspace)]
 
     def joint_error(self, poses: NDArray[np.float64]) -> float:
         """Mean distance of the joints in poses (1, D) from the truth, metres."""

@@ -6,7 +6,6 @@ functions that take a `BodyModel` are imported from here, compiled kernels from 
 """
 
 from common.kinematics.chain import (
-    bounding_box,
     dof_transforms,
     joint_positions,
     link_transforms,
@@ -16,7 +15,6 @@ from common.kinematics.chain import (
 from common.kinematics.manifold import difference, natural_angles, retract, within_limits
 
 __all__ = [
-    "bounding_box",
     "difference",
     "dof_transforms",
     "joint_positions",

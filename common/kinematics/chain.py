@@ -31,9 +31,9 @@ def dof_transforms(model: BodyModel, poses: Array) -> Array:
 
 def link_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
-    out = np.empty((len(poses), len(model.link_dofs), 3, 4))
-    copy_to_links(dof_transforms(model, poses), model.link_dofs, out)
-    return out
+    still = np.broadcast_to(np.eye(4)[:3], (len(poses), 1, 3, 4))
+    transforms = np.concatenate([dof_transforms(model, poses), still], axis=1)
+    return transforms.take(model.link_dofs, axis=1)  # -1, of links that nothing moves, is the last
 
 
 def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
@@ -98,19 +98,6 @@ def forward_kinematics_each(
 
 
 @numba.njit(cache=True, nogil=True)
-def copy_to_links(transforms: Array, link_dofs: Indices, out: Array) -> None:
-    """Fill out (N, L, 3, 4) with transforms (N, D, 3, 4), each its link's; none for what nothing moves."""
-    for n in range(len(out)):
-        for link in range(len(link_dofs)):
-            for a in range(3):
-                for b in range(4):
-                    if link_dofs[link] < 0:
-                        out[n, link, a, b] = 1.0 if a == b else 0.0
-                    else:
-                        out[n, link, a, b] = transforms[n, link_dofs[link], a, b]
-
-
-@numba.njit(cache=True, nogil=True)
 def motion_axes(
     parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
 ) -> None:
@@ -146,13 +133,6 @@ def pose_vertices(model: BodyModel, poses: Array) -> Array:
     return posed
 
 
-def bounding_box(model: BodyModel, pose: Array) -> Array:
-    """Lowest and highest x, y and z (2, 3) of the surface in the camera frame, for a pose (D,)."""
-    t_links, box = link_transforms(model, pose[None])[0], np.empty((2, 3))
-    enclose_vertices(model.vertices, model.skin_links, model.skin_weights, t_links, box)
-    return box
-
-
 def joint_positions(model: BodyModel, poses: Array) -> Array:
     """Named joints (N, J, 3) in the camera frame, for poses (N, D)."""
     positions = np.empty((len(poses), len(model.joint_links), 3))
@@ -161,41 +141,28 @@ def joint_positions(model: BodyModel, poses: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def blend(
-    vertices: Array, links: Indices, weights: Array, transforms: Array, v: int
-) -> tuple[float, float, float]:
-    """Where vertex v of (V, 3) is, blended over its links' T_camera_rest (L, 3, 4)."""
-    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-    moved_x = moved_y = moved_z = 0.0
-    for k in range(links.shape[1]):
-        share, link = weights[v, k], links[v, k]
-        if share != 0.0:
-            t = transforms[link]
-            moved_x += share * (t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3])
-            moved_y += share * (t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3])
-            moved_z += share * (t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3])
-    return moved_x, moved_y, moved_z
+def blend_vertices(
+    vertices: Array, links: Indices | NDArray[np.uint32], weights: Array, transforms: Array, out: Array
+) -> None:
+    """Fill out (V, 3) with vertices (V, 3) blended over their links' T_camera_rest (L, 3, 4)."""
+    for v in range(len(vertices)):
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+        moved_x = moved_y = moved_z = 0.0
+        for k in range(links.shape[1]):
+            share, s = weights[v, k], links[v, k]
+            if share != 0.0:
+                t = transforms
+                moved_x += share * (t[s, 0, 0] * x + t[s, 0, 1] * y + t[s, 0, 2] * z + t[s, 0, 3])
+                moved_y += share * (t[s, 1, 0] * x + t[s, 1, 1] * y + t[s, 1, 2] * z + t[s, 1, 3])
+                moved_z += share * (t[s, 2, 0] * x + t[s, 2, 1] * y + t[s, 2, 2] * z + t[s, 2, 3])
+        out[v, 0], out[v, 1], out[v, 2] = moved_x, moved_y, moved_z
 
 
 @numba.njit(cache=True, nogil=True)
 def blend_each(vertices: Array, links: Indices, weights: Array, transforms: Array, out: Array) -> None:
-    """Fill out (N, V, 3) with vertices (V, 3) blended over their links' T_camera_rest (N, L, 3, 4)."""
+    """`blend_vertices` for transforms (N, L, 3, 4) into out (N, V, 3)."""
     for n in range(len(out)):
-        for v in range(len(vertices)):
-            out[n, v, 0], out[n, v, 1], out[n, v, 2] = blend(vertices, links, weights, transforms[n], v)
-
-
-@numba.njit(cache=True, nogil=True)
-def enclose_vertices(vertices: Array, links: Indices, weights: Array, transforms: Array, box: Array) -> None:
-    """Fill box (2, 3) with the lowest and highest coordinates of vertices (V, 3) after `blend`."""
-    x_low = y_low = z_low = np.inf
-    x_high = y_high = z_high = -np.inf
-    for v in range(len(vertices)):
-        x, y, z = blend(vertices, links, weights, transforms, v)
-        x_low, y_low, z_low = min(x_low, x), min(y_low, y), min(z_low, z)
-        x_high, y_high, z_high = max(x_high, x), max(y_high, y), max(z_high, z)
-    box[0, 0], box[0, 1], box[0, 2] = x_low, y_low, z_low
-    box[1, 0], box[1, 1], box[1, 2] = x_high, y_high, z_high
+        blend_vertices(vertices, links, weights, transforms[n], out[n])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""Rotations in three dimensions: by axis and angle, Euler angles, matrix, vector and quaternion.
+"""Rotations in three dimensions: by axis and angle, Euler angles, matrix and quaternion.
 
 Euler angles are those of Rx(a) Ry(b) Rz(c), in radians.
 """
@@ -73,38 +73,6 @@ def euler_angles(rotation: Array, reference: Array | Angles) -> Angles:
         if distance < nearest:
             best, nearest = (x, y, z), distance
     return best
-
-
-@numba.njit(cache=True, nogil=True)
-def rotation_vector(rotation: Array) -> tuple[float, float, float]:
-    """Rotation vector of a rotation matrix, by way of the quaternion, from its largest component."""
-    xx, yy, zz = rotation[0, 0], rotation[1, 1], rotation[2, 2]
-    trace = xx + yy + zz
-    across_x, across_y, across_z = (
-        rotation[2, 1] - rotation[1, 2],
-        rotation[0, 2] - rotation[2, 0],
-        rotation[1, 0] - rotation[0, 1],
-    )
-    xy, yz, zx = (
-        rotation[1, 0] + rotation[0, 1],
-        rotation[2, 1] + rotation[1, 2],
-        rotation[0, 2] + rotation[2, 0],
-    )
-    if trace > max(xx, yy, zz):
-        w, x, y, z = 1.0 + trace, across_x, across_y, across_z
-    elif xx >= max(yy, zz):
-        w, x, y, z = across_x, 1.0 + 2.0 * xx - trace, xy, zx
-    elif yy >= zz:
-        w, x, y, z = across_y, xy, 1.0 + 2.0 * yy - trace, yz
-    else:
-        w, x, y, z = across_z, zx, yz, 1.0 + 2.0 * zz - trace
-    sine_squared = x * x + y * y + z * z
-    length = np.sqrt(sine_squared + w * w)
-    if w < 0.0:
-        length = -length
-    sine = np.sqrt(sine_squared) / abs(length)
-    scale = 2.0 / length if sine < 1e-12 else 2.0 * np.arctan2(sine, w / length) / sine / length
-    return scale * x, scale * y, scale * z
 
 
 @numba.njit(cache=True, nogil=True)

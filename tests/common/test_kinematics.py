@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from common.body import ROTATION, TRANSLATION, BodyModel
 from common.kinematics import (
-    bounding_box,
     difference,
     dof_transforms,
     joint_positions,
@@ -22,7 +21,7 @@ from common.kinematics import (
     retract,
     step_axes,
 )
-from tests.support.bodies import moves, person, puppet, random_body
+from tests.support.bodies import moves, puppet, random_body
 
 Array = NDArray[np.float64]
 
@@ -102,15 +101,6 @@ def test_skin_and_joints_follow_their_links(seed: int) -> None:
         joint_positions(model, pose[None])[0], model.joint_links, model.joint_points, strict=True
     ):
         np.testing.assert_allclose(joint, (t_links[link] @ np.append(point, 1.0))[:3], atol=1e-12)
-
-
-@pytest.mark.parametrize("make", [puppet, person])
-def test_the_box_is_as_large_as_the_surface(make: Callable[[], BodyModel]) -> None:
-    """Lowest and highest coordinates, to the bit."""
-    model = make()
-    pose = np.random.default_rng(0).normal(scale=0.5, size=len(model.kinds))
-    surface = pose_vertices(model, pose[None])[0]
-    np.testing.assert_array_equal(bounding_box(model, pose), [surface.min(axis=0), surface.max(axis=0)])
 
 
 @given(seeds)

@@ -20,11 +20,11 @@ from coordinator.filters.gradient_enhanced import begin
 from tests.support.extremes import Extremes
 from tests.support.filtering import advance
 from tests.support.processes.serving import MODEL, POSES
-from worker.kernel.icp import refine, reject_diverged
-from worker.kernel.observation import observe
+from worker.kernel.icp import refine
+from worker.kernel.observation import observe, pack_observation
 from worker.kernel.surface import pack_model
-from worker.kernel.visibility import rasterise_front
-from worker.kernel.workspace import LARGEST_SIDE, ROW_PADDING, make_visibility_buffers
+from worker.kernel.visibility import DepthImage, rasterise
+from worker.kernel.workspace import LARGEST_SIDE_PX, make_workspace
 from worker.warm_up import tiny_frame, tiny_model
 
 
@@ -46,24 +46,6 @@ def test_noise_without_measure_gives_numbers(settings: RefineSettings) -> None:
         assert np.all(refined.residual >= 0.0)
 
 
-def test_what_flew_away_is_back_where_it_began_and_explains_nothing() -> None:
-    """A particle beyond all numbers spoils no other one of its batch."""
-    poses = np.arange(12.0).reshape(6, 2)
-    flown = poses + 1.0
-    flown[0, 1], flown[1, 0] = np.nan, 1e30
-    log_likelihood = np.array([-1.0, -1.0, np.nan, np.inf, -1.0, -np.inf])
-    residual = np.array([0.1, 0.1, 0.1, 0.1, np.nan, np.inf])
-    good = flown[5].copy()
-    reject_diverged(poses, flown, log_likelihood, residual)
-    np.testing.assert_array_equal(flown, [*poses[:5], good])
-    np.testing.assert_array_equal(log_likelihood, np.full(6, -np.inf))
-    np.testing.assert_array_equal(residual, np.full(6, np.inf))
-    moved, explained = poses + 1.0, np.full(6, -1.0)
-    reject_diverged(poses, moved, explained, np.full(6, 0.1))
-    np.testing.assert_array_equal(moved, poses + 1.0)
-    assert explained.tolist() == [-1.0] * 6
-
-
 def test_work_without_end_is_refused() -> None:
     """Each number of a request is within its bounds, and all together would take days."""
     check_work(RefineSettings(icp_iterations=6), 1000, 10_000, 7_000)
@@ -76,17 +58,21 @@ def test_work_without_end_is_refused() -> None:
 
 def test_drawing_ends() -> None:
     """However many triangles fill the picture, so many pixels are drawn and no more."""
-    side = LARGEST_SIDE
+    side = LARGEST_SIDE_PX
     corners = np.array([[0.0, 0.0], [0.0, 2.0 * side], [2.0 * side, 0.0]])  # the last of them is nearest
     full = MOST_PIXELS // side**2
-    view = make_visibility_buffers(3 * (full + 1))
-    view.image[:] = np.tile(corners, (full + 1, 1))
-    view.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
-    buffer = np.empty((side, side + ROW_PADDING), dtype=np.float32)
+    skeleton, surface = pack_model(MODEL)
+    surface = surface._replace(vertices=np.zeros((3 * (full + 1), 3)))
+    workspace = make_workspace(skeleton, surface, pack_observation(observe(tiny_frame()), RefineSettings()))
+    workspace.image[:] = np.tile(corners, (full + 1, 1))
+    workspace.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
+    seen = DepthImage(
+        np.empty((side, side + 3), np.float32), np.empty((side, side + 3), np.uint32), 0, 0, 1.0
+    )
     triangles = np.arange(3 * (full + 1), dtype=np.uint32).reshape(-1, 3)
-    rasterise_front(view, triangles, 0, 0, buffer)
-    assert np.all(view.front)
-    np.testing.assert_allclose(buffer.min(), view.posed[3 * full - 1, 2])
+    rasterise(triangles, False, workspace, seen)
+    assert np.all(workspace.front)
+    np.testing.assert_allclose(seen.depth.min(), workspace.posed[3 * full - 1, 2])
 
 
 def test_what_is_laid_out_goes_with_its_model() -> None:

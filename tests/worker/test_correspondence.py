@@ -12,13 +12,13 @@ from scipy.spatial import cKDTree
 
 from common.camera import Intrinsics
 from tests.support.kernel.kernel_cases import PAPER
-from worker.kernel.correspondence import closest_points, closest_points_from_guess
-from worker.kernel.observation import Observation, pack_observation, pad_to_blocks
-from worker.kernel.workspace import make_search_buffers
+from worker.kernel.correspondence import closest_points
+from worker.kernel.observation import TILE, Observation, pack_observation
+from worker.kernel.surface import LEAF
+from worker.kernel.workspace import make_search
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
-TOGETHER = 8  # model points in a leaf
 Cloud = Callable[[np.random.Generator, int], Array]
 
 
@@ -76,21 +76,19 @@ def search(
     """Indices (P,) and squared distances (P,) as the kernel finds them, from a guess (P,) if there is one."""
     nothing = np.zeros((1, 1), np.float32), np.zeros((2, 1, 1), np.int32)
     camera = Intrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
-    points = pad_to_blocks(observed)
+    points = np.concatenate([observed, np.repeat(observed[-1:], -len(observed) % TILE, axis=0)])
     packed = pack_observation(Observation(points, len(observed), *nothing, camera, np.zeros(4, int)), PAPER)
     assert packed.stretch == 1.0
-    leaves = -(-len(model) // TOGETHER)
-    buffers = make_search_buffers(len(points), len(model) + 1, leaves + 1)
-    for array in buffers:
+    leaves = -(-len(model) // LEAF)
+    found = make_search(len(model), leaves, len(points))
+    for array in found:
         array.fill(7)  # whatever an earlier search left
-    buffers.model[: len(model)] = model
-    buffers.starts[: leaves + 1] = np.minimum(np.arange(leaves + 1) * TOGETHER, len(model))
-    if guess is None:
-        closest_points(packed.points, packed.blocks, packed.tiles, leaves, buffers)
-    else:
-        buffers.closest[:] = np.resize(guess, len(points))
-        closest_points_from_guess(packed.points, packed.tiles, leaves, buffers)
-    return buffers.closest[: len(observed)], buffers.squared[: len(observed)]
+    found.model[:] = model
+    found.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))
+    if guess is not None:
+        found.closest[:] = np.resize(guess, len(points))
+    closest_points(packed, leaves, guess is not None, found)
+    return found.closest[: len(observed)], found.squared[: len(observed)]
 
 
 @given(CLOUDS, CLOUDS, st.integers(1, 300), st.integers(1, 300), st.booleans(), st.integers(0, 2**32 - 1))

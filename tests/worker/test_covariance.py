@@ -29,12 +29,13 @@ from tests.support.kernel.posterior import (
 )
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_covariance_root, minimise
-from worker.kernel.icp import refine, solver_parameters
+from worker.kernel.icp import refine
 from worker.kernel.observation import observe, pack_observation
 from worker.kernel.parameters import pack_parameters
-from worker.kernel.soft import SampleGrid, fisher_scoring_step, sample, sample_distance
-from worker.kernel.surface import pack_model
-from worker.kernel.visibility import update_visibility
+from worker.kernel.priors import LIMIT_WEIGHT_M2
+from worker.kernel.soft import fisher_scoring_step
+from worker.kernel.surface import Surface, pack_model
+from worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import make_workspace
 from worker.lanes import Lanes
@@ -54,19 +55,19 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
     skeleton, surface = pack_model(of.model)
     packed, parameters = pack_observation(observe(of.subject), of.settings), pack_parameters(of.settings)
     workspace, moved = make_workspace(skeleton, surface, packed), pose.copy()
-    visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
+    pose_body(pose, skeleton, surface, workspace)
+    visible = visible_vertices(surface, workspace)
     if parameters.soft:
-        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.soft)
-        exact = soft_information(of, pose, grid)
+        exact = soft_information(of, pose, (draw(surface.triangles, True, workspace), surface))
         fisher_scoring_step(moved, skeleton, surface, packed, parameters, workspace)
     else:
         exact = hard_information(of, pose)
         find_correspondences(visible, 0, surface, packed, workspace)
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
-        once = solver_parameters(parameters, packed.count)._replace(iterations=1)
-        minimise(skeleton, moved, workspace.transforms, once, workspace.equations)
+        once = parameters._replace(steps=parameters.steps._replace(gauss_newton_iterations=1))
+        minimise(skeleton, moved, workspace.transforms, packed.count, once, workspace.equations)
     triangle = np.empty(triangle_size(len(pose)), np.float32)
-    fill_covariance_root(skeleton, packed.count, parameters, workspace.equations, triangle)
+    fill_covariance_root(skeleton, parameters.posterior_scale / packed.count, workspace.equations, triangle)
     root = lower_triangular(triangle[None], len(pose))[0]
     return root @ root.T, np.asarray(np.linalg.inv(exact + np.diag(widest(of.model) ** -2.0)))
 
@@ -80,17 +81,16 @@ def hard_information(of: PosteriorCase, pose: Array) -> Array:
     gram, gradient = plain_path.add_rest_prior(
         model, pose, plain_path.rest_weight(settings) * count, gram, gradient
     )
-    limits = solver_parameters(pack_parameters(settings), count).limit_stiffness
-    gram, _ = plain_path.add_limit_prior(model, pose, limits, gram, gradient)
+    gram, _ = plain_path.add_limit_prior(model, pose, LIMIT_WEIGHT_M2 * count, gram, gradient)
     return gram / count / settings.likelihood_scale**2
 
 
-def soft_information(of: PosteriorCase, pose: Array, grid: SampleGrid) -> Array:
+def soft_information(of: PosteriorCase, pose: Array, drawn: tuple[DepthImage, Surface]) -> Array:
     """The mean outer product of the points' slopes, by finite differences, for the independent ones.
 
     What a point says of one link is taken apart from what it says of another, as in scoring.
     """
-    held, model, settings = hold(of.model, pose, of.subject, of.settings, grid), of.model, of.settings
+    held, model, settings = hold(of.model, pose, of.subject, of.settings, drawn), of.model, of.settings
     assert held.samples is not None
     samples, count = held.samples, len(held.points)
     total, gram = np.exp(log_density(held, samples, pose[None])[0]), np.zeros((len(pose), len(pose)))
@@ -98,8 +98,7 @@ def soft_information(of: PosteriorCase, pose: Array, grid: SampleGrid) -> Array:
         of_link = replace(samples, angles=np.where(samples.links == link, samples.angles, 0.0))
         slopes = tangents(model, pose, density_of(held, of_link)) / total[:, None]  # (P, D)
         gram += slopes.T @ slopes
-    limits = solver_parameters(pack_parameters(settings), count).limit_stiffness
-    stiffness = limits / settings.noise_lateral**2
+    stiffness = LIMIT_WEIGHT_M2 * count
     gram, _ = plain_path.add_limit_prior(model, pose, stiffness, gram, np.zeros(len(pose)))
     return gram * settings.independent_points / count
 

@@ -107,7 +107,7 @@ def test_nothing_is_written_beside_an_array(name: str, frame: str) -> None:
         for dof, by in moved.items():
             pose[dof] += by
         refine_particle(pose, skeleton, surface, observed, parameters, workspace)
-        fill_covariance_root(skeleton, observed.count, parameters, workspace.equations, root)
+        fill_covariance_root(skeleton, parameters.posterior_scale / observed.count, workspace.equations, root)
         assert all(np.all(guard == 0xA5) for guard in guards)
 
 

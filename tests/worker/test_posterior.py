@@ -5,14 +5,10 @@ The kernel's equations and its weights are held against `tests/support/kernel/po
 
 from __future__ import annotations
 
-import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.bodies import puppet
-from tests.support.kernel import plain_path
-from tests.support.kernel.kernel_cases import DEFAULT
 from tests.support.kernel.posterior import (
     BODIES,
     SETTINGS,
@@ -25,13 +21,14 @@ from tests.support.kernel.posterior import (
     slope,
 )
 from worker.kernel.correspondence import find_correspondences
-from worker.kernel.gauss_newton import fill_equations
-from worker.kernel.icp import refine, solver_parameters
+from worker.kernel.icp import refine
+from worker.kernel.normal_equations import fill_normal_equations
 from worker.kernel.observation import observe, pack_observation
 from worker.kernel.parameters import pack_parameters
-from worker.kernel.soft import fill_soft_equations, sample, sample_distance
+from worker.kernel.priors import add_prior
+from worker.kernel.soft import fill_soft_equations
 from worker.kernel.surface import pack_model
-from worker.kernel.visibility import update_visibility
+from worker.kernel.visibility import draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import make_workspace
 
@@ -48,17 +45,18 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     equations = workspace.equations
     if parameters.soft:
         fill_soft_equations(pose, skeleton, surface, packed, parameters, workspace)
-        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.soft)
-        scale = of.settings.independent_points / of.settings.noise_lateral**2
-        held = hold(of.model, pose, of.subject, of.settings, grid)
-        return -scale / packed.count * equations.gradient, held
-    visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
+        held = hold(
+            of.model, pose, of.subject, of.settings, (draw(surface.triangles, True, workspace), surface)
+        )
+        return -parameters.posterior_scale / packed.count * equations.gradient, held
+    pose_body(pose, skeleton, surface, workspace)
+    visible = visible_vertices(surface, workspace)
     find_correspondences(visible, 0, surface, packed, workspace)
     accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
-    equations.reference[:] = equations.moved[:] = workspace.transforms[:-1]
-    fill_equations(skeleton, pose, solver_parameters(parameters, packed.count), equations)
-    scale = of.settings.likelihood_scale**2
-    return -equations.gradient / (packed.count * scale), hold(of.model, pose, of.subject, of.settings)
+    fill_normal_equations(skeleton, workspace.transforms, parameters.stretch, equations)
+    add_prior(skeleton, pose, parameters.rest_weight, packed.count, equations.gram, equations.gradient)
+    held = hold(of.model, pose, of.subject, of.settings)
+    return -parameters.posterior_scale / packed.count * equations.gradient, held
 
 
 HOW_MANY = pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
@@ -88,13 +86,3 @@ def test_every_weight_is_the_log_posterior_of_the_pose_that_comes_with_it(
     for pose, weight in zip(refined.poses, refined.log_likelihood, strict=True):
         held = kernel_slope(of, pose.copy())[1]
         assert weight == pytest.approx(log_posterior(held, pose[None])[0], rel=1e-3)
-
-
-def test_far_from_rest_is_less_likely() -> None:
-    """Of two poses that explain a frame alike, the one nearer to rest weighs more, by what the prior says."""
-    model, near, far = puppet(), np.zeros(19), np.zeros(19)
-    far[model.dof("head_nod")] = 0.5
-    settings = msgspec.structs.replace(DEFAULT, pose_deviation=0.8)
-    costs = plain_path.prior_costs(model, np.stack([near, far]), settings)
-    nats = -0.5 * np.diff(costs)[0] / settings.likelihood_scale**2
-    assert nats == pytest.approx(-0.5 * (0.5 / 0.8) ** 2)

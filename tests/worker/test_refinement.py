@@ -120,4 +120,4 @@ def test_nothing_compiles_in_mid_run() -> None:
         icp.refine(person(), observe_few(), pose, settings)
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
-    assert len(icp.refine_next.signatures) == 1
+    assert len(icp.refine_one.signatures) == 1

@@ -1,4 +1,4 @@
-"""Layout, posing, visibility and correspondences of the kernel against the plain path, stage by stage."""
+"""Layout, posing and visibility of the kernel against the plain path, stage by stage."""
 
 from __future__ import annotations
 
@@ -12,17 +12,10 @@ from tests.support.bodies import person, puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import (
     DEFAULT,
-    POINTS,
-    SETTINGS,
     layout,
-    near,
     posed_in,
     starts,
-    subject,
 )
-from worker.kernel.correspondence import find_correspondences
-from worker.kernel.observation import observe, pack_observation
-from worker.kernel.parameters import pack_parameters
 from worker.kernel.surface import pack_model
 
 
@@ -53,18 +46,3 @@ def test_posing_and_visibility_match(make: Callable[[], BodyModel]) -> None:
         np.testing.assert_allclose(posed, expected[layout(model)], atol=1e-12)
         assert 100 < len(visible) < 0.6 * len(expected)
         np.testing.assert_array_equal(np.sort(layout(model)[seen]), visible)
-
-
-@pytest.mark.parametrize("name", SETTINGS)
-def test_correspondences_match(name: str) -> None:
-    """Step 4c in the noise's metric: the same model points as scipy's tree finds, distances to 1e-6 m."""
-    model, settings = puppet(), SETTINGS[name]
-    pose = near()
-    packed, parameters = pack_observation(observe(subject()), settings), pack_parameters(settings)
-    workspace, posed, visible = posed_in(model, pose, settings)
-    find_correspondences(visible, 0, pack_model(model)[1], packed, workspace)
-    index, squared = workspace.search.closest, workspace.search.squared
-    points = packed.points[:, :POINTS].T / np.array([1.0, 1.0, parameters.stretch])
-    expected, apart = plain_path.closest_points(points, posed[visible], settings)
-    np.testing.assert_allclose(np.sqrt(squared[:POINTS]), np.sqrt(apart), atol=1e-6)
-    assert np.mean(index[:POINTS] == expected) > 0.999

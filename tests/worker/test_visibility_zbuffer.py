@@ -11,8 +11,11 @@ from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES, Scene
+from tests.support.kernel.kernel_cases import DEFAULT, layout, subject
+from worker.kernel.observation import observe, pack_observation
+from worker.kernel.surface import pack_model
 from worker.kernel.visibility import visible_vertices
-from worker.kernel.workspace import make_visibility_buffers
+from worker.kernel.workspace import make_workspace
 
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
 SEEN, HIDDEN = 0.003, 0.05  # metres behind the z-buffer
@@ -41,9 +44,13 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     scene = SCENES[name]()
     vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
     seen = np.zeros(len(vertices), dtype=bool)
-    view = make_visibility_buffers(len(vertices))
-    view.posed[:] = vertices
-    seen[visible_vertices(view, scene.model.triangles.astype(np.uint32))] = True
+    skeleton, surface = pack_model(scene.model)
+    workspace, order = (
+        make_workspace(skeleton, surface, pack_observation(observe(subject()), DEFAULT)),
+        layout(scene.model),
+    )
+    workspace.posed[:] = vertices[order]
+    seen[order[visible_vertices(surface, workspace)]] = True
     shown, free, hidden = judge(vertices, scene)
     assert free.sum() > 250
     assert hidden.sum() > 450

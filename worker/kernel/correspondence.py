@@ -2,7 +2,7 @@
 
 Observed points come in tiles, model points in leaves and groups of leaves, all of them neighbours, so each
 has a small bounding box. A guess bounds each observed point's distance: its closest point of the last search,
-or the best of the leaf that is centred nearest. The bounds of a tile rule out most groups, and most leaves of
+or one in the leaf nearest to its tile. The bounds of a tile rule out most groups, and most leaves of
 the others, by the distance of the boxes; those of its points most of what is left, which is searched point by
 point.
 """
@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from worker.kernel.neighbourhoods import BLOCK, TILE
-from worker.kernel.observation import PackedObservation
+from worker.kernel.observation import TILE, PackedObservation
 from worker.kernel.surface import Surface
 from worker.kernel.tiles import box_within, boxes_within, largest_of, lowest_bit, search_lanes
-from worker.kernel.workspace import SearchBuffers, Workspace
+from worker.kernel.workspace import Search, Workspace
 
 Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
@@ -28,27 +27,34 @@ LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that a guess itse
 
 @numba.njit(cache=True, nogil=True)
 def find_correspondences(
-    visible: Numbers,
-    last_count: int,
-    surface: Surface,
-    observed: PackedObservation,
-    workspace: Workspace,
+    visible: Numbers, last_count: int, surface: Surface, observed: PackedObservation, workspace: Workspace
 ) -> int:
     """Find the closest visible vertex of each observed point; returns how many vertices were searched.
 
     Fills workspace.search.closest with places in `visible` and .squared with squared distances, depth
-    stretched. `last_count` is what the particle's last search returned, which warm-starts this one; 0 for
-    the first.
+    stretched. `last_count` is what the same particle's last search returned, from which this one starts; 0
+    for the first. Of equally close vertices the one met first wins; the order depends on the arguments alone.
     """
     search, leaves = workspace.search, fill_leaves(visible, surface, observed.stretch, workspace)
-    if last_count == 0:
-        closest_points(observed.points, observed.blocks, observed.tiles, leaves, search)
-    else:
-        if not same_vertices(search.last_visible[:last_count], visible):
-            remap_closest(search.last_visible[:last_count], visible, search.remapped, search.closest)
-        closest_points_from_guess(observed.points, observed.tiles, leaves, search)
+    if last_count > 0 and not same_vertices(search.last_visible[:last_count], visible):
+        remap_closest(search.last_visible[:last_count], visible, search.remapped, search.closest)
+    closest_points(observed, leaves, last_count > 0, search)
     search.last_visible[: len(visible)] = visible
     return len(visible)
+
+
+@numba.njit(cache=True, nogil=True)
+def closest_points(observed: PackedObservation, leaves: int, guessed: bool, search: Search) -> None:
+    """Find the closest of search.model to each observed point: place, and squared distance.
+
+    `leaves` is the number of the model's. If it is guessed, search.closest holds any places in the model.
+    """
+    groups = bound_leaves(leaves, search)
+    if guessed:
+        bound_by_guess(observed.points, search)
+    else:
+        bound_by_boxes(observed, leaves, groups, search)
+    search_tiles(observed.points, observed.tiles, groups, search)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -64,7 +70,7 @@ def same_vertices(some: Numbers, others: Numbers) -> bool:
 def fill_leaves(visible: Numbers, surface: Surface, stretch: float, workspace: Workspace) -> int:
     """Fill workspace.search.model with the visible vertices and .starts by leaf; returns how many leaves."""
     model, starts = workspace.search.model, workspace.search.starts
-    posed, leaf_of = workspace.visibility.posed, surface.leaves
+    posed, leaf_of = workspace.posed, surface.leaves
     leaves, leaf = 0, -1
     for m in range(len(visible)):
         v = visible[m]
@@ -107,41 +113,40 @@ def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def closest_points(
-    observed: Points, blocks: Points, tiles: Points, leaves: int, search: SearchBuffers
-) -> None:
-    """Find the closest of search.model to each observed point (3, blocks * BLOCK): index, squared distance.
+def bound_by_boxes(observed: PackedObservation, leaves: int, groups: int, search: Search) -> None:
+    """Bound squared distances by the leaf that is centred nearest to a tile, in the nearest group.
 
-    `blocks` and `tiles` are the observed points' bounding boxes, `leaves` the number of the model's. Of
-    equally close model points the one met first wins; the order in which they are met depends on the
-    arguments alone.
+    One leaf for four tiles in a row, which are neighbours.
     """
-    model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
-    centre_distances, bounds = search.centre_distances, search.largest  # once: each use counts references
-    groups = bound_leaves(leaves, search)
+    points, tiles, model, starts = observed.points, observed.tiles, search.model, search.starts
+    closest, squared, largest = search.closest, search.squared, search.largest
     closest[:] = 0
     squared[:] = np.inf
-    for b in range(blocks.shape[1]):
-        compare_centres(blocks, b, search.leaves, leaves, centre_distances)
-        first = smallest(centre_distances, leaves)
-        for tile in range(b * BLOCK, (b + 1) * BLOCK, TILE):
-            search_lanes(  # type: ignore[call-arg]
-                observed, tile, model, starts[first], starts[first + 1], squared, closest
-            )
-            bounds[tile // TILE] = largest_of(squared, tile)
-    search_tiles(observed, tiles, groups, search)
+    for t in range(tiles.shape[1]):
+        if t % 4 == 0:
+            g = nearest_box(tiles, t, search.groups, 0, groups)
+            k = nearest_box(tiles, t, search.leaves, g * TILE, min(leaves, (g + 1) * TILE))
+        search_lanes(points, t * TILE, model, starts[k], starts[k + 1], squared, closest)  # type: ignore[call-arg]
+        largest[t] = largest_of(squared, t * TILE)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def nearest_box(tiles: Points, t: int, boxes: Points, start: int, stop: int) -> int:
+    """Which of boxes (6, K) from start to stop has the centre nearest to that of box t of tiles (6, T)."""
+    nearest, least = start, np.float32(np.inf)
+    x, y, z = tiles[0, t] + tiles[3, t], tiles[1, t] + tiles[4, t], tiles[2, t] + tiles[5, t]
+    for k in range(start, stop):
+        dx = x - boxes[0, k] - boxes[3, k]
+        dy = y - boxes[1, k] - boxes[4, k]
+        dz = z - boxes[2, k] - boxes[5, k]
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < least:
+            nearest, least = k, squared
+    return nearest
 
 
 @numba.njit(cache=True, nogil=True)
-def closest_points_from_guess(observed: Points, tiles: Points, leaves: int, search: SearchBuffers) -> None:
-    """Find closest points as `closest_points`, from a guess in search.closest: any places in the model."""
-    groups = bound_leaves(leaves, search)
-    bound_tiles(observed, search)
-    search_tiles(observed, tiles, groups, search)
-
-
-@numba.njit(cache=True, nogil=True)
-def bound_leaves(leaves: int, search: SearchBuffers) -> int:
+def bound_leaves(leaves: int, search: Search) -> int:
     """Fill the boxes of all leaves and groups; returns the number of groups."""
     boxes, groups = search.leaves, search.groups
     bounding_boxes(search.model, search.starts[: leaves + 1], boxes)
@@ -159,28 +164,7 @@ def bound_leaves(leaves: int, search: SearchBuffers) -> int:
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
-def compare_centres(one: Points, k: int, boxes: Points, count: int, centre_distances: Points) -> None:
-    """Squared distances of the centre of box k of `one` from those of the first of `boxes`, doubled."""
-    x, y, z = one[0, k] + one[3, k], one[1, k] + one[4, k], one[2, k] + one[5, k]
-    for j in range(count):
-        dx = x - boxes[0, j] - boxes[3, j]
-        dy = y - boxes[1, j] - boxes[4, j]
-        dz = z - boxes[2, j] - boxes[5, j]
-        centre_distances[j] = dx * dx + dy * dy + dz * dz
-
-
-@numba.njit(cache=True, nogil=True)
-def smallest(values: Points, count: int) -> int:
-    """Place of the least of the first `count` values."""
-    best, least = 0, values[0]
-    for k in range(1, count):
-        if values[k] < least:
-            best, least = k, values[k]
-    return best
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
-def bound_tiles(observed: Points, search: SearchBuffers) -> None:
+def bound_by_guess(observed: Points, search: Search) -> None:
     """Bound squared distances by those of the guesses, and a little more, and find each tile's largest."""
     model, squared, closest, bounds = search.model, search.squared, search.closest, search.largest
     for t in range(len(bounds)):
@@ -198,7 +182,7 @@ def bound_tiles(observed: Points, search: SearchBuffers) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def search_tiles(observed: Points, tiles: Points, groups: int, search: SearchBuffers) -> None:
+def search_tiles(observed: Points, tiles: Points, groups: int, search: Search) -> None:
     """Lower all squared distances, of which each tile's largest is given, to those of the closest points."""
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
     boxes, around, bounds = search.leaves, search.groups, search.largest

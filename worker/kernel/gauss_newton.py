@@ -8,8 +8,6 @@ determines, as the twist of a forearm, is held by a weak prior; without any step
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,11 +16,11 @@ from common.kinematics.chain import forward_kinematics
 from common.kinematics.manifold import apply_step, ball_vector, clamp_to_limits
 from common.kinematics.rotations import handedness
 from common.refinement import WEAK_SLIDE, WEAK_TURN
-from worker.kernel.normal_equations import normal_equations, subtree_moments
+from worker.kernel.normal_equations import fill_normal_equations
 from worker.kernel.parameters import KernelParameters
-from worker.kernel.priors import add_limit_prior, add_rest_prior, hold_active_limits
+from worker.kernel.priors import add_prior, hold_active_limits
 from worker.kernel.surface import Skeleton
-from worker.kernel.workspace import NormalEquations
+from worker.kernel.workspace import Equations
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -31,67 +29,63 @@ SINGULAR = 1e-13  # of the largest entry on the diagonal
 CONVERGED = 1e-4  # radians and metres: a step below it ends the loop
 
 
-class SolverParameters(NamedTuple):
-    """Parameters of the Gauss-Newton steps."""
-
-    metric: Array  # (3,) weights of the camera's axes
-    damping: float  # lambda of Eq. 4
-    stiffness: float  # of the rest prior: weight of a squared joint angle
-    limit_stiffness: float  # and of a squared radian beyond a ball's limits
-    iterations: int
-
-
 @numba.njit(cache=True, nogil=True)
 def minimise(
-    skeleton: Skeleton, pose: Array, transforms: Array, solver: SolverParameters, equations: NormalEquations
+    skeleton: Skeleton,
+    pose: Array,
+    transforms: Array,
+    points: int,
+    parameters: KernelParameters,
+    equations: Equations,
 ) -> None:
-    """Move pose (D,) in place to the minimum of Eq. 3 by damped Gauss-Newton steps (Eq. 4).
+    """Move pose (D,) in place to the minimum of Eq. 3 for so many points by damped Gauss-Newton (Eq. 4).
 
-    The equations' moments and crosses are in the camera frame at the pose given, where transforms
-    (D + 1, 3, 4) are T_camera_rest.
+    equations.sums hold the correspondences; transforms (D + 1, 3, 4) are T_camera_rest at the pose given, and
+    those of the last step then.
     """
-    reference, moved, step = equations.reference, equations.moved, equations.step
-    reference[:] = moved[:] = transforms[:-1]
-    for k in range(solver.iterations):
+    damping = parameters.damping + parameters.steps.damping_share * points
+    for k in range(parameters.steps.gauss_newton_iterations):
         if k > 0:
-            forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, moved)
-        fill_equations(skeleton, pose, solver, equations)
-        equations.information[:] = equations.gram
-        for j in range(len(pose)):
-            equations.gram[j, j] += solver.damping
-        hold_active_limits(skeleton, pose, equations.gram, equations.gradient)
-        step[:] = -equations.gradient
-        solve_ltl(skeleton.parents, equations.gram, step)  # Eq. 4
-        apply_step(skeleton.axes, skeleton.balls, step, pose)
-        clamp_to_limits(skeleton.single, skeleton.limits, pose)
+            forward_kinematics(
+                skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms
+            )
+        fill_normal_equations(skeleton, transforms, parameters.stretch, equations)
+        add_prior(skeleton, pose, parameters.rest_weight, points, equations.gram, equations.gradient)
+        step = take_step(skeleton, pose, damping, np.inf, equations)
         if np.max(np.abs(step)) < CONVERGED:
             break
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_equations(
-    skeleton: Skeleton, pose: Array, solver: SolverParameters, equations: NormalEquations
-) -> None:
-    """Fill equations.gram and .gradient at pose (D,), to which the body has moved since the sums were taken.
+def take_step(skeleton: Skeleton, pose: Array, damping: float, longest: float, equations: Equations) -> Array:
+    """Solve the equations (Eq. 4) in place and move pose (D,), within limits; returns the step (D,).
 
-    There equations.moved is T_camera_rest. Where they were taken the gradient is that of half the posterior's
-    cost, of as many points as there are.
+    No entry of the step, in radians or metres, is larger than `longest`.
     """
-    subtree_moments(skeleton, equations)
-    normal_equations(skeleton, solver.metric, equations)
-    if solver.stiffness > 0.0:
-        add_rest_prior(skeleton, pose, solver.stiffness, equations.gram, equations.gradient)
-    add_limit_prior(skeleton, pose, solver.limit_stiffness, equations.gram, equations.gradient)
+    gram, gradient = equations.gram, equations.gradient
+    equations.information[:] = gram
+    for j in range(len(pose)):
+        gram[j, j] += damping
+    hold_active_limits(skeleton, pose, gram, gradient)
+    step = -gradient
+    solve_ltl(skeleton.parents, gram, step)
+    size = np.max(np.abs(step))
+    if size > longest:
+        step *= longest / size
+    apply_step(skeleton.axes, skeleton.balls, step, pose)
+    clamp_to_limits(skeleton.single, skeleton.limits, pose)
+    return step
 
 
 @numba.njit(cache=True, nogil=True)
-def over_relax(skeleton: Skeleton, before: Array, share: float, pose: Array) -> None:
-    """Over-relax: move pose (D,) on in place by a share of the motion that led there from `before`."""
+def over_relax(skeleton: Skeleton, before: Array, pose: Array) -> None:
+    """Move pose (D,) on in place by the motion that led there from `before`, within limits."""
     step = pose - before
     for start in skeleton.balls:
         handed = handedness(skeleton.axes, start)
         step[start], step[start + 1], step[start + 2] = ball_vector(handed, before, pose, start)
-    apply_step(skeleton.axes, skeleton.balls, share * step, pose)
+    apply_step(skeleton.axes, skeleton.balls, step, pose)
+    clamp_to_limits(skeleton.single, skeleton.limits, pose)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -139,39 +133,29 @@ def factorise_ltl(parents: Indices, gram: Array) -> None:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def fill_covariance_root(
-    skeleton: Skeleton,
-    points: int,
-    parameters: KernelParameters,
-    equations: NormalEquations,
-    triangle: NDArray[np.float32],
+    skeleton: Skeleton, scale: float, equations: Equations, triangle: NDArray[np.float32]
 ) -> None:
     """Fill a triangle (D (D + 1) / 2,) with the Cholesky factor of the pose's covariance, row after row.
 
-    With the information L^T L that is K = L^-1, as K K^T is its inverse.
+    `scale` takes the equations to the log posterior. With its information L^T L the factor is K = L^-1, as
+    K K^T is the inverse.
     """
-    parents, gram = skeleton.parents, equations.gram
-    scale = scale_of(parameters, points)
+    parents, root = skeleton.parents, equations.gram
     for k in range(len(parents)):
         for j in range(k + 1):
-            gram[k, j] = scale * equations.information[k, j]
-        gram[k, k] += 1.0 / prior_deviation(skeleton.kinds[k]) ** 2
-    factorise_ltl(parents, gram)
-    invert_lower(parents, gram)
+            root[k, j] = scale * equations.information[k, j]
+        root[k, k] += prior_deviation(skeleton.kinds[k]) ** -2.0
+    factorise_ltl(parents, root)
+    invert_lower(parents, root)
     place = 0
     for i in range(len(parents)):
-        known = is_known(gram, i, prior_deviation(skeleton.kinds[i]))
-        for j in range(i):
-            triangle[place + j] = gram[i, j] if known else 0.0
-        triangle[place + i] = gram[i, i] if known else prior_deviation(skeleton.kinds[i])
+        widest, row = prior_deviation(skeleton.kinds[i]), root[i, : i + 1]
+        known = np.float32(row[i]) > 0.0 and np.sum(row * row) <= (1.01 * widest) ** 2
+        if not known:  # of extreme numbers rounding may leave nonsense
+            row[:] = 0.0
+            row[i] = widest
+        triangle[place : place + i + 1] = row
         place += i + 1
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def scale_of(parameters: KernelParameters, points: int) -> float:
-    """What takes equations of so many points to the log posterior."""
-    if parameters.soft:
-        return parameters.independent_points / (points * parameters.noise_lateral**2)
-    return parameters.likelihood_scale / points
 
 
 @numba.njit(cache=True, nogil=True)
@@ -180,23 +164,15 @@ def prior_deviation(kind: int) -> float:
     return WEAK_SLIDE if kind == 0 else WEAK_TURN
 
 
-@numba.njit(cache=True, nogil=True)
-def is_known(root: Array, i: int, most: float) -> bool:
-    """Whether row i of a root (D, D) says something: of extreme numbers rounding may leave nonsense."""
-    squares = 0.0
-    for j in range(i + 1):
-        squares += root[i, j] * root[i, j]
-    return bool(np.float32(root[i, i]) > 0.0 and squares <= (1.01 * most) ** 2)
-
-
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def invert_lower(parents: NDArray[np.int64], lower: Array) -> None:
-    """Invert a lower triangular matrix (D, D) in place, zero in each row but for the row's ancestors."""
+def invert_lower(parents: Indices, lower: Array) -> None:
+    """Invert a lower triangular matrix (D, D) in place, zero in each row but for the row's ancestors.
+
+    From the diagonal to the left: there the row is still that of the matrix; the rows above are inverted.
+    """
     for k in range(len(parents)):
         lower[k, k] = 1.0 / lower[k, k]
-        for j in range(
-            k
-        ):  # to the right of j the row is still that of the matrix, the rows above are inverted
+        for j in range(k):
             total, i = 0.0, parents[k]
             while i >= j:
                 total += lower[k, i] * lower[i, j]

@@ -2,7 +2,7 @@
 
 The paper says only "calculated from the residual error". Here the log posterior of a pose is
 
-    -1/2 (mean over observed points of rho(d_i) + w_f mean over visible model points of rho(f_v) + prior) / T
+    -1/2 (mean over observed points of rho(d_i) + mean over visible model points of rho(f_v) + prior) / T
 
 with the prior that the descent has, too (see `priors`), d_i the distance of an observed point from
 its closest visible model point and f_v the distance by which a model point lies where the camera saw
@@ -22,22 +22,14 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from worker.kernel.correspondence import find_correspondences
-from worker.kernel.neighbourhoods import BLOCK
 from worker.kernel.observation import PackedObservation
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import prior_cost
-from worker.kernel.soft import (
-    OUTLIER_DENSITY,
-    SampleGrid,
-    compute_responsibilities,
-    sample,
-    sample_distance,
-    sample_radius,
-)
+from worker.kernel.soft import mean_log_density
 from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.visibility import update_visibility
-from worker.kernel.weighting import find_silhouette_points, robust_cost
-from worker.kernel.workspace import SearchBuffers, SoftBuffers, Workspace
+from worker.kernel.visibility import pose_body, visible_vertices
+from worker.kernel.weighting import fill_silhouette_offsets, robust_cost
+from worker.kernel.workspace import Search, Workspace
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint32]  # of vertices
@@ -57,27 +49,24 @@ def evaluate(
 
     `last_count` is as in `find_correspondences`. What is visible is looked for in the pose itself.
     """
-    visible = update_visibility(pose, skeleton, surface, workspace.transforms, workspace.visibility)
+    pose_body(pose, skeleton, surface, workspace)
+    visible = visible_vertices(surface, workspace)
     if len(visible) == 0 or observed.count == 0:
         return -np.inf, np.inf
     find_correspondences(visible, last_count, surface, observed, workspace)
     residual = mean_distance(observed, parameters, workspace.search)
-    prior = prior_cost(skeleton, pose, parameters.rest_weight)
+    cost = prior_cost(skeleton, pose, parameters.rest_weight)
     if parameters.soft:
-        grid = sample(workspace.visibility, surface, sample_distance(parameters), workspace.soft)
-        log_density = mean_log_density(grid, observed, parameters, workspace.soft)
-        cost = 0.5 * prior / parameters.noise_lateral**2
-        return parameters.independent_points * (log_density - cost), residual
-    cost = mean_cost(observed, parameters, workspace.search) + prior
-    if parameters.free_space_weight > 0.0:
-        cost += parameters.free_space_weight * mean_free_space_cost(
-            visible, skeleton, surface, observed, parameters, workspace
-        )
-    return -0.5 * cost * parameters.likelihood_scale, residual
+        density = mean_log_density(surface, observed, parameters, workspace)
+        return parameters.independent_points * density - 0.5 * cost * parameters.posterior_scale, residual
+    cost += mean_cost(observed, parameters, workspace.search)
+    if parameters.free_space:
+        cost += mean_free_space_cost(visible, skeleton, surface, observed, parameters, workspace)
+    return -0.5 * cost * parameters.posterior_scale, residual
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def mean_cost(observed: PackedObservation, parameters: KernelParameters, search: SearchBuffers) -> float:
+def mean_cost(observed: PackedObservation, parameters: KernelParameters, search: Search) -> float:
     """Mean robust cost (m^2) of the observed points, in the metric of the noise."""
     cost, squared = 0.0, search.squared
     for i in range(observed.count):
@@ -86,7 +75,7 @@ def mean_cost(observed: PackedObservation, parameters: KernelParameters, search:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def mean_distance(observed: PackedObservation, parameters: KernelParameters, search: SearchBuffers) -> float:
+def mean_distance(observed: PackedObservation, parameters: KernelParameters, search: Search) -> float:
     """Mean distance (m) of the observed points from their model points, depth unstretched.
 
     Where depth is stretched a lot the difference of large numbers may come out below zero.
@@ -108,23 +97,10 @@ def mean_free_space_cost(
     workspace: Workspace,
 ) -> float:
     """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
-    points, squared = workspace.silhouette_points, workspace.silhouette_squared
-    find_silhouette_points(visible, skeleton, surface, observed, workspace)
-    cost = 0.0
-    for m in range(len(visible)):
-        if squared[m] > 0.0:
-            cost += points[m, 3] * robust_cost(squared[m], parameters.outlier_squared)
+    fill_silhouette_offsets(visible, skeleton, surface, observed, workspace)
+    cost, offsets = 0.0, workspace.offsets
+    for v in visible:
+        if offsets[v, 2] > 0.0:
+            squared = offsets[v, 0] ** 2 + offsets[v, 1] ** 2
+            cost += offsets[v, 2] * robust_cost(squared, parameters.outlier_squared)
     return cost / len(visible)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def mean_log_density(
-    grid: SampleGrid, observed: PackedObservation, parameters: KernelParameters, buffers: SoftBuffers
-) -> float:
-    """Mean log p(p_i) of the observed points under soft correspondences."""
-    total, radius = 0.0, sample_radius(parameters)
-    for first in range(0, observed.count, BLOCK):
-        compute_responsibilities(first, grid, observed, parameters, radius, buffers)
-        for i in range(min(BLOCK, observed.count - first)):
-            total += np.log(np.float64(buffers.totals[i]) + OUTLIER_DENSITY)
-    return total / observed.count

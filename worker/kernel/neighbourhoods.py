@@ -1,4 +1,4 @@
-"""An order of points in which neighbours stand together, so that a few in a row have a small bounding box."""
+"""An order of points in which neighbours follow each other, so that a few in a row have a small box."""
 
 from __future__ import annotations
 
@@ -11,63 +11,58 @@ Array = NDArray[np.float64]
 Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
-TILE = 16  # observed points that are searched for together
-BLOCK = 64  # observed points that share a list of candidates
-
 
 @numba.njit(cache=True, nogil=True)
-def neighbourhoods(points: Array, small: int, large: int) -> Indices:
-    """An order (P,) of points (P, 3) in which every `large` in a row, and every `small`, lie close together.
+def neighbourhoods(points: Array, size: int) -> Indices:
+    """An order (P,) of points (P, 3) in which every `size` in a row, 2 `size`, 4 `size` and so on lie close.
 
-    As in a k-d tree: halved along the longest side of their box again and again, but always at a multiple
-    of `large` points, and below that of `small`, so that only the last few are fewer.
+    As in a k-d tree: divided along the longest side of the bounding box again and again, but always so that
+    the first part is a power of 2 times `size`.
     """
-    order, moved = np.arange(len(points)), points.copy()
+    order = np.arange(len(points))
     waiting = [(0, len(points))]
     while len(waiting) > 0:
         start, stop = waiting.pop()
-        unit = large if stop - start > large else small
-        if stop - start > unit:
-            middle = start + (stop - start + unit - 1) // unit // 2 * unit
-            halve(moved, order, start, stop, middle, longest_side(moved, start, stop))
-            waiting.append((start, middle))
-            waiting.append((middle, stop))
+        first = size
+        while 2 * first < stop - start:
+            first *= 2
+        if first < stop - start:
+            divide(points, order, start, stop, start + first, longest_side(points, order[start:stop]))
+            waiting.append((start, start + first))
+            waiting.append((start + first, stop))
     return order
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
-def longest_side(points: Array, start: int, stop: int) -> int:
-    """The axis along which points start..stop extend most."""
-    left, top, front = points[start, 0], points[start, 1], points[start, 2]
-    right, bottom, back = left, top, front
-    for i in range(start + 1, stop):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        left, right = min(left, x), max(right, x)
-        top, bottom = min(top, y), max(bottom, y)
-        front, back = min(front, z), max(back, z)
-    width, height, depth = right - left, bottom - top, back - front
-    if width >= height and width >= depth:
-        return 0
-    return 1 if height >= depth else 2
+def longest_side(points: Array, some: Indices) -> int:
+    """The axis along which some of the points (P, 3) extend most."""
+    longest, axis = -np.inf, 0
+    for a in range(3):
+        low = high = points[some[0], a]
+        for i in some:
+            low, high = min(low, points[i, a]), max(high, points[i, a])
+        if high - low > longest:
+            longest, axis = high - low, a
+    return axis
 
 
 @numba.njit(cache=True, nogil=True)
-def halve(points: Array, order: Indices, start: int, stop: int, middle: int, axis: int) -> None:
-    """Move points start..stop and their places in `order` so that none before `middle` lies beyond one after.
+def divide(points: Array, order: Indices, start: int, stop: int, middle: int, axis: int) -> None:
+    """Rearrange order[start:stop] so that no point before `middle` lies beyond one after it.
 
     Hoare's selection.
     """
     low, high = start, stop - 1
     while low < high:
-        pivot = points[(low + high) // 2, axis]
+        pivot = points[order[(low + high) // 2], axis]
         i, j = low, high
         while i <= j:
-            while points[i, axis] < pivot:
+            while points[order[i], axis] < pivot:
                 i += 1
-            while points[j, axis] > pivot:
+            while points[order[j], axis] > pivot:
                 j -= 1
             if i <= j:
-                swap(points, order, i, j)
+                order[i], order[j] = order[j], order[i]
                 i += 1
                 j -= 1
         if middle <= j:
@@ -78,28 +73,12 @@ def halve(points: Array, order: Indices, start: int, stop: int, middle: int, axi
             return
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def swap(points: Array, order: Indices, i: int, j: int) -> None:
-    """Each takes the other's place."""
-    for a in range(3):
-        points[i, a], points[j, a] = points[j, a], points[i, a]
-    order[i], order[j] = order[j], order[i]
-
-
-def boxes_of(points: Points, size: int) -> Points:
-    """Bounding boxes (6, K) of every `size` points in a row, of points (3, P)."""
-    boxes = np.empty((6, points.shape[1] // size), dtype=np.float32)
-    enclose_rows(points, size, boxes)
-    return boxes
-
-
 @numba.njit(cache=True, nogil=True)
-def enclose_rows(points: Points, size: int, boxes: Points) -> None:
-    """Fill boxes (6, K): lowest and highest x, y, z of every `size` points (3, P) in a row."""
+def boxes_of(points: Points, size: int) -> Points:
+    """Bounding boxes (6, K): lowest and highest x, y, z of every `size` points (3, K * size) in a row."""
+    boxes = np.empty((6, points.shape[1] // size), dtype=np.float32)
     for a in range(3):
         for k in range(boxes.shape[1]):
-            low = high = points[a, k * size]
-            for i in range(k * size + 1, (k + 1) * size):
-                low = min(low, points[a, i])
-                high = max(high, points[a, i])
-            boxes[a, k], boxes[3 + a, k] = low, high
+            row = points[a, k * size : (k + 1) * size]
+            boxes[a, k], boxes[3 + a, k] = row.min(), row.max()
+    return boxes

@@ -16,40 +16,39 @@ from common.camera import Intrinsics
 from common.compiling import numba
 from common.frame import EMPTY, UNMEASURED, SubjectFrame
 from common.settings import RefineSettings
-from worker.kernel.neighbourhoods import BLOCK, TILE, boxes_of, neighbourhoods
+from worker.kernel.neighbourhoods import boxes_of, neighbourhoods
 
 Pixels = NDArray[np.int32]
 
-FAR = -1  # no row: no occupied pixel in a column
-KEPT = 2  # packed observations
+TILE = 16  # observed points that are searched for together
+NONE = -1  # in place of a row: no occupied pixel in a column
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """Observed points in the camera frame, neighbours together, padded to whole blocks by repeating the last.
+    """Observed points in the camera frame, neighbours together, padded to whole tiles by repeating the last.
 
     emptiness: how surely the body is not there: 0 where it may be seen or hidden, 1 where it cannot be.
     nearest: for each pixel the nearest one (row, column) whose emptiness is 0.
     """
 
-    points: NDArray[np.float32]  # (blocks * BLOCK, 3)
+    points: NDArray[np.float32]  # (tiles * TILE, 3)
     count: int  # points that are not padding
     emptiness: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
-    view: NDArray[np.int64]  # (4,)
+    view: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
 
 
 class PackedObservation(NamedTuple):
     """An observation for the kernel, depth stretched so that noise is alike in all directions."""
 
-    points: NDArray[np.float32]  # (3, blocks * BLOCK) metres, z times `stretch`
-    blocks: NDArray[np.float32]  # (6, blocks) bounding boxes
-    tiles: NDArray[np.float32]  # (6, tiles) and of smaller parts
+    points: NDArray[np.float32]  # (3, tiles * TILE) metres, z times `stretch`
+    tiles: NDArray[np.float32]  # (6, tiles) bounding boxes
     count: int  # type: ignore[assignment]  # tuples have a method of that name
-    emptiness: NDArray[np.float32]  # (H, W) 0 to 1
+    emptiness: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
-    seen: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
+    seen: NDArray[np.int64]  # (4,) the observation's view
     fx: float
     fy: float
     cx: float
@@ -59,18 +58,20 @@ class PackedObservation(NamedTuple):
 
 def observe(subject: SubjectFrame) -> Observation:
     """Observed points of the picked pixels of a frame; ValueError if one lies outside of it."""
-    depth = subject.frame.metres()
-    if len(subject.picked) and subject.picked.max() >= depth.size:
+    depth, camera, picked = subject.frame.metres(), subject.frame.intrinsics, subject.picked
+    if len(picked) and picked.max() >= depth.size:
         raise ValueError("picked pixels lie outside of the depth image")
+    rows, columns = np.divmod(picked, depth.shape[1])
+    z = depth.ravel()[picked].astype(np.float64)
+    points = np.column_stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z])
+    ordered = points[neighbourhoods(points, TILE)].astype(np.float32)
     emptiness = tell_emptiness(subject)
-    points = pick_points(depth, subject.picked, subject.frame.intrinsics)
-    ordered = points.astype(np.float32)[neighbourhoods(points, TILE, BLOCK)]
     return Observation(
-        points=pad_to_blocks(ordered),
+        points=np.concatenate([ordered, np.repeat(ordered[-1:], -len(points) % TILE, axis=0)]),
         count=len(points),
         emptiness=emptiness,
         nearest=nearest_occupied_pixels(emptiness == 0.0),
-        camera=subject.frame.intrinsics,
+        camera=camera,
         view=np.array(subject.view, dtype=np.int64),
     )
 
@@ -84,44 +85,12 @@ def tell_emptiness(subject: SubjectFrame) -> NDArray[np.float32]:
     return emptiness
 
 
-def pick_points(
-    depth: NDArray[np.float32], picked: NDArray[np.uint32], camera: Intrinsics
-) -> NDArray[np.float64]:
-    """Camera-frame points (P, 3) of the picked pixels."""
-    points = np.empty((len(picked), 3))
-    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-    back_project_some(depth.ravel(), depth.shape[1], picked, lens, points)
-    return points
-
-
-@numba.njit(cache=True, nogil=True)
-def back_project_some(
-    depth: NDArray[np.float32],
-    width: int,
-    picked: NDArray[np.uint32],
-    lens: tuple[float, float, float, float],
-    points: NDArray[np.float64],
-) -> None:
-    """Fill points (P, 3) with the picked pixels' of a depth row by row; the lens is fx, fy, cx, cy."""
-    fx, fy, cx, cy = lens
-    for i in range(len(picked)):
-        v, u = picked[i] // width, picked[i] % width
-        z = np.float64(depth[picked[i]])
-        points[i, 0], points[i, 1], points[i, 2] = (u - cx) / fx * z, (v - cy) / fy * z, z
-
-
-def pad_to_blocks(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Points filled up to whole blocks with copies of the last."""
-    missing = -len(points) % BLOCK
-    return np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])
-
-
 def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
     """Pack an observation in the metric of the noise; those that were asked for last are kept."""
     return stretch(observation, settings.noise_lateral / settings.noise_depth)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=2)
 def stretch(observation: Observation, ratio: float) -> PackedObservation:
     """Pack an observation, its depths multiplied by a ratio."""
     points = np.ascontiguousarray(observation.points.T)
@@ -129,7 +98,6 @@ def stretch(observation: Observation, ratio: float) -> PackedObservation:
     camera = observation.camera
     return PackedObservation(
         points,
-        boxes_of(points, BLOCK),
         boxes_of(points, TILE),
         observation.count,
         observation.emptiness,
@@ -169,16 +137,16 @@ def nearest_occupied_pixels(occupied: NDArray[np.bool_]) -> Pixels:
 
 @numba.njit(cache=True, nogil=True)
 def nearest_rows(occupied: NDArray[np.bool_], out: Pixels) -> None:
-    """Fill out (H, W) with the row of the nearest occupied pixel in the same column, FAR without any."""
+    """Fill out (H, W) with the row of the nearest occupied pixel in the same column, NONE without any."""
     height, width = occupied.shape
     for v in range(height):
         for u in range(width):
-            above = out[v - 1, u] if v > 0 else FAR
+            above = out[v - 1, u] if v > 0 else NONE
             out[v, u] = v if occupied[v, u] else above
     for v in range(height - 2, -1, -1):
         for u in range(width):
             below = out[v + 1, u]
-            if below != FAR and (out[v, u] == FAR or below - v < v - out[v, u]):
+            if below != NONE and (out[v, u] == NONE or below - v < v - out[v, u]):
                 out[v, u] = below
 
 
@@ -190,7 +158,7 @@ def lower_envelope(v: int, row: Pixels, best: NDArray[np.int64], start: NDArray[
     """
     last = -1
     for u in range(len(row)):
-        if row[u] == FAR:
+        if row[u] == NONE:
             continue
         high, begins = (v - row[u]) ** 2, 0
         while last >= 0:

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from common.settings import Descent, RefineSettings
 
-OUTLIER_DISTANCE = 0.1  # metres: residuals beyond it lose influence
-FREE_SPACE_WEIGHT = 1.0  # of model points seen where nothing was observed
-DAMPING_SHARE = 0.0003  # of lambda, that each observed point adds to it in an accelerated descent
-HEAVIEST = 1e6  # that a prior may be
+OUTLIER_DISTANCE_M = 0.1  # residuals beyond it lose influence
 
 
 class Steps(NamedTuple):
     """How an iteration of ICP moves."""
 
     gauss_newton_iterations: int
-    over_relaxation: float  # share of the iteration's motion that is added to it, but to the last one's
+    over_relaxed: bool  # whether every iteration but the last goes twice as far
     visibility_interval: int  # iterations from one visibility update to the next
-    damping_share: float  # added to lambda of Eq. 4 for each observed point
+    damping_share: float  # of lambda of Eq. 4, that each observed point adds to it
 
 
 STEPS: dict[Descent, Steps] = {
-    "plain": Steps(5, 0.0, 1, 0.0),
-    "accelerated": Steps(2, 1.0, 3, DAMPING_SHARE),
+    "plain": Steps(5, False, 1, 0.0),
+    "accelerated": Steps(2, True, 3, 0.0003),
 }
 
 
@@ -32,50 +28,44 @@ class KernelParameters(NamedTuple):
     """Settings in the kernel's own units."""
 
     icp_iterations: int
+    steps: Steps
     soft: bool
-    gauss_newton_iterations: int
-    over_relaxation: float
-    visibility_interval: int
+    free_space: bool  # whether model points seen where nothing was observed count
     damping: float
-    damping_share: float
     rest_weight: float  # m^2, of a squared joint angle, for each point
     stretch: float  # lateral over depth noise
     outlier_squared: float  # m^2; 0 gives all points full weight
-    free_space_weight: float
-    likelihood_scale: float  # 1/m^2
+    posterior_scale: float  # 1/m^2: from the mean cost of a point to twice the log posterior
     independent_points: float
     noise_depth: float  # metres
     noise_lateral: float
 
 
-def rest_weight(settings: RefineSettings, soft: bool) -> float:
+def rest_weight(settings: RefineSettings) -> float:
     """Of a squared joint angle, for each point (m^2): in the likelihood it has the deviation of the prior.
 
     Under noise that asks for soft correspondences there is none: the arm alone was measured there.
     """
-    if soft or not settings.pose_deviation > 0.0:
+    if settings.is_soft or not settings.pose_deviation > 0.0:
         return 0.0
-    ratio = min(settings.likelihood_scale / settings.pose_deviation, math.sqrt(HEAVIEST))
-    return ratio**2
+    ratio = settings.likelihood_scale / settings.pose_deviation
+    return ratio * ratio
 
 
 def pack_parameters(settings: RefineSettings) -> KernelParameters:
     """Pack settings in the kernel's own units."""
-    soft, steps, camera = settings.is_soft, STEPS[settings.descent], settings.sensor == "camera"
+    soft, camera, points = settings.is_soft, settings.sensor == "camera", settings.independent_points
     return KernelParameters(
         settings.icp_iterations,
+        STEPS[settings.descent],
         soft,
-        steps.gauss_newton_iterations,
-        steps.over_relaxation,
-        steps.visibility_interval,
+        camera,
         settings.damping,
-        steps.damping_share,
-        rest_weight(settings, soft),
+        rest_weight(settings),
         settings.noise_lateral / settings.noise_depth,
-        OUTLIER_DISTANCE**2 if camera else 0.0,
-        FREE_SPACE_WEIGHT if camera else 0.0,
-        1.0 / (settings.likelihood_scale**2),
-        settings.independent_points,
+        OUTLIER_DISTANCE_M**2 if camera else 0.0,
+        points / settings.noise_lateral**2 if soft else 1.0 / settings.likelihood_scale**2,
+        points,
         settings.noise_depth,
         settings.noise_lateral,
     )

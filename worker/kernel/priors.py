@@ -6,52 +6,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from common.kinematics.rotations import euler_matrix, fill_euler_matrix, handedness, rotation_vector
+from common.kinematics.manifold import ball_vector
+from common.kinematics.rotations import handedness
 from worker.kernel.surface import Skeleton
 
 Array = NDArray[np.float64]
 
-LIMIT_SHARE = 0.002  # weight of a squared radian outside a ball's limits, for each point
+LIMIT_WEIGHT_M2 = 0.002  # of a squared radian outside a ball's limits, for each point
 
 
 @numba.njit(cache=True, nogil=True)
 def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
     """What pose (D,) costs for each point (m^2), whatever is observed: far from rest, or out of limits.
 
-    It is what `add_rest_prior` and `add_limit_prior` add half of, with the derivatives, to the equations.
+    `add_prior` adds half of it, with the derivatives, to the equations.
     """
-    cost = 0.0
+    cost, excess = 0.0, np.empty(3)
     if rest_weight > 0.0:
-        away = away_from_rest(skeleton, pose)
-        for j in range(len(pose)):
-            cost += rest_weight * skeleton.precisions[j] * away[j] * away[j]
-    excess = np.empty(3)
+        cost += rest_weight * np.sum(skeleton.precisions * from_rest(skeleton, pose) ** 2)
     for start in skeleton.balls:
         if fill_excess(skeleton, pose, start, excess):
-            cost += LIMIT_SHARE * (excess[0] ** 2 + excess[1] ** 2 + excess[2] ** 2)
+            cost += LIMIT_WEIGHT_M2 * (excess[0] ** 2 + excess[1] ** 2 + excess[2] ** 2)
     return cost
 
 
 @numba.njit(cache=True, nogil=True)
-def away_from_rest(skeleton: Skeleton, pose: Array) -> Array:
-    """How far each angle of pose (D,) is from rest; of a ball, its rotation vector."""
-    away, turned = pose.copy(), np.empty((3, 3))
+def add_prior(
+    skeleton: Skeleton, pose: Array, rest_weight: float, points: int, gram: Array, gradient: Array
+) -> None:
+    """Add half the prior's cost for so many points to the equations at pose (D,).
+
+    With R = R_1 R_2 R_3 a small turn d of a ball along its axes changes its angles by E^-1 d,
+    E = [a_1, R_1 a_2, R_1 R_2 a_3].
+    """
+    if rest_weight > 0.0:
+        away = from_rest(skeleton, pose)
+        for j in range(len(pose)):
+            stiffness = rest_weight * points * skeleton.precisions[j]
+            gram[j, j] += stiffness
+            gradient[j] += stiffness * away[j]
+    excess = np.empty(3)
     for start in skeleton.balls:
-        handed = handedness(skeleton.axes, start)
-        fill_euler_matrix(handed * pose[start], handed * pose[start + 1], handed * pose[start + 2], turned)
-        x, y, z = rotation_vector(turned)
-        away[start], away[start + 1], away[start + 2] = handed * x, handed * y, handed * z
-    return away
+        if fill_excess(skeleton, pose, start, excess):
+            handed = handedness(skeleton.axes, start)
+            sa, ca = np.sin(handed * pose[start]), np.cos(pose[start])
+            sb, cb = np.sin(handed * pose[start + 1]), np.cos(pose[start + 1])
+            rates = np.array(((1.0, sa * sb / cb, -ca * sb / cb), (0.0, ca, sa), (0.0, -sa / cb, ca / cb)))
+            for a in range(3):
+                if excess[a] != 0.0:
+                    for b in range(3):
+                        stiffness = LIMIT_WEIGHT_M2 * points * rates[a, b]
+                        gradient[start + b] += stiffness * excess[a]
+                        for c in range(3):
+                            gram[start + b, start + c] += stiffness * rates[a, c]
 
 
 @numba.njit(cache=True, nogil=True)
-def add_rest_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
-    """Add half the squared angles of all joints, by their precisions, to the equations (rest prior)."""
-    away = away_from_rest(skeleton, pose)
-    for j in range(len(pose)):
-        stiff = stiffness * skeleton.precisions[j]
-        gram[j, j] += stiff
-        gradient[j] += stiff * away[j]
+def from_rest(skeleton: Skeleton, pose: Array) -> Array:
+    """How far each angle of pose (D,) is from rest; of a ball, its rotation vector."""
+    away, rest = pose.copy(), np.zeros_like(pose)
+    for start in skeleton.balls:
+        away[start], away[start + 1], away[start + 2] = ball_vector(
+            handedness(skeleton.axes, start), rest, pose, start
+        )
+    return away
 
 
 @numba.njit(cache=True, nogil=True)
@@ -66,37 +84,6 @@ def fill_excess(skeleton: Skeleton, pose: Array, start: int, excess: Array) -> b
         excess[a] = angle - min(max(angle, low), high)
         outside = outside or excess[a] != 0.0
     return outside and abs(np.cos(pose[start + 1])) > 0.3
-
-
-@numba.njit(cache=True, nogil=True)
-def add_limit_prior(skeleton: Skeleton, pose: Array, stiffness: float, gram: Array, gradient: Array) -> None:
-    """Add half the squared excess of each ball's angles over their limits to the equations.
-
-    With R = R_1 R_2 R_3 a small turn d of the ball changes its angles by E^-1 d, E = [a_1, R_1 a_2,
-    R_1 R_2 a_3] along the ball's axes. Where E is nearly singular the angles mean nothing and are let be.
-    """
-    excess = np.empty(3)
-    for start in skeleton.balls:
-        if fill_excess(skeleton, pose, start, excess):
-            rates = np.linalg.inv(euler_rates(pose[start : start + 3], handedness(skeleton.axes, start)))
-            for a in range(3):
-                if excess[a] != 0.0:
-                    for b in range(3):
-                        gradient[start + b] += stiffness * rates[a, b] * excess[a]
-                        for c in range(3):
-                            gram[start + b, start + c] += stiffness * rates[a, b] * rates[a, c]
-
-
-@numba.njit(cache=True, nogil=True)
-def euler_rates(angles: Array, handed: float) -> Array:
-    """E (3, 3): turn of Rx(a) Ry(b) Rz(c), along the ball's axes, per change of its angles."""
-    first = euler_matrix(np.array([handed * angles[0], 0.0, 0.0]))
-    second = euler_matrix(np.array([handed * angles[0], handed * angles[1], 0.0]))
-    rates = np.zeros((3, 3))
-    rates[0, 0] = 1.0
-    rates[:, 1] = first[:, 1]
-    rates[:, 2] = second[:, 2]
-    return rates
 
 
 @numba.njit(cache=True, nogil=True)

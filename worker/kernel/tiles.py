@@ -14,7 +14,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from worker.kernel.neighbourhoods import TILE
+from worker.kernel.observation import TILE
 from worker.kernel.vectors import FINITE, FLOAT, INT, SIZE, lanes_at, spread
 
 BITS = ir.IntType(TILE)

@@ -1,109 +1,129 @@
 """The model in a pose, and which of its points the camera sees (steps 4a and 4b).
 
-The picture need not be finer than the surface's sampling: visibility asks for a depth buffer with pixels
-of about PIXEL metres at the body's distance, whatever the real camera's resolution.
+The depth image need not be finer than the surface's sampling: its pixels are about PIXEL_M wide at the
+body's distance, whatever the real camera's resolution.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.bounds import MOST_PIXELS
 from common.compiling import numba
-from common.kinematics.chain import forward_kinematics
+from common.kinematics.chain import blend_vertices, forward_kinematics
 from worker.kernel.drawing import LANES, draw_row
-from worker.kernel.rows import pose_lanes
 from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.workspace import LARGEST_SIDE, ROW_PADDING, VisibilityBuffers
+from worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Numbers = NDArray[np.uint32]  # of vertices and links, as the surface has them
+Numbers = NDArray[np.uint32]  # of vertices and triangles
 
-PIXEL = 0.012  # metres at the body's mean distance
-TOLERANCE = 0.03  # metres that a visible point may lie behind the depth buffer
-NEAR = 0.1  # metres; what is closer to the camera's plane is not drawn
-
-
-@numba.njit(cache=True, nogil=True)
-def pose_surface(surface: Surface, transforms: Array, link_dofs: Indices, posed: Array) -> None:
-    """Fill posed (V, 3) with the vertices in the camera frame, blended over their links' T_camera_rest."""
-    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
-    columns = columns_of(transforms, link_dofs)
-    for v in range(len(posed)):
-        pose_lanes(columns, links, weights, vertices, v, posed)  # type: ignore[call-arg]
+PIXEL_M = 0.012  # at the body's mean distance
+TOLERANCE_M = 0.03  # that a visible point may lie behind the depth image
+NEAREST_M = 0.1  # what is closer to the camera's plane is not drawn
+EDGE = 1e-9  # share of a triangle by which a pixel may lie outside, so that no gaps show
 
 
-@numba.njit(cache=True, nogil=True)
-def pose_vertices_of(
-    some: Numbers, surface: Surface, transforms: Array, link_dofs: Indices, posed: Array
-) -> None:
-    """Pose some of the vertices, as `pose_surface` does all."""
-    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
-    columns = columns_of(transforms, link_dofs)
-    for v in some:
-        pose_lanes(columns, links, weights, vertices, v, posed)  # type: ignore[call-arg]
+class DepthImage(NamedTuple):
+    """The posed surface as the camera sees it; pixel (0, 0) is on the ray through (left, top, focal)."""
+
+    depth: NDArray[
+        np.float32
+    ]  # (H, W) metres, infinite where there is nothing; in the last columns nothing is
+    triangles: Numbers  # (H, W) which one is seen there, if that is asked for
+    left: int
+    top: int
+    focal: float  # pixels
 
 
 @numba.njit(cache=True, nogil=True)
-def columns_of(transforms: Array, link_dofs: Indices) -> Array:
-    """The columns (L, 4, 4) of each link's transform, filled up with a zero, of transforms (D + 1, 3, 4)."""
-    columns = np.zeros((len(link_dofs), 4, 4))
-    for link in range(len(link_dofs)):
-        t = link_dofs[link]  # -1, what nothing moves, is the last
-        for a in range(3):
-            for b in range(4):
-                columns[link, b, a] = transforms[t, a, b]
-    return columns
+def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
+    """Fill workspace.transforms and .posed with the body in pose (D,) (4a)."""
+    transforms = workspace.transforms
+    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
+    of_links = transforms[skeleton.link_dofs]  # -1, of links that nothing moves, is the last
+    blend_vertices(surface.vertices, surface.skin_links, surface.skin_weights, of_links, workspace.posed)
 
 
 @numba.njit(cache=True, nogil=True)
-def visible_vertices(view: VisibilityBuffers, triangles: Numbers) -> Numbers:
-    """Indices, ascending, of the posed vertices that the camera at the origin sees. They stay in the view."""
-    left, top, right, bottom = project_vertices(view.posed, view.image)
-    width = max(1, min(LARGEST_SIDE, right - left + 1))  # of what lies too far off edges overflow
-    height = max(1, min(LARGEST_SIDE, bottom - top + 1))
-    buffer = view.buffer[: height * (width + ROW_PADDING)].reshape(height, width + ROW_PADDING)
-    rasterise_front(view, triangles, left, top, buffer)
-    posed, image, front, visible = view.posed, view.image, view.front, view.visible
+def visible_vertices(surface: Surface, workspace: Workspace) -> Numbers:
+    """Indices, ascending, of the posed vertices that the camera at the origin sees (4b)."""
+    posed, image, front, visible = workspace.posed, workspace.image, workspace.front, workspace.visible
+    seen = draw(surface.triangles, False, workspace)
+    height, width = seen.depth.shape
     count = 0
     for v in range(len(posed)):
         if front[v]:
-            column, row = int(np.floor(image[v, 0] - left + 0.5)), int(np.floor(image[v, 1] - top + 0.5))
+            column = int(np.floor(image[v, 0] - seen.left + 0.5))
+            row = int(np.floor(image[v, 1] - seen.top + 0.5))
             inside = 0 <= row < height and 0 <= column < width
-            if not inside or posed[v, 2] <= buffer[row, column] + TOLERANCE:
+            if not inside or posed[v, 2] <= seen.depth[row, column] + TOLERANCE_M:
                 visible[count] = v
                 count += 1
     return visible[:count]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def rasterise_front(
-    view: VisibilityBuffers, triangles: Numbers, left: int, top: int, buffer: NDArray[np.float32]
-) -> None:
-    """Mark the vertices of triangles that face us; nearest depth per pixel, infinite where nothing is.
+@numba.njit(cache=True, nogil=True)
+def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
+    """The depth image of workspace.posed, and which triangles it shows; fills workspace.front, too."""
+    focal = float(np.mean(workspace.posed[:, 2])) / PIXEL_M
+    left, top, right, bottom = project(workspace.posed, focal, workspace.image)
+    width = max(1, min(LARGEST_SIDE_PX, right - left + 1)) + LANES - 1  # edges far off overflow
+    height = max(1, min(LARGEST_SIDE_PX, bottom - top + 1))
+    seen = DepthImage(
+        workspace.depth[: height * width].reshape(height, width),
+        workspace.seen_triangles[: height * width].reshape(height, width),
+        left,
+        top,
+        focal,
+    )
+    rasterise(triangles, which, workspace, seen)
+    return seen
 
-    The last ROW_PADDING columns of the buffer stay infinite: a row is drawn LANES pixels at a time.
-    What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing: no surface can
-    keep us drawing for ever. All in one function: what is called for each triangle counts references.
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
+def project(posed: Array, focal: float, image: Array) -> tuple[int, int, int, int]:
+    """Fill image (V, 2) with pixels of posed (V, 3); returns the left, top, right and bottom edge of all."""
+    left = top = np.inf
+    right = bottom = -np.inf
+    for v in range(len(posed)):
+        z = max(posed[v, 2], NEAREST_M)
+        column, row = focal * posed[v, 0] / z, focal * posed[v, 1] / z
+        image[v, 0], image[v, 1] = column, row
+        left, right = min(left, column), max(right, column)
+        top, bottom = min(top, row), max(bottom, row)
+    return int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)), int(np.ceil(bottom))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: DepthImage) -> None:
+    """Mark the vertices of triangles that face the camera in workspace.front, and draw these triangles.
+
+    What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing, so that the work
+    is bounded for any surface. All in one function: one that is called for each triangle counts references.
     """
-    posed, image, front, budget = view.posed, view.image, view.front, MOST_PIXELS
+    posed, image, front, budget = workspace.posed, workspace.image, workspace.front, MOST_PIXELS
+    depth, owners, left, top = seen.depth, seen.triangles, seen.left, seen.top
     front[:] = False
-    buffer[:] = np.inf
+    depth[:] = np.inf
+    before = np.empty(LANES, np.float32)
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         bx, by = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
         cx, cy = image[c, 0] - image[a, 0], image[c, 1] - image[a, 1]
-        shown = bx * cy < by * cx  # counter-clockwise from outside, y points down
-        if not shown or min(posed[a, 2], posed[b, 2], posed[c, 2]) <= NEAR:
+        faces_camera = bx * cy < by * cx  # counter-clockwise from outside, y points down
+        if not faces_camera or min(posed[a, 2], posed[b, 2], posed[c, 2]) <= NEAREST_M:
             continue
         front[a] = front[b] = front[c] = True
         ax, ay = image[a, 0] - left, image[a, 1] - top
         first_column = max(0, ceiling(ax + min(0.0, bx, cx)))
         first_row = max(0, ceiling(ay + min(0.0, by, cy)))
-        last_column = min(buffer.shape[1] - 1 - ROW_PADDING, int(ax + max(0.0, bx, cx)))
-        last_row = min(buffer.shape[0] - 1, int(ay + max(0.0, by, cy)))
+        last_column = min(depth.shape[1] - LANES, int(ax + max(0.0, bx, cx)))
+        last_row = min(depth.shape[0] - 1, int(ay + max(0.0, by, cy)))
         if first_column > last_column or first_row > last_row or budget <= 0:
             continue
         budget -= (last_row - first_row + 1) * (last_column - first_column + 1)
@@ -112,60 +132,18 @@ def rasterise_front(
         z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
         for row in range(first_row, last_row + 1):
             for column in range(first_column, last_column + 1, LANES):
+                if which:
+                    before[:] = depth[row, column : column + LANES]
                 x, y = column - ax, row - ay
-                draw_row(buffer, row, column, x, y, bx, by, cx, cy, z, zb, zc)  # type: ignore[call-arg]
+                draw_row(depth, row, column, x, y, bx, by, cx, cy, z, zb, zc)  # type: ignore[call-arg]
+                if which:
+                    for n in range(LANES):
+                        if depth[row, column + n] < before[n]:
+                            owners[row, column + n] = t
 
 
 @numba.njit(cache=True, nogil=True)
 def ceiling(value: float) -> int:
-    """The least integer that is not below a value; numpy's ceil is another double, which takes longer."""
+    """The least integer that is not below a value; numpy's is a float, which takes longer."""
     below = int(value)
     return below + (below < value)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def project_vertices(posed: Array, image: Array) -> tuple[int, int, int, int]:
-    """Fill image (V, 2) with positions in buffer pixels; gives left, top, right and bottom edge of all."""
-    focal = np.mean(posed[:, 2]) / PIXEL
-    left = top = np.inf
-    right = bottom = -np.inf
-    for v in range(len(posed)):
-        z = max(posed[v, 2], NEAR)
-        column, row = focal * posed[v, 0] / z, focal * posed[v, 1] / z
-        image[v, 0], image[v, 1] = column, row
-        left, right = min(left, column), max(right, column)
-        top, bottom = min(top, row), max(bottom, row)
-    return int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)), int(np.ceil(bottom))
-
-
-@numba.njit(cache=True, nogil=True)
-def faces_camera(image: Array, a: int, b: int, c: int) -> bool:
-    """Whether a triangle, counter-clockwise from outside, shows its outside (y points down)."""
-    shown: bool = (image[b, 0] - image[a, 0]) * (image[c, 1] - image[a, 1]) < (image[b, 1] - image[a, 1]) * (
-        image[c, 0] - image[a, 0]
-    )
-    return shown
-
-
-@numba.njit(cache=True, nogil=True)
-def update_visibility(
-    pose: Array, skeleton: Skeleton, surface: Surface, transforms: Array, view: VisibilityBuffers
-) -> Numbers:
-    """Indices of the vertices that are visible in the pose (4a, 4b); fills transforms and view."""
-    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
-    pose_surface(surface, transforms, skeleton.link_dofs, view.posed)
-    return visible_vertices(view, surface.triangles)
-
-
-@numba.njit(cache=True, nogil=True)
-def repose_visible(
-    pose: Array,
-    visible: Numbers,
-    skeleton: Skeleton,
-    surface: Surface,
-    transforms: Array,
-    view: VisibilityBuffers,
-) -> None:
-    """Move the visible vertices to where they are in the pose, without a new depth buffer."""
-    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
-    pose_vertices_of(visible, surface, transforms, skeleton.link_dofs, view.posed)

@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 from common.compiling import numba
 from worker.kernel.observation import PackedObservation
 from worker.kernel.parameters import KernelParameters
-from worker.kernel.rows import add_products
 from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.workspace import NormalEquations, SearchBuffers, Workspace
+from worker.kernel.visibility import NEAREST_M
+from worker.kernel.workspace import Search, Workspace
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Numbers = NDArray[np.uint32]
 
-CLOSEST = 0.05  # metres from the camera's plane
 GRAZING = np.cos(np.radians(78.0))  # between normal and line of sight: beyond it, nothing is measured
 
 
@@ -46,74 +44,6 @@ def robust_cost(squared: float, scale_squared: float) -> float:
     return scale_squared * squared / (scale_squared + squared)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def project_onto_silhouette(
-    visible: Numbers,
-    surface: Surface,
-    link_dofs: Indices,
-    transforms: Array,
-    posed: Array,
-    observed: PackedObservation,
-    points: Array,
-    squared: Array,
-) -> None:
-    """How far the visible ones of posed (V, 3) lie from the silhouette's nearest ray, at their own depth.
-
-    Fills squared (V,) with the squared distances (m^2), in the order of `visible`, and points (V, 4) with
-    what draws a vertex down their slope in the metric of the noise, and how surely its pixel is empty; 0
-    where a vertex projects onto the subject or what may hide it, or outside what the camera saw, or where the
-    surface is seen from the side.
-    """
-    nearest, emptiness, fx, fy, cx, cy = (
-        observed.nearest,
-        observed.emptiness,
-        observed.fx,
-        observed.fy,
-        observed.cx,
-        observed.cy,
-    )
-    left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
-    height, width = emptiness.shape
-    stretch_squared = observed.stretch * observed.stretch
-    for m in range(len(visible)):
-        x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
-        squared[m] = 0.0
-        nearer = 1.0 / max(z, CLOSEST)
-        u, v = cx + fx * x * nearer, cy + fy * y * nearer
-        across, along = u + (0.5 - left), v + (0.5 - top)
-        if 0.0 <= across < right - left and 0.0 <= along < bottom - top and z > CLOSEST:
-            column, row = left + int(across), top + int(along)
-            inside = 0 <= column < width and 0 <= row < height
-            weight = emptiness[np.uint64(row), np.uint64(column)] if inside else np.float32(1.0)
-            if weight == 0.0:
-                continue
-            i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
-            du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
-            off = abs(du) > 1.0 or abs(dv) > 1.0
-            if off and is_measurable(visible[m], surface, link_dofs, transforms, x, y, z):
-                right_by, down_by = du * z / fx, dv * z / fy
-                along_ray = right_by * (u + du - cx) / fx + down_by * (v + dv - cy) / fy
-                points[m, 0], points[m, 1] = x + right_by, y + down_by
-                points[m, 2] = z - along_ray / stretch_squared
-                points[m, 3] = weight
-                squared[m] = right_by * right_by + down_by * down_by
-
-
-@numba.njit(cache=True, nogil=True)
-def is_measurable(
-    v: int, surface: Surface, link_dofs: Indices, transforms: Array, x: float, y: float, z: float
-) -> bool:
-    """Whether vertex v, which is at (x, y, z), is on a surface that the camera does not look along."""
-    t = link_dofs[surface.skin_links[v, 0]]
-    nx, ny, nz = surface.normals[v, 0], surface.normals[v, 1], surface.normals[v, 2]
-    along = 0.0
-    for a in range(3):
-        turned = transforms[t, a, 0] * nx + transforms[t, a, 1] * ny + transforms[t, a, 2] * nz
-        along += turned * (x if a == 0 else y if a == 1 else z)
-    facing: bool = along * along > GRAZING * GRAZING * (x * x + y * y + z * z)
-    return facing
-
-
 @numba.njit(cache=True, nogil=True)
 def accumulate_correspondences(
     visible: Numbers,
@@ -124,54 +54,30 @@ def accumulate_correspondences(
     workspace: Workspace,
 ) -> None:
     """Sum all weighted correspondences into workspace.equations."""
-    add_observed_points(len(visible), observed, parameters, workspace.search, workspace.weighted_targets)
-    if parameters.free_space_weight > 0.0:
+    fill_targets(visible, observed, parameters, workspace.search, workspace.targets)
+    if parameters.free_space:
         add_free_space(visible, skeleton, surface, observed, parameters, workspace)
-    add_correspondences(
-        surface,
-        skeleton,
-        workspace.transforms,
-        visible,
-        workspace.visibility.posed,
-        workspace.weighted_targets,
-        workspace.equations,
-    )
-
-
-@numba.njit(cache=True, nogil=True)
-def metric_of(parameters: KernelParameters) -> Array:
-    """Weights (3,) of the camera's axes, depth's by its noise."""
-    return np.array([1.0, 1.0, parameters.stretch * parameters.stretch])
+    sum_by_link(visible, skeleton, surface, workspace)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def add_observed_points(
-    visible: int,
+def fill_targets(
+    visible: Numbers,
     observed: PackedObservation,
     parameters: KernelParameters,
-    search: SearchBuffers,
-    weighted_targets: Array,
+    search: Search,
+    targets: Array,
 ) -> None:
-    """Fill weighted_targets from the observed points."""
-    shrink = 1.0 / parameters.stretch
-    points, closest, weights = observed.points, search.closest, search.weights
-    fill_robust_weights(search.squared, observed.count, parameters.outlier_squared, weights)
-    weighted_targets[:visible] = 0.0
+    """Fill targets (V, 4) with each vertex's weighted sum of observed points, and their weight."""
+    shrink, scale_squared = 1.0 / parameters.stretch, parameters.outlier_squared
+    points, closest, squared = observed.points, search.closest, search.squared
+    targets[:] = 0.0
     for i in range(observed.count):
-        weight, m = weights[i], closest[i]
-        weighted_targets[m, 0] += weight * points[0, i]
-        weighted_targets[m, 1] += weight * points[1, i]
-        weighted_targets[m, 2] += weight * points[2, i] * shrink
-        weighted_targets[m, 3] += weight
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def fill_robust_weights(
-    squared: NDArray[np.float32], count: int, scale_squared: float, weights: Array
-) -> None:
-    """Fill robust weights (count,) by squared distances."""
-    for i in range(count):
-        weights[i] = robust_weight(np.float64(squared[i]), scale_squared)
+        weight, v = robust_weight(np.float64(squared[i]), scale_squared), visible[closest[i]]
+        targets[v, 0] += weight * points[0, i]
+        targets[v, 1] += weight * points[1, i]
+        targets[v, 2] += weight * points[2, i] * shrink
+        targets[v, 3] += weight
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -183,107 +89,105 @@ def add_free_space(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> None:
-    """Add to workspace.weighted_targets what draws vertices in free space onto the silhouette."""
-    targets, points, squared = (
-        workspace.weighted_targets,
-        workspace.silhouette_points,
-        workspace.silhouette_squared,
-    )
-    find_silhouette_points(visible, skeleton, surface, observed, workspace)
-    share = parameters.free_space_weight * observed.count / len(visible)
-    for m in range(len(visible)):
-        if squared[m] > 0.0:
-            weight = share * points[m, 3] * robust_weight(squared[m], parameters.outlier_squared)
-            for a in range(3):
-                targets[m, a] += weight * points[m, a]
-            targets[m, 3] += weight
+    """Add to workspace.targets what draws vertices in free space onto the silhouette.
+
+    That is down the slope of their squared distance from it, in the metric of the noise.
+    """
+    fill_silhouette_offsets(visible, skeleton, surface, observed, workspace)
+    posed, targets, offsets = workspace.posed, workspace.targets, workspace.offsets
+    share = observed.count / len(visible)
+    for v in visible:
+        dx, dy, emptiness = offsets[v, 0], offsets[v, 1], offsets[v, 2]
+        if emptiness > 0.0:
+            x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+            weight = share * emptiness * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
+            along = (dx * (x + dx) + dy * (y + dy)) / z
+            targets[v, 0] += weight * (x + dx)
+            targets[v, 1] += weight * (y + dy)
+            targets[v, 2] += weight * (z - along / (parameters.stretch * parameters.stretch))
+            targets[v, 3] += weight
 
 
-@numba.njit(cache=True, nogil=True)
-def find_silhouette_points(
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def fill_silhouette_offsets(
     visible: Numbers, skeleton: Skeleton, surface: Surface, observed: PackedObservation, workspace: Workspace
 ) -> None:
-    """Fill workspace.silhouette_points and .silhouette_squared for the visible vertices."""
-    project_onto_silhouette(
-        visible,
-        surface,
-        skeleton.link_dofs,
-        workspace.transforms,
-        workspace.visibility.posed,
-        observed,
-        workspace.silhouette_points,
-        workspace.silhouette_squared,
-    )
+    """Fill workspace.offsets (V, 3) of the visible vertices: from each to the silhouette's nearest ray.
 
-
-@numba.njit(cache=True, nogil=True)
-def add_correspondences(
-    surface: Surface,
-    skeleton: Skeleton,
-    transforms: Array,
-    visible: NDArray[np.uint32],
-    posed: Array,
-    weighted_targets: Array,
-    equations: NormalEquations,
-) -> None:
-    """Sum moments and crosses of the visible ones of posed (V, 3) with their observed points.
-
-    weighted_targets (V, 4) are those points' weighted sum and weight, in the order of `visible`. transforms
-    (D + 1, 3, 4) are T_camera_rest, the last for links that nothing moves.
+    That is metres right and down, at the vertex's depth, and how surely the vertex's pixel is empty: 0 where
+    it is one of the subject or of what may hide it, or beside the ray by a pixel at the most, or outside what
+    the camera saw, or where the surface is seen from the side.
     """
-    links, weights, sums, pulls = surface.skin_links, surface.skin_weights, equations.sums, weighted_targets
+    fx, fy, cx, cy = observed.fx, observed.fy, observed.cx, observed.cy
+    left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
+    emptiness, nearest = observed.emptiness, observed.nearest
+    posed, offsets = workspace.posed, workspace.offsets
+    transforms, normals, links = workspace.transforms, surface.normals, surface.skin_links
+    link_dofs = skeleton.link_dofs
+    height, width = emptiness.shape
+    for vertex in visible:
+        x, y, z = posed[vertex, 0], posed[vertex, 1], posed[vertex, 2]
+        offsets[vertex, 2] = 0.0
+        u, v = cx + fx * x / z, cy + fy * y / z
+        across, along = u + (0.5 - left), v + (0.5 - top)
+        if not (0.0 <= across < right - left and 0.0 <= along < bottom - top and z > NEAREST_M):
+            continue
+        column, row = left + int(across), top + int(along)
+        i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
+        empty = emptiness[i, j] if 0 <= column < width and 0 <= row < height else np.float32(1.0)
+        du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
+        if empty > 0.0 and (abs(du) > 1.0 or abs(dv) > 1.0):
+            link_dof = link_dofs[links[vertex, 0]]
+            if is_measurable(transforms, link_dof, normals, vertex, x, y, z):
+                offsets[vertex, 0], offsets[vertex, 1], offsets[vertex, 2] = du * z / fx, dv * z / fy, empty
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def is_measurable(
+    transforms: Array, t: int, normals: Array, vertex: int, x: float, y: float, z: float
+) -> bool:
+    """Whether the camera does not look along the surface at a vertex that is at (x, y, z)."""
+    along = 0.0
+    for a in range(3):
+        turned = transforms[t, a, 0] * normals[vertex, 0] + transforms[t, a, 1] * normals[vertex, 1]
+        turned += transforms[t, a, 2] * normals[vertex, 2]
+        along += turned * (x if a == 0 else y if a == 1 else z)
+    facing: bool = along * along > GRAZING * GRAZING * (x * x + y * y + z * z)
+    return facing
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
+def sum_by_link(visible: Numbers, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
+    """Sum M and C of each link (see `normal_equations`) over the visible vertices into equations.sums.
+
+    A target moves along with the vertex from its blend to where the link carries it, so that the residual
+    stays the blend's.
+    """
+    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
+    posed, targets, transforms = workspace.posed, workspace.targets, workspace.transforms
+    link_dofs, sums = skeleton.link_dofs, workspace.equations.sums
     sums[:] = 0.0
-    for m in range(len(visible)):
-        v = visible[m]
-        w = pulls[m, 3]
+    for v in visible:
+        w = targets[v, 3]
         if w > 0.0:
-            x, y, z, cx, cy, cz = posed[v, 0], posed[v, 1], posed[v, 2], pulls[m, 0], pulls[m, 1], pulls[m, 2]
-            if not weights[v, 0] < 1.0:
-                add_products(sums, links[v, 0], 1.0, x, y, z, cx, cy, cz, w)  # type: ignore[call-arg]
-            else:
-                add_blended(surface, skeleton.link_dofs, transforms, v, x, y, z, cx, cy, cz, w, sums)
-    equations.moments[:] = sums[:, :, :4]
-    equations.crosses[:] = sums[:, :, 4:7]
+            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            for k in range(links.shape[1]):
+                share, link = weights[v, k], links[v, k]
+                if share > 0.0:
+                    tx, ty, tz = targets[v, 0], targets[v, 1], targets[v, 2]
+                    if share < 1.0:
+                        t = link_dofs[link]
+                        tx += w * (carry(transforms, t, 0, x, y, z) - posed[v, 0])
+                        ty += w * (carry(transforms, t, 1, x, y, z) - posed[v, 1])
+                        tz += w * (carry(transforms, t, 2, x, y, z) - posed[v, 2])
+                    add_row(sums, link, 0, share * x, w, x, y, z, tx, ty, tz)
+                    add_row(sums, link, 1, share * y, w, x, y, z, tx, ty, tz)
+                    add_row(sums, link, 2, share * z, w, x, y, z, tx, ty, tz)
+                    add_row(sums, link, 3, share, w, x, y, z, tx, ty, tz)
 
 
-@numba.njit(cache=True, nogil=True)
-def add_blended(  # noqa: PLR0913 compiled code takes numbers
-    surface: Surface,
-    link_dofs: NDArray[np.int64],
-    transforms: Array,
-    v: int,
-    x: float,
-    y: float,
-    z: float,
-    cx: float,
-    cy: float,
-    cz: float,
-    w: float,
-    sums: Array,
-) -> None:
-    """Add vertex v, which is at (x, y, z), as part of each of its links; (cx, cy, cz) and w are its pull.
-
-    By numbers, not by rows: a row that is taken out of an array counts references.
-    """
-    px, py, pz = surface.vertices[v, 0], surface.vertices[v, 1], surface.vertices[v, 2]
-    for k in range(surface.skin_links.shape[1]):
-        share = surface.skin_weights[v, k]
-        if not share > 0.0:
-            break
-        link = surface.skin_links[v, k]
-        t = link_dofs[link]
-        carried_x = carried(transforms, t, 0, px, py, pz)
-        carried_y = carried(transforms, t, 1, px, py, pz)
-        carried_z = carried(transforms, t, 2, px, py, pz)
-        cx += w * (carried_x - x)  # the target moves along, so that the residual stays the blend's
-        cy += w * (carried_y - y)
-        cz += w * (carried_z - z)
-        x, y, z = carried_x, carried_y, carried_z
-        add_products(sums, link, share, x, y, z, cx, cy, cz, w)  # type: ignore[call-arg]
-
-
-@numba.njit(cache=True, nogil=True)
-def carried(transforms: Array, t: int, axis: int, x: float, y: float, z: float) -> float:
+@numba.njit(cache=True, nogil=True, inline="always")
+def carry(transforms: Array, t: int, axis: int, x: float, y: float, z: float) -> float:
     """One coordinate of where transform t of (D + 1, 3, 4) takes a point."""
     moved: float = (
         transforms[t, axis, 0] * x
@@ -292,3 +196,27 @@ def carried(transforms: Array, t: int, axis: int, x: float, y: float, z: float) 
         + transforms[t, axis, 3]
     )
     return moved
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def add_row(  # noqa: PLR0913 compiled code takes numbers
+    sums: Array,
+    link: int,
+    row: int,
+    factor: float,
+    w: float,
+    x: float,
+    y: float,
+    z: float,
+    tx: float,
+    ty: float,
+    tz: float,
+) -> None:
+    """Add factor * [w x, w y, w z, w, tx, ty, tz] to a row of a link of sums (L, 4, 7)."""
+    sums[link, row, 0] += factor * w * x
+    sums[link, row, 1] += factor * w * y
+    sums[link, row, 2] += factor * w * z
+    sums[link, row, 3] += factor * w
+    sums[link, row, 4] += factor * tx
+    sums[link, row, 5] += factor * ty
+    sums[link, row, 6] += factor * tz

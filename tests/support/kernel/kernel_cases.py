@@ -19,7 +19,7 @@ from tests.support.kernel import plain_path
 from tests.support.people import subject_of
 from worker.kernel.observation import observe, pack_observation
 from worker.kernel.surface import order_vertices, pack_model
-from worker.kernel.visibility import update_visibility
+from worker.kernel.visibility import pose_body, visible_vertices
 from worker.kernel.workspace import Workspace, make_workspace
 
 Array = NDArray[np.float64]
@@ -67,15 +67,9 @@ def layout(model: BodyModel) -> Indices:
 
 def dirty(workspace: Workspace) -> Workspace:
     """A workspace in which others were before."""
-    for array in (
-        workspace.weighted_targets,
-        workspace.silhouette_points,
-        workspace.silhouette_squared,
-        *workspace.visibility,
-        *workspace.search,
-        *workspace.equations,
-    ):
-        array.fill(7)
+    for value in workspace[1:]:  # the first, transforms, ends in what stays
+        for array in value if isinstance(value, tuple) else (value,):
+            array.fill(7)
     return workspace
 
 
@@ -83,8 +77,8 @@ def posed_in(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[W
     """A workspace after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
     skeleton, surface = pack_model(model)
     workspace = dirty(make_workspace(skeleton, surface, pack_observation(observe(subject()), settings)))
-    visible = update_visibility(pose.copy(), skeleton, surface, workspace.transforms, workspace.visibility)
-    return workspace, workspace.visibility.posed, visible
+    pose_body(pose.copy(), skeleton, surface, workspace)
+    return workspace, workspace.posed, visible_vertices(surface, workspace)
 
 
 def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:

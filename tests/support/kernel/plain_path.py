@@ -27,10 +27,10 @@ from common.kinematics import (
 from common.settings import RefineSettings
 from tests.support.bodies import moves
 from worker.kernel.gauss_newton import CONVERGED
-from worker.kernel.parameters import FREE_SPACE_WEIGHT, OUTLIER_DISTANCE, STEPS
-from worker.kernel.priors import LIMIT_SHARE
-from worker.kernel.visibility import NEAR, PIXEL, TOLERANCE
-from worker.kernel.workspace import LARGEST_SIDE
+from worker.kernel.parameters import OUTLIER_DISTANCE_M, STEPS
+from worker.kernel.priors import LIMIT_WEIGHT_M2
+from worker.kernel.visibility import NEAREST_M, PIXEL_M, TOLERANCE_M
+from worker.kernel.workspace import LARGEST_SIDE_PX
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -87,7 +87,7 @@ def facing(image: Array, z: Array, triangles: Indices) -> NDArray[np.bool_]:
     """Which triangles (T,) in front of the camera show it their outside."""
     a, b, c = (image[triangles[:, i]] for i in range(3))
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    clear: NDArray[np.bool_] = (area < 0.0) & (z[triangles].min(axis=1) > NEAR)
+    clear: NDArray[np.bool_] = (area < 0.0) & (z[triangles].min(axis=1) > NEAREST_M)
     return clear
 
 
@@ -95,16 +95,16 @@ def visible_vertices(model: BodyModel, pose: Array) -> tuple[Array, Indices]:
     """Steps 4a and 4b: vertices (V, 3) in the pose, and the indices of those that are visible."""
     posed = pose_vertices(model, pose[None])[0]
     z = posed[:, 2]
-    image = posed[:, :2] / np.maximum(z, NEAR)[:, None] * z.mean() / PIXEL
+    image = posed[:, :2] / np.maximum(z, NEAREST_M)[:, None] * z.mean() / PIXEL_M
     shown = facing(image, z, model.triangles)
     corner = np.floor(image.min(axis=0))
-    size = np.minimum(np.ceil(image.max(axis=0)) - corner + 1, LARGEST_SIDE).astype(int)
+    size = np.minimum(np.ceil(image.max(axis=0)) - corner + 1, LARGEST_SIDE_PX).astype(int)
     buffer = rasterise(image - corner, z, model.triangles, (size[1], size[0]))
     front = np.unique(model.triangles[shown])
     pixels = np.floor(image[front] - corner + 0.5).astype(int)
     inside = np.all((pixels >= 0) & (pixels < size), axis=1)
     behind = buffer[tuple(np.clip(pixels, 0, size - 1).T[::-1])]
-    return posed, front[~inside | (z[front] <= behind + TOLERANCE)]
+    return posed, front[~inside | (z[front] <= behind + TOLERANCE_M)]
 
 
 def observed_points(subject: SubjectFrame) -> Array:
@@ -122,13 +122,13 @@ def closest_points(points: Array, seen: Array, settings: RefineSettings) -> tupl
 
 def robust_weight(squared: Array, settings: RefineSettings) -> Array:
     """Geman and McClure's weight, or 1."""
-    scale = OUTLIER_DISTANCE**2 if settings.sensor == "camera" else 0.0
+    scale = OUTLIER_DISTANCE_M**2 if settings.sensor == "camera" else 0.0
     return (scale / (scale + squared)) ** 2 if scale > 0.0 else np.ones_like(squared)
 
 
 def robust_cost(squared: Array, settings: RefineSettings) -> Array:
     """Geman and McClure's cost, or the square."""
-    scale = OUTLIER_DISTANCE**2 if settings.sensor == "camera" else 0.0
+    scale = OUTLIER_DISTANCE_M**2 if settings.sensor == "camera" else 0.0
     return scale * squared / (scale + squared) if scale > 0.0 else squared
 
 
@@ -166,7 +166,7 @@ def nearest_outline(seen: Array, facing: NDArray[np.bool_], subject: SubjectFram
     nearest = distance_transform_edt(empty > 0.0, return_distances=False, return_indices=True)
     outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
     off = outline - pixels
-    free = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > 0.05)
+    free = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > NEAREST_M)
     in_crop = np.all(cells == inside, axis=1)
     return outline, np.where(free, np.where(in_crop, empty[inside[:, 1], inside[:, 0]], 1.0), 0.0)
 
@@ -200,7 +200,7 @@ def weigh_correspondences(
         outline, away, free = project_onto_silhouette(
             posed[visible], is_measurable(model, pose, posed)[visible], subject, settings
         )
-        pull = free * FREE_SPACE_WEIGHT * len(points) / len(visible) * robust_weight(away, settings)
+        pull = free * len(points) / len(visible) * robust_weight(away, settings)
         vertices = np.concatenate([vertices, visible[away > 0.0]])
         targets = np.concatenate([targets, outline[away > 0.0]])
         weights = np.concatenate([weights, pull[away > 0.0]])
@@ -264,7 +264,7 @@ def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSet
         gram, gradient = equations(model, factors, pose, settings)
         gram += np.eye(len(pose)) * (settings.damping + STEPS[settings.descent].damping_share * count)
         gram, gradient = add_rest_prior(model, pose, rest_weight(settings) * count, gram, gradient)
-        gram, gradient = add_limit_prior(model, pose, LIMIT_SHARE * count, gram, gradient)
+        gram, gradient = add_limit_prior(model, pose, LIMIT_WEIGHT_M2 * count, gram, gradient)
         free = ~active_limits(model, pose, gradient)
         step = np.zeros_like(pose)
         step[free] = np.linalg.solve(gram[np.ix_(free, free)], -gradient[free])
@@ -288,7 +288,7 @@ def prior_costs(model: BodyModel, poses: Array, settings: RefineSettings) -> Arr
     excess = poses - np.clip(poses, *model.limits.T)
     for start in model.balls:
         counts = np.abs(np.cos(poses[:, start + 1])) > 0.3
-        cost += LIMIT_SHARE * counts * np.sum(excess[:, start : start + 3] ** 2, axis=1)
+        cost += LIMIT_WEIGHT_M2 * counts * np.sum(excess[:, start : start + 3] ** 2, axis=1)
     return np.asarray(cost)
 
 
@@ -353,7 +353,7 @@ def evaluate(
     measurable = is_measurable(model, pose, posed)[visible]
     _, away, free = project_onto_silhouette(posed[visible], measurable, subject, settings)
     if settings.sensor == "camera":
-        cost += FREE_SPACE_WEIGHT * (free * robust_cost(away, settings)).mean()
+        cost += (free * robust_cost(away, settings)).mean()
     cost += prior_costs(model, pose[None], settings)[0]
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
@@ -377,6 +377,6 @@ def refine(
 
 
 def over_relax(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
-    """The pose (D,) moved on by a share of the motion that led there from another."""
-    step = STEPS[settings.descent].over_relaxation * difference(model, before[None], pose[None])
+    """The pose (D,), moved on by the motion that led there from another if the descent is so."""
+    step = STEPS[settings.descent].over_relaxed * difference(model, before[None], pose[None])
     return clamp_to_limits(model, retract(model, pose[None], step)[0])

@@ -23,8 +23,9 @@ from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
 from tests.support.people import rendered, subject_of
-from worker.kernel.parameters import FREE_SPACE_WEIGHT, pack_parameters
-from worker.kernel.soft import OUTLIER_DENSITY, SampleGrid, sample_radius
+from worker.kernel.soft import OUTLIER_DENSITY, sample_window
+from worker.kernel.surface import Surface
+from worker.kernel.visibility import DepthImage
 
 Array = NDArray[np.float64]
 
@@ -115,40 +116,42 @@ def hold(
     pose: Array,
     subject: SubjectFrame,
     settings: RefineSettings,
-    grid: SampleGrid | None = None,
+    drawn: tuple[DepthImage, Surface] | None = None,
 ) -> Held:
-    """What is seen and what belongs together at a pose (D,); with a grid of samples of it, softly."""
+    """What is seen and what belongs together at a pose (D,); with its depth image and surface, softly."""
     posed, visible = plain_path.visible_vertices(model, pose)
     points, camera = plain_path.observed_points(subject), subject.frame.intrinsics
     index, _ = plain_path.closest_points(points, posed[visible], settings)
     facing = plain_path.is_measurable(model, pose, posed)[visible]
     outline, free = plain_path.nearest_outline(posed[visible], facing, subject)
     rays = (outline - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
-    samples = None if grid is None else take_samples(model, pose, points, settings, grid)
+    samples = None if drawn is None else take_samples(model, pose, points, settings, *drawn)
     return Held(model, settings, points, visible[index], visible, rays, free, samples)
 
 
 def take_samples(
-    model: BodyModel, pose: Array, points: Array, settings: RefineSettings, grid: SampleGrid
+    model: BodyModel, pose: Array, points: Array, settings: RefineSettings, grid: DepthImage, surface: Surface
 ) -> Samples:
-    """The samples of a grid, taken at a pose (D,), around the ray of each point (P, 3)."""
-    radius = sample_radius(pack_parameters(settings))
+    """The pixels of a depth image of a pose (D,) around the ray of each point (P, 3)."""
+    radius, apart = sample_window(settings.noise_lateral)
     rays = points[:, :2] / points[:, 2:]
     middle = np.floor(grid.focal * rays - (grid.left, grid.top) + 0.5).astype(int)
-    around = np.arange(-radius, radius + 1)
+    around = np.arange(-radius, radius + 1, apart)
     window = np.stack(np.meshgrid(around, around, indexing="xy"), axis=-1).reshape(-1, 2)
     size = np.array(grid.depth.shape[::-1])
-    inside = np.all((middle >= radius) & (middle < size - radius), axis=1)
-    place = np.where(inside[:, None, None], middle[:, None] + window, 0)  # (P, K, 2)
+    place = middle[:, None] + window  # (P, K, 2)
+    inside = np.all((place >= 0) & (place < size), axis=-1)
+    place = np.where(inside[..., None], place, 0)
     z = grid.depth[place[..., 1], place[..., 0]].astype(np.float64)
-    links = grid.links[place[..., 1], place[..., 0]].astype(np.int64)
-    there = np.isfinite(z)
+    there = inside & np.isfinite(z)
+    triangles = np.where(there, grid.triangles[place[..., 1], place[..., 0]], 0)
+    links = surface.skin_links[surface.triangles[triangles, 0], 0].astype(np.int64)
     z, links = np.where(there, z, 1.0), np.where(there, links, 0)
     x, y = (place[..., a] + edge for a, edge in enumerate((grid.left, grid.top)))
     at = np.stack([x * z / grid.focal, y * z / grid.focal, z], axis=-1)
     carriers = link_transforms(model, pose[None])[0][links]
     at_rest = np.einsum("pkba,pkb->pka", carriers[..., :3], at - carriers[..., 3])
-    return Samples(links, at_rest, there / grid.focal**2)
+    return Samples(links, at_rest, there * (apart / grid.focal) ** 2)
 
 
 def log_posterior(held: Held, poses: Array) -> Array:
@@ -174,12 +177,11 @@ def point_cost(held: Held, posed: Array) -> Array:
 
 
 def free_space_cost(held: Held, posed: Array) -> Array:
-    """Mean robust cost (N,) of visible vertices that lie where the camera saw nothing, times its weight."""
+    """Mean robust cost (N,) of visible vertices that lie where the camera saw nothing."""
     seen = posed[:, held.visible]
     off = held.rays * seen[..., 2:] - seen[..., :2]
     cost = plain_path.robust_cost(np.sum(off**2, axis=-1), held.settings) * held.free
-    weight = FREE_SPACE_WEIGHT if held.settings.sensor == "camera" else 0.0
-    return np.asarray(weight * cost.mean(axis=1))
+    return np.asarray((held.settings.sensor == "camera") * cost.mean(axis=1))
 
 
 def log_density(held: Held, samples: Samples, poses: Array) -> Array:
