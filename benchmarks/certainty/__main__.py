@@ -4,7 +4,8 @@ The hard actions of UTD-MHAD at 30, 15 and 10 frames a second, where depth does 
 how many joints lie within one and two deviations, and how many of those more than 15 cm off are flagged at
 which share of false alarms. With --fit the functions are fitted anew first and printed as FIT of
 coordinator/tracking/certainty/certainty.py: on subjects 1 and 2, also tracked by --method gradient and in
-pictures that end at the knees, and on rendered people that --method gradient tracks. Lines on stderr, a table
+pictures that end at the knees, on rendered people that --method gradient tracks, and on skinned people, alone
+and in rooms. Lines on stderr, a table
 on stdout, numbers in a JSON file where asked. Exit code 1 if a recording crashed. How well one particle knows
 that it has lost a limb: --demo 12 --set method=gradient.
 """
@@ -20,7 +21,7 @@ from tempfile import TemporaryDirectory
 import msgspec
 
 from benchmarks.certainty.fitting import fit
-from benchmarks.certainty.gather import Gathered, find_hard, gather, render_people
+from benchmarks.certainty.gather import Gathered, find_hard, find_rendered, gather, render_people
 from benchmarks.certainty.scores import Score, score, score_table
 from benchmarks.recordings import Recording
 from benchmarks.running import (
@@ -43,7 +44,7 @@ from coordinator.tracking.certainty.certainty import FIT
 
 EVERY = [1, 2, 3]  # n-th of 30 frames a second
 FIT_SUBJECTS = (1, 2)
-PEOPLE, GRADIENT, CUT, RENDERED = "people", "gradient", "cut", "rendered"  # kinds of recordings to fit to
+KINDS = PEOPLE, GRADIENT, CUT, RENDERED, SKINNED = "people", "gradient", "cut", "rendered", "skinned"
 FIRST_RENDERED, RENDERED_FOR_FIT = 20, range(100, 112)  # seeds beyond those that the demo itself has
 
 
@@ -82,9 +83,9 @@ def measure(choice: Namespace) -> int:
     with TemporaryDirectory() as folder:
         if choice.fit:
             gathered = gather_to_fit(choice, Path(folder), bodies, crashes)
-            found = fit(gathered, (PEOPLE, GRADIENT))
+            found = fit(gathered, (PEOPLE, GRADIENT, CUT))
             screen().print(found)
-            for kind in (PEOPLE, GRADIENT, CUT, RENDERED):
+            for kind in KINDS:
                 scores.append(score(f"fitted: {kind}", [g for g in gathered if g.kind == kind], found))
         if choice.demo is None:
             name, recordings = f"subjects {choice.subjects}", find_hard(choice.data, choice.subjects)
@@ -103,6 +104,7 @@ def measure(choice: Namespace) -> int:
 def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list[str]) -> list[Gathered]:
     """What certainty is fitted to, of each kind of recordings."""
     people, rendered = find_hard(choice.data, FIT_SUBJECTS), render_people(folder, RENDERED_FOR_FIT)
+    skinned = find_rendered(choice.data)
     plain = Namespace(**{**vars(choice), "cut": None})
     gradient = Namespace(**{**vars(plain), "changes": [*choice.changes, "method=gradient"]})
     cut = Namespace(**{**vars(plain), "cut": 0.0})
@@ -111,6 +113,7 @@ def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list
         *track_all(GRADIENT, people, gradient, bodies, crashes),
         *track_all(CUT, people, cut, bodies, crashes),
         *track_all(RENDERED, rendered, Namespace(**{**vars(gradient), "every": [1]}), bodies, crashes),
+        *track_all(SKINNED, skinned, Namespace(**{**vars(plain), "every": EVERY[::2]}), bodies, crashes),
     ]
 
 

@@ -40,44 +40,47 @@ def joints_of(gathered: Sequence[Gathered]) -> tuple[Features, Array, NDArray[np
 
 
 def fit(gathered: Sequence[Gathered], people: Sequence[str]) -> Fit:
-    """Fit to all joints; those kinds of recordings set the rate of joints that are off and the deviation.
+    """Fit to all joints: those kinds of recordings count half together, each other kind the same share.
 
-    Of the other kinds, whose rates are their own, each has an intercept that is left out.
+    For the deviation the others count a quarter of that: their hidden joints are nearer to the truth.
     """
     features, off, kinds = joints_of(gathered)
     of_people = np.isin(kinds, people)
-    others = np.column_stack([kinds == kind for kind in {*kinds.tolist(), ""} - {*people}])
-    intercept, weights = fit_logistic(np.column_stack(features), others.astype(np.float64), off > OFF)
+    others = {*kinds[~of_people].tolist()}
+    counts = np.ones(len(off))
+    for kind in others:
+        counts[kinds == kind] = of_people.sum() / (len(others) * np.sum(kinds == kind))
+    intercept, weights = fit_logistic(np.column_stack(features), off > OFF, counts)
     named = dict(zip(Features._fields, weights.tolist(), strict=True))
-    found = Fit(intercept, named, (0.0, 0.0, 0.0))
-    known = Features(*(feature[of_people] for feature in features))
-    columns = np.column_stack([np.ones(len(known.seen)), found.log_odds(known), 1.0 - known.seen])
-    a, b, c = fit_quantile(columns, np.log(off[of_people] + np.finfo(float).tiny))
+    log_odds = Fit(intercept, named, (0.0, 0.0, 0.0)).log_odds(features)
+    columns = np.column_stack([np.ones(len(off)), log_odds, 1.0 - features.seen])
+    counts = np.where(of_people, counts, counts / 4)
+    a, b, c = fit_quantile(columns, np.log(off + np.finfo(float).tiny), counts)
     return Fit(intercept, named, (a, b, c))
 
 
-def fit_logistic(features: Array, others: Array, off: NDArray[np.bool_]) -> tuple[float, Array]:
-    """Intercept and weights (K,) of the log odds, from features (n, K) and memberships (n, G)."""
+def fit_logistic(features: Array, off: NDArray[np.bool_], counts: Array) -> tuple[float, Array]:
+    """Intercept and weights (K,) of the log odds, from features (n, K) of joints that count so much (n,)."""
     mean, scale = features.mean(axis=0), features.std(axis=0) + np.finfo(float).tiny
-    columns = np.column_stack([np.ones(len(off)), others, (features - mean) / scale])
-    ridge = np.repeat([0.0, 1.0, RIDGE], [1, others.shape[1], features.shape[1]])
+    columns = np.column_stack([np.ones(len(off)), (features - mean) / scale])
+    ridge = np.repeat([0.0, RIDGE], [1, features.shape[1]])
 
     def cost(weights: Array) -> tuple[float, Array]:
         log_odds = columns @ weights
-        misfit = np.sum(np.logaddexp(0.0, log_odds) - off * log_odds) + 0.5 * ridge @ weights**2
-        return float(misfit), columns.T @ (expit(log_odds) - off) + ridge * weights
+        misfit = counts @ (np.logaddexp(0.0, log_odds) - off * log_odds) + 0.5 * ridge @ weights**2
+        return float(misfit), columns.T @ (counts * (expit(log_odds) - off)) + ridge * weights
 
     found = minimize(cost, np.zeros(columns.shape[1]), jac=True, method="BFGS").x
-    weights = found[-features.shape[1] :] / scale
+    weights = found[1:] / scale
     return float(found[0] - weights @ mean), weights
 
 
-def fit_quantile(columns: Array, log_off: Array) -> tuple[float, ...]:
-    """Weights of columns (n, K) whose sum is above a share of the logarithms of distances (n,)."""
+def fit_quantile(columns: Array, log_off: Array, counts: Array) -> tuple[float, ...]:
+    """Weights of columns (n, K) whose sum is above a share of log distances (n,) that count so much (n,)."""
     found = np.linalg.lstsq(columns, log_off, rcond=None)[0]
     for _ in range(MOST_STEPS):
         residual = log_off - columns @ found
-        slope = np.where(residual > 0.0, ONE_DEVIATION, 1.0 - ONE_DEVIATION)
+        slope = counts * np.where(residual > 0.0, ONE_DEVIATION, 1.0 - ONE_DEVIATION)
         weighted = columns * (slope / np.maximum(np.abs(residual), LEAST_RESIDUAL))[:, None]
         step = np.linalg.solve(weighted.T @ columns, weighted.T @ log_off) - found
         found = found + step

@@ -26,6 +26,7 @@ from gepf.direct import DirectRefiner
 
 Array = NDArray[np.float64]
 
+ROOMS = ("skinned", "three_cameras", "rooms")  # folders of rendered recordings
 FRAMES = 50  # of each rendered person
 
 
@@ -44,6 +45,12 @@ class Gathered:
 def find_hard(data: Path, subjects: Sequence[int]) -> list[Recording]:
     """The hard actions of subjects; InputError where there are none."""
     return choose(find_people(data, subjects), ["hard"])
+
+
+def find_rendered(data: Path) -> list[Recording]:
+    """The skinned people that are there, alone and in rooms, with exact truth; without a second person."""
+    truths = sorted(path for kind in ROOMS for path in (data / kind).glob(f"*/{TRUTH_FILE}"))
+    return [Recording(t.parent.name, t.parent, t) for t in truths if t.parent.name != "second"]
 
 
 def render_people(folder: Path, seeds: Sequence[int]) -> list[Recording]:

@@ -13,8 +13,8 @@ from coordinator.tracking.certainty.features import Features
 Array = NDArray[np.float64]
 
 OFF = 0.15  # metres from the true joint, from which on a joint is off
-FLAGGED = 0.06  # probability from which on a joint is flagged: of those in place, 5 % are
-SUSPECTED = 0.25  # probability from which on the frame is ambiguous
+FLAGGED = 0.04  # probability from which on a joint is flagged: of those in place, 4 to 9 % are
+SUSPECTED = 0.15  # probability from which on the frame is ambiguous
 MOST_LOG_ODDS = 10.0  # beyond which nothing was measured
 
 
@@ -50,18 +50,18 @@ class Fit:
 
 
 FIT = Fit(
-    intercept=-5.369,
+    intercept=-2.228,
     weights={
-        "seen": -3.671,
-        "residual": 4.826,
-        "spread": 0.1368,
-        "speed": 0.4124,
-        "bend": 0.2634,
-        "folding": 8.167,
-        "crowding": 1.162,
-        "protrusion": 5.514,
+        "seen": -3.954,
+        "residual": 3.410,
+        "spread": 0.4965,
+        "speed": 0.2236,
+        "bend": 0.2640,
+        "folding": 5.004,
+        "crowding": 1.233,
+        "protrusion": 4.232,
     },
-    deviation=(-1.844, 0.2756, 1.288),
+    deviation=(-2.060, 0.2367, 0.7348),
 )
 """By `python -m benchmarks.certainty --fit`."""
 
