@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
-from coordinator.tracking.certainty.features import Features
+if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for it
+    from coordinator.tracking.certainty.features import Features
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class Fit:
         log_odds = self.log_odds(features)
         intercept, odds, hidden = self.deviation
         deviation = np.exp(intercept + odds * log_odds + hidden * (1.0 - features.seen))
-        return Certainty(features.seen, expit(log_odds), deviation)
+        return Certainty(features.seen, 1.0 / (1.0 + np.exp(-log_odds)), deviation)
 
 
 FIT = Fit(
