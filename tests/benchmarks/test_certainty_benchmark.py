@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.certainty.__main__ import main
 from benchmarks.certainty.fitting import distances, fit
 from benchmarks.certainty.gather import Gathered, cut_below, row_between
 from benchmarks.certainty.scores import score
@@ -83,9 +82,3 @@ def test_a_picture_ends_between_knees_and_hips() -> None:
     cut = cut_below(DepthFrame(3, 0.1, depth, 1000.0, camera), 140)
     assert np.array_equal(cut.depth, depth[:140])
     assert (cut.intrinsics.height, cut.intrinsics.cy, cut.number) == (140, 120.0, 3)
-
-
-def test_nothing_is_fitted_beside_the_demo(capsys: pytest.CaptureFixture[str]) -> None:
-    """One line that names the option."""
-    assert main(["--fit", "--demo", "2"]) == 2
-    assert "--demo" in capsys.readouterr().err

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from benchmarks.paper.bound import information
-from benchmarks.paper.runs import ROWS, Footage, choose
+from benchmarks.paper.runs import Footage
 from benchmarks.paper.scores import limb_lost
-from common.errors import InputError
 from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.results.evaluation import Errors
@@ -50,12 +48,3 @@ def test_a_limb_is_lost_when_it_is_never_found_again() -> None:
     assert limb_lost(names, errors)
     joint_m[5, arm] = 0.05
     assert not limb_lost(names, errors)
-
-
-def test_rows_are_chosen_by_name_or_part_and_an_unknown_one_is_refused() -> None:
-    """`--only heavy` is a part, names differ, and nonsense names the parts."""
-    assert len({row.name for row in ROWS}) == len(ROWS)
-    assert {row.part for row in choose(["heavy"], seeds=2)} == {"heavy"}
-    assert max(row.seeds for row in choose(None, seeds=2)) == 2
-    with pytest.raises(InputError, match="name a part"):
-        choose(["nonsense"], seeds=None)

@@ -45,14 +45,6 @@ def test_a_body_that_is_not_explained_is_looked_for_after_some_frames() -> None:
     assert not management.updated(Gate(0.5), 1000, redetected=True).seeks
 
 
-def test_next_to_nothing_is_less_than_a_third_of_what_was_seen() -> None:
-    """Frames that the body does not explain do not count; at first there is a fixed number of pixels."""
-    seen = TrackManagement().updated(Gate(0.5), 10_000, redetected=False)
-    assert TrackManagement().least_pixels(4_000) < 200.0
-    assert 3_000.0 < seen.least_pixels(4_000) < 4_000.0
-    assert seen.updated(Gate(2.0), 500, redetected=False).pixels == 10_000
-
-
 def test_an_unknown_body_is_searched_for_at_once_and_then_now_and_then() -> None:
     """A search takes longer than a frame; after an empty frame, the next person is searched at once."""
     management, searches = TrackManagement(), list[int]()
