@@ -72,7 +72,7 @@ def test_a_camera_that_turns_slowly_keeps_the_person(tmp_path: Path) -> None:
     """Two degrees and five centimetres a second: within 4 cm in every frame, none lost."""
     depth, joints = film(TURN, MOVE)
     run = track(write(tmp_path / "turning", depth), tmp_path / "run")
-    assert set(run.track.status) == {"tracked"}
+    assert set(run.track.status) <= {"tracked", "ambiguous"}
     assert np.linalg.norm(run.track.joint_positions - joints, axis=-1).mean(axis=1).max() < 0.04
 
 
