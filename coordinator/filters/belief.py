@@ -35,7 +35,7 @@ class Belief:
         return normalise(self.log_weights)
 
     def at_rest(self) -> Self:
-        """The same poses, going nowhere."""
+        """The same poses with zero velocity."""
         return replace(self, velocities=np.zeros_like(self.velocities))
 
 
@@ -73,10 +73,9 @@ class Proposal(Generic[B]):
     """Where the motion model alone leads them (N, D), if the update needs to know how sure each pose is."""
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
-        """Whether the workers are asked how sure each refined pose is.
+        """Whether the workers are asked for the covariance of each refined pose.
 
-        Not where depth is by far the noisiest, where it misleads, nor where particles do not descend: then it
-        says nothing of the frame.
+        Not with soft correspondences, which make it unreliable, nor without iterations, when it is the prior.
         """
         return self.expected is not None and not rules.is_soft and rules.icp_iterations > 0
 
@@ -119,8 +118,8 @@ def choose_reported(
 ) -> Array:
     """The pose (D,) of hypotheses (M, D) that is likeliest given a frame (M,) and the pose (D,) before it.
 
-    Hypotheses that explain the frames about equally well change places from one to the next; how far the
-    joints would have to move decides between them, and hardly between others.
+    Hypotheses of nearly equal likelihood swap ranks between frames. A penalty on motion breaks such ties and
+    rarely affects others.
     """
     joints = joint_positions(model, np.concatenate([last[None], poses]))
     way = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).mean(axis=-1)

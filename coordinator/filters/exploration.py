@@ -59,7 +59,7 @@ class Layout(NamedTuple):
 
 
 def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
-    """Which of the particles (N,) are spread, and which data-driven; the first is neither."""
+    """Which particles (N,) get noise, and which are data-driven; the first follows motion alone."""
     places = rng.permutation(count) / count
     places[0] = 0.0
     data_driven = (places >= PREDICTED_SHARE) & (places < PREDICTED_SHARE + DATA_DRIVEN_SHARE)
@@ -69,11 +69,11 @@ def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
 def propose_limbs(
     model: BodyModel, pose: Array, points: Array, count: int, rng: np.random.Generator
 ) -> list[tuple[Indices, Array]]:
-    """So many times degrees of freedom (d,) of a limb, and values (d,) with which it explains more points.
+    """`count` proposals: degrees of freedom (d,) of a limb, and values (d,) that explain more points.
 
-    For each limb of pose (D,) many ways to hold it are drawn from all that it can do, and chosen by the
-    square of how many of the points (P, 3) it gains that no other part of the body explains; those that it
-    leaves behind are no gain. Empty where hardly a point is unexplained, or no limb would gain any.
+    For each limb of pose (D,) joint values are drawn uniformly within its limits. One of all draws is chosen
+    with a probability proportional to the square of the number of points (P, 3) that it newly explains, less
+    those that it explains no longer. Empty if hardly a point is unexplained, or no draw explains more.
     """
     layout = layout_of(model)
     near = np.array([mark_near(points, layout.pose(model, pose[None], g))[0] for g in range(layout.groups)])

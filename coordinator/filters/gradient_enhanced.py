@@ -1,10 +1,11 @@
-"""The gradient-enhanced particle filter, steps 1 to 7 of section 4.3, one verb a line.
+"""The gradient-enhanced particle filter, steps 1 to 7 of section 4.3.
 
-Where the paper is silent: weights are the likelihoods of the merged hypotheses (it asks for equal weights
-within a group, not for their sum); a hypothesis moves on with the velocity that led from its ancestor to
-it; a lone particle keeps the covariance of its ancestor; what a frame does not show stays where motion
-leads it (preset `default`, see `holding`); the reported pose is the hypothesis that is likeliest given the
-frame and the motion from the last one.
+The paper leaves some points open. Here:
+- Weights are the likelihoods of the merged hypotheses.
+- A hypothesis has the velocity that led from its ancestor to it.
+- A group of one particle keeps the covariance of its ancestor.
+- Occluded limbs follow the motion model (preset `default`, see `motion.hold`).
+- The reported pose is the likeliest hypothesis, given the frame and the motion since the last one.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ FIRST_POSITION_DEVIATION = 0.02  # metres, of where a joint that slides begins
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses(Belief):
-    """What the filter knows after a frame: merged particles, likeliest first, each with its valley."""
+    """What the filter knows after a frame: merged particles and their modes' covariances, likeliest first."""
 
     covariances: Array  # (M, D, D) of relative motion
 

@@ -33,8 +33,9 @@ def merge_by_covariance(
 ) -> tuple[Indices, Indices]:
     """Group particles (N, D) that are near by the Mahalanobis distance of the likelier one.
 
-    What a frame says nothing about, as the twist of a forearm, keeps no particles apart, and what it shows
-    well does by millimetres. `roots` (N, D, D) are Cholesky factors of covariances. Returns as `merge`.
+    Directions that a frame does not constrain, such as the twist of a forearm, do not separate particles; in
+    well constrained ones millimetres do. `roots` (N, D, D) are Cholesky factors of covariances. Returns as
+    `merge`.
     """
     rim = MERGE_VARIANCES * poses.shape[1]
     return merge(model, poses, log_likelihood, lambda n, steps: are_within(roots[n], steps, rim))
@@ -95,8 +96,8 @@ def estimate_covariances(
     """Covariances (M, D, D) of relative motion about each merged hypothesis, Eq. 7.
 
     Taken from the particles *before* their descent, about the hypothesis after it, so that the next ones
-    are drawn out to the rim of its mode. A lone particle shows nothing of its mode's size (Eq. 7 would
-    leave a single direction): it keeps what it inherited. Both are then reduced.
+    cover the mode's basin of attraction. A group of one particle keeps its parent's covariance, as Eq. 7
+    would have rank 1. Both are then reduced.
 
     Args:
         model: The body.

@@ -113,7 +113,7 @@ def check_choice(what: str, chosen: str, known: tuple[str, ...]) -> None:
 
 
 def apply_method(settings: Settings) -> Settings:
-    """Settings with what makes their method, whatever else they say: its descent and its lone particle.
+    """Override the settings that the method fixes: the iterations of ICP and the number of particles.
 
     Raises InputError for a method, descent or sensor that is unknown, and for settings without a particle or
     a point.
@@ -133,11 +133,11 @@ def apply_method(settings: Settings) -> Settings:
     return msgspec.structs.replace(settings, refine=refine, filter=of_filter, recover=recover)
 
 
-MOST_PACE = 3.0  # times the iterations at a pace of 1, and its square at a pace of 2
+MOST_PACE = 3.0  # the largest factor on the iterations is MOST_PACE ** pace
 
 
 def pace_iterations(settings: RefineSettings, interval: float, pace: float, most: int) -> RefineSettings:
-    """As many iterations a second as at 30 frames a second at a pace of 1, nearly twice as many at 2.
+    """Scale the iterations of ICP with the interval: as many a second at pace 1, nearly twice as many at 2.
 
     A frame of 0.1 s gets three and five times those of a usual one, and one of 0.17 s three and nine times,
     but `most` at the most, unless the settings ask for more.

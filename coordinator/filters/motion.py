@@ -15,8 +15,8 @@ from coordinator.filters.belief import USUAL_INTERVAL
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-UNEXPECTED_TURN = float(np.radians(15.0))  # standard deviation of joints about where motion leads them in
-"""a usual interval; of those that slide it is the weak prior's."""
+UNEXPECTED_TURN = float(np.radians(15.0))  # standard deviation of a joint angle about its prediction
+"""after a usual interval. Prismatic joints have that of the weak prior."""
 
 
 def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:
@@ -34,18 +34,17 @@ def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator)
 def hold(model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float) -> Array:
     """The likeliest poses (M, D) given a frame and the motion of so many seconds before it.
 
-    The descent climbs what one frame says. Of a limb that it does not show that is the prior of joint angles
-    alone, which takes it to rest within a few frames. So each hypothesis is set to where the posterior of
-    the frame and of motion is greatest: what is seen stays where it is seen, what is hidden where motion
-    left it. With the covariance S = (L + W)^-1 of a refined pose, L what the frame says and W the weak
-    prior's precision, and P that of motion, the step from it is (I + S (P - W))^-1 S P times the way to where
-    it was expected: L need not be known. Where the base goes is left to the frame, and to the weak prior.
+    Refinement uses one frame. For an occluded limb only the prior of joint angles acts, and pulls it to rest
+    within a few frames. So each hypothesis is moved to the maximum of the posterior of frame and motion:
+    visible limbs follow the frame, occluded limbs the prediction. A refined pose has the covariance
+    S = (L + W)^-1, with the precision L of the frame and W of the weak prior. With the precision P of motion,
+    the step is (I + S (P - W))^-1 S P (predicted - refined): L is not needed. The base is left to the frame.
 
     Args:
         model: The body.
         refined: Hypotheses (M, D) after their descent.
         covariances: What the descent found of each (M, D, D).
-        expected: Where they would be (M, D) had all gone on as it went.
+        expected: Poses (M, D) that the motion model predicts.
         interval: Seconds since then.
     """
     weak, moves, base = precisions(model)

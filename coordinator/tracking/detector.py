@@ -1,7 +1,7 @@
 """Detects a body in a frame, in any pose and turned in any way.
 
-Poses of a library that look like what is observed are refined in stages: all of them a little on few points,
-the best that differ on all points, and the best of these on bodies of other sizes.
+Poses of a library that look like the observed points are refined in stages: all of them for a few iterations
+on few points; the best distinct ones on all points; the best of these on bodies of several sizes.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Candidates:
         )
 
     def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
-        """The likeliest that differ, and the likeliest that faces the other way, if none of them does."""
+        """Up to `count` distinct ones, and the likeliest that faces the other way, if none of them does."""
         kept = keep_distinct(self.joints, count)
         turned = faces_away(names, self.joints, self.joints[0])
         if not turned[kept].any():
@@ -312,7 +312,7 @@ def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np
 
 
 def keep_distinct(joints: Array, count: int) -> Indices:
-    """Which of (N, J, 3), so many at the most, differ from all before by DISTINCT_M in the mean joint."""
+    """Up to `count` of the joints (N, J, 3) that are DISTINCT_M from all kept ones, on average."""
     kept = list[int]()
     for n, each in enumerate(joints):
         if len(kept) == count:

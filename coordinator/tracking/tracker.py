@@ -148,7 +148,7 @@ class Tracker:
             self._targets[0].send_ahead(segmented.subjects[0], clocks[0])
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
-        """What a person is tracked on: a free candidate, where the person is not detected yet or lost.
+        """The pixels used for a person: those of a free candidate, if the person is undetected or lost.
 
         People are detected in their order. An assigned candidate is not free any more.
         """
@@ -165,7 +165,7 @@ class Tracker:
         return chosen
 
     def _find_elsewhere(self, place: int, segmented: Segmented) -> SubjectFrame | None:
-        """The subject of a body that may have left, or the person who shows more and may be it."""
+        """The present subject, or a nearby candidate with more pixels who is probably the same person."""
         target, pixels = self._targets[place], segmented.pixels(place)
         others = [each.expected for n, each in enumerate(self._targets) if n != place]
         found = self._segmenter.find_candidates(segmented, [each for each in others if each is not None])
