@@ -7,6 +7,10 @@ else. What takes long to load is imported by the command that needs it.
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for small matrices, more only take cores from workers
+
 from coordinator.cli.application import app, main
 
 __all__ = ["app", "main"]
