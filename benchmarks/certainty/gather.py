@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
 from common.camera import Intrinsics
 from common.frame import DepthFrame
+from common.kinematics import joint_positions
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.files import TRUTH_FILE
@@ -85,7 +86,7 @@ def gather(
         features = measure_features(
             tracker.model,
             estimate.pose,
-            estimate.hypothesis_pose,
+            joint_positions(tracker.model, np.stack([estimate.pose, *estimate.hypothesis_pose])),
             estimate.hypothesis_weight,
             measurement,
             tracker.management.residual,

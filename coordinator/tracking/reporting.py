@@ -56,10 +56,12 @@ def report(updated: Updated) -> Tracked:
         if belief is not None:
             pose, poses, weights = belief.reported, belief.poses[:RECORDED], belief.weights[:RECORDED]
             weights = weights / weights.sum()
-        if updated.measurement is not None:
-            features = measure_features(model, pose, poses, weights, updated.measurement, management.residual)
-            certainty = FIT.judge(features)
         joints = joint_positions(model, np.concatenate([pose[None], poses]))
+        if updated.measurement is not None:
+            features = measure_features(
+                model, pose, joints, weights, updated.measurement, management.residual
+            )
+            certainty = FIT.judge(features)
         status = updated.status or judge(management, weights, joints[1:], joints[0], certainty)
     estimate = Estimate(
         frame=updated.frame.number,

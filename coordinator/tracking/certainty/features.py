@@ -59,15 +59,18 @@ class Rest(NamedTuple):
 def measure_features(
     model: BodyModel,
     pose: Array,
-    hypotheses: Array,
+    joints: Array,
     weights: Array,
     measurement: Measurement,
     residual: float,
 ) -> Features:
-    """Of a reported pose (D,), its hypotheses (M, D) with weights (M,), and its normalised residual."""
-    rest = rest_of(model)
-    joints, past, *others = joint_positions(model, np.stack([pose, measurement.past, *hypotheses]))
-    squares = np.sum((np.array(others) - joints) ** 2, axis=-1)
+    """Of a reported pose (D,), and its normalised residual.
+
+    `joints` (1 + M, J, 3) are the pose's, and those of the hypotheses with `weights` (M,).
+    """
+    rest, past = rest_of(model), joint_positions(model, measurement.past[None])[0]
+    joints, hypotheses = joints[0], joints[1:]
+    squares = np.sum((hypotheses - joints) ** 2, axis=-1)
     spread = np.sqrt(weights @ squares / weights.sum())
     speed = np.linalg.norm(joints - past, axis=1) / measurement.interval
     distances = between(joints)

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
 REGION_M = 0.12  # from the joint, one standard deviation of the weights of the surface around it
 AGREES_M = 0.08  # between the surface and the depth measured there, up to which that part is seen
@@ -26,34 +27,76 @@ def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: f
     A triangle is shown where the subject's depth was measured at its place. `stretch`, the lateral over the
     depth noise, scales differences of depth.
     """
-    corners = pose_vertices(model, pose[None])[0][model.triangles]  # (T, 3, 3)
-    middles = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    towards = -np.einsum("ta,ta->t", normals, middles) / np.linalg.norm(middles, axis=1)
-    facing = np.flatnonzero((towards > 0.0) & (middles[:, 2] > CLOSEST_M))
-    area = regions_of(model)[:, facing] * towards[facing]
-    shown = area @ are_shown(middles[facing], subject, stretch)
-    shares: Array = shown / np.maximum(area.sum(axis=1), np.finfo(float).tiny)
+    camera, regions = subject.frame.intrinsics, regions_of(model)
+    areas = np.zeros((2, regions.shape[1]))
+    add_areas(
+        pose_vertices(model, pose[None])[0],
+        model.triangles,
+        regions,
+        np.array(subject.frame.depth, order="C"),  # a kernel is compiled for one memory layout
+        subject.frame.depth_scale,
+        (camera.fx, camera.fy, camera.cx, camera.cy),
+        stretch,
+        areas,
+    )
+    shares: Array = areas[1] / np.maximum(areas[0], np.finfo(float).tiny)
     return shares
 
 
-def are_shown(points: Array, subject: SubjectFrame, stretch: float) -> Flags:
-    """Where the subject's depth was measured at points (P, 3) or beside them, (P,)."""
-    depth, camera = subject.frame.depth, subject.frame.intrinsics
-    beside = ASIDE_M * np.array([-1.0, 0.0, 1.0])
-    x, y, z = points.T[..., None]
-    columns = np.floor(camera.cx + camera.fx * (x + beside) / z + 0.5).astype(int)[:, None, :]
-    rows = np.floor(camera.cy + camera.fy * (y + beside) / z + 0.5).astype(int)[:, :, None]
-    within = (columns >= 0) & (columns < depth.shape[1]) & (rows >= 0) & (rows < depth.shape[0])
-    measured = depth[rows.clip(0, depth.shape[0] - 1), columns.clip(0, depth.shape[1] - 1)]
-    agrees = np.abs(measured / subject.frame.depth_scale - z[..., None]) * stretch <= AGREES_M
-    shown: Flags = (within & (measured > 0) & agrees).any(axis=(1, 2))
-    return shown
+@numba.njit(cache=True, nogil=True)
+def add_areas(
+    vertices: Array,
+    triangles: NDArray[np.integer],
+    regions: Array,
+    depth: NDArray[np.uint16],
+    scale: float,
+    lens: Lens,
+    stretch: float,
+    areas: Array,
+) -> None:
+    """Add to areas (2, J), weighted by regions (T, J), what faces the camera, and what of that is shown."""
+    middle, normal = np.empty(3), np.empty(3)
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            middle[i] = (a[i] + b[i] + c[i]) / 3.0
+            normal[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j])
+        x, y, z = middle
+        if z <= CLOSEST_M:
+            continue
+        towards = -(normal[0] * x + normal[1] * y + normal[2] * z) / np.sqrt(x * x + y * y + z * z)
+        if towards <= 0.0:
+            continue
+        shown = is_shown(x, y, z, depth, scale, lens, stretch)
+        for joint in range(regions.shape[1]):
+            area = regions[t, joint] * towards
+            areas[0, joint] += area
+            areas[1, joint] += area if shown else 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def is_shown(
+    x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Lens, stretch: float
+) -> bool:
+    """Whether the subject's depth (H, W) was measured at a point, or beside it."""
+    fx, fy, cx, cy = lens
+    for aside in (-ASIDE_M, 0.0, ASIDE_M):
+        row = int(np.floor(cy + fy * (y + aside) / z + 0.5))
+        if row < 0 or row >= depth.shape[0]:
+            continue
+        for along in (-ASIDE_M, 0.0, ASIDE_M):
+            column = int(np.floor(cx + fx * (x + along) / z + 0.5))
+            if column < 0 or column >= depth.shape[1] or depth[row, column] == 0:
+                continue
+            if abs(depth[row, column] / scale - z) * stretch <= AGREES_M:
+                return True
+    return False
 
 
 @lru_cache(maxsize=16)
 def regions_of(model: BodyModel) -> Array:
-    """How much each triangle counts for each joint (J, T): near it, and of the links that meet there."""
+    """How much each triangle counts for each joint (T, J): near it, and of the links that meet there."""
     joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
     carried = np.unique(links)
@@ -64,7 +107,7 @@ def regions_of(model: BodyModel) -> Array:
         squares = np.sum((middles - joints[j]) ** 2, axis=1)
         nearest = squares[meet].min() if meet.any() else squares.min()
         weights[j] = np.exp(-0.5 * (squares - nearest) / REGION_M**2) * (meet | ~meet.any())
-    return weights
+    return np.ascontiguousarray(weights.T)
 
 
 def link_above(model: BodyModel, link: int, carried: NDArray[np.integer]) -> int:

@@ -13,7 +13,7 @@ from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import HIDDEN, SUBJECT, DepthFrame, SubjectFrame
-from common.kinematics import pose_vertices
+from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
@@ -61,7 +61,8 @@ def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[s
     poses = np.array([pose_of(each) for each in (values, *others)])
     residual = residual_of(body(), poses[0], subject, SETTINGS.refine)
     measurement = Measurement(subject, poses[0], 1.0 / 30.0, 1.0)
-    return measure_features(body(), poses[0], poses, np.ones(len(poses)), measurement, residual)
+    joints = joint_positions(body(), poses[[0, *range(len(poses))]])
+    return measure_features(body(), poses[0], joints, np.ones(len(poses)), measurement, residual)
 
 
 def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:
@@ -79,7 +80,7 @@ def shown_by_rendering(pose: Array) -> Array:
     facing = np.maximum(0.0, -np.sum(np.cross(b - a, c - a) * middles, axis=1) / middles[:, 2])
     columns, rows = np.rint(project(middles, FINE)).astype(int).T
     behind = np.where(depth > 0.0, depth, np.float32(np.inf))[rows, columns]
-    area = regions_of(body()) * facing
+    area = regions_of(body()).T * facing
     shares: Array = area @ (middles[:, 2] <= behind + 0.02) / area.sum(axis=1)
     return shares
 

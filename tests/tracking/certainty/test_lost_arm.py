@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.activation import activate
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import pose_vertices
+from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
@@ -51,7 +51,8 @@ def certainty_of(pose: Array) -> Certainty:
     settings = assume_noise(preset("default").refine, NOISE)
     residual = residual_of(model, pose, subject, settings)
     measurement = Measurement(subject, pose, 1.0 / 25.0, NOISE.lateral / NOISE.depth)
-    return FIT.judge(measure_features(model, pose, pose[None], np.ones(1), measurement, residual))
+    joints = joint_positions(model, np.stack([pose, pose]))
+    return FIT.judge(measure_features(model, pose, joints, np.ones(1), measurement, residual))
 
 
 def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:
