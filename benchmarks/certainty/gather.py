@@ -21,6 +21,7 @@ from coordinator.synthesis.sequence import PERSON, synthesise
 from coordinator.tracking.certainty.features import Features, measure_features
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.loop import Stopwatch
+from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
@@ -78,10 +79,13 @@ def gather(
     for frame in frames[::every]:
         segmented = segmenter.segment(frame, [tracker.expected])
         (subject,) = segmented.candidates[:1] or segmented.subjects
-        updated = tracker.update(tracker.submit(frame, subject, segmented.view.planes, Stopwatch()))
-        estimate, measurement = tracker.report(updated).estimate, updated.measurement
+        submitted = tracker.submit(frame, subject, segmented.view.planes, Stopwatch())
+        if isinstance(submitted, Updated):  # nothing was refined
+            continue
+        updated = tracker.update(submitted)
+        estimate, measurement = report(updated).estimate, submitted.measurement
         found = np.flatnonzero(reference.frame == frame.number)
-        if estimate.status in UNKNOWN or measurement is None or not len(found):
+        if estimate.status in UNKNOWN or not len(found):
             continue
         features = measure_features(
             tracker.model,

@@ -20,11 +20,6 @@ from common.errors import InputError
 if TYPE_CHECKING:
     from common.transport.session import Security
 
-FORMATS = (
-    "Folder of PNG, TUM folder, PLY or PCD clouds, Azure Kinect .mkv, ROS or RealSense bag, "
-    "numpy .npz or .npy, UTD-MHAD .mat"
-)
-
 security_option = partial(typer.Option, rich_help_panel="Security")
 input_option = partial(typer.Option, rich_help_panel="Input")
 scene_option = partial(typer.Option, rich_help_panel="Scene")
@@ -42,7 +37,7 @@ def seed_range(text: str) -> range:
 
 
 Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a person's measures.")]
-Recording = Annotated[Path, typer.Argument(metavar="SEQ", help=f"{FORMATS}.")]
+Recording = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded depth (docs/formats.md).")]
 Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")]
 Quiet = Annotated[bool, output_option("--quiet", "-q", help="Show no progress; errors stay.")]
@@ -54,7 +49,8 @@ Recordings = Annotated[
     list[Path],
     typer.Argument(
         metavar="SEQ...",
-        help=f"{FORMATS}; zenoh:KEY for live input; several, or a .txt file with one a line, share a pool.",
+        help="Recorded depth (docs/formats.md), or zenoh:KEY for live input. "
+        "Several recordings, or a .txt file with one per line, share the workers.",
     ),
 ]
 

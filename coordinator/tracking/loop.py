@@ -1,56 +1,56 @@
-"""What the loop over frames stands on: frames that are read before their turn, and seconds by stage."""
+"""Parts of the loop over frames: items that are made before their turn, and seconds by stage."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Self
+from typing import Generic, Self, TypeVar
 
-from common.frame import DepthFrame
+Item = TypeVar("Item")
 
 
-class Lookahead:
-    """Iterates over frames; `peek` reads the one whose turn is next."""
+class Lookahead(Generic[Item]):
+    """Iterates over items; `peek` makes the next one before its turn."""
 
-    def __init__(self, frames: Iterable[DepthFrame]) -> None:
-        self._frames = iter(frames)
+    def __init__(self, items: Iterable[Item]) -> None:
+        self._items = iter(items)
         self._peeked = False
-        self._next: DepthFrame | None = None  # None at the end
+        self._next: Item | None = None  # None at the end
         self._error: Exception | None = None
 
     def __iter__(self) -> Self:
         return self
 
-    def __next__(self) -> DepthFrame:
-        frame = self.peek()
+    def __next__(self) -> Item:
+        item = self.peek()
         self._peeked = False
         if self._error is not None:
             raise self._error
-        if frame is None:
+        if item is None:
             raise StopIteration
-        return frame
+        return item
 
-    def peek(self) -> DepthFrame | None:
-        """The frame that comes next; None at the end, or where it cannot be read: its turn raises that."""
+    def peek(self) -> Item | None:
+        """The next item; None at the end, or if making it fails: then its turn raises the error."""
         if not self._peeked:
             try:
-                self._next = next(self._frames, None)
-            except Exception as error:  # noqa: BLE001 - whatever it is, it must not harm the frame before
+                self._next = next(self._items, None)
+            except Exception as error:  # noqa: BLE001 - no error may affect the item before
                 self._next, self._error = None, error
             self._peeked = True
         return self._next
 
 
 class Stopwatch:
-    """Seconds by stage of one frame; runs only while the coordinator works on it, or waits for it."""
+    """Seconds by stage of one frame: the time that the coordinator works on it or waits for it."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Charge the body to a stage."""
+        """Add the time of a `with` block to a stage."""
         began = time.perf_counter()
         try:
             yield

@@ -1,4 +1,4 @@
-"""What is reported of a frame: pose, joints, hypotheses, how sure each joint is, and a status."""
+"""The estimate of a frame: pose, joints, hypotheses, certainty of each joint, and a status."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ RIVAL_WEIGHT = 0.5  # of a hypothesis, relative to the likeliest, from which on 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Updated:
-    """A frame whose belief is updated, and which is not reported yet."""
+    """A frame whose belief is updated, before it is reported."""
 
     frame: DepthFrame
-    state: TrackerState  # after it
-    belief: Belief | None  # the same as in the state
-    status: Status | None  # None: judge by the belief
+    state: TrackerState  # after the frame
+    belief: Belief | None  # the one in the state
+    status: Status | None  # None: it follows from the belief
     answered: int  # particles
-    measurement: Measurement | None  # None where nothing of the body was seen
+    measurement: Measurement | None  # None if nothing was refined
     clock: Stopwatch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
-    """One person in one frame: what is reported, and all that is known after it."""
+    """One person in one frame: the estimate, and the tracker's state after it."""
 
     estimate: Estimate
     state: TrackerState

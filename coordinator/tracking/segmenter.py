@@ -1,4 +1,4 @@
-"""Cuts tracked bodies out of frame after frame, finds people who are not tracked, and learns the scene."""
+"""Segments each frame into tracked bodies and other people, and learns the scene."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ class PosedBody:
 
     @property
     def surface(self) -> Array:
-        """Its vertices (V, 3) in the camera frame, metres."""
+        """Vertices (V, 3) in the camera frame, metres."""
         vertices: Array = pose_vertices(self.model, self.pose[None])[0]
         return vertices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segmented:
-    """What a frame shows of each body, of people who are not tracked, and of the scene.
+    """A segmented frame.
 
-    subjects: one a body; None where nothing of it is seen, or where it may be anywhere.
-    candidates: people who are not tracked, the likeliest first; looked for only where a body is missing.
-    change: what the frame changed in what is known of the scene.
+    subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
+    candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
+    change: what the frame changed in the known scene.
     """
 
     frame: DepthFrame
@@ -58,17 +58,17 @@ class Segmented:
     change: SceneChange
 
     def pixels(self, place: int) -> int:
-        """How many pixels show one of the bodies."""
+        """Number of pixels that show the body at this place in the list."""
         subject = self.subjects[place]
         return 0 if subject is None else subject.pixels
 
 
 class Segmenter:
-    """Segments one frame after the other, of one camera.
+    """Segments the frames of one camera, in their order.
 
     Args:
-        points: How many pixels of a body become observed points, at most.
-        scope: What of the scene counts, and who is meant.
+        points: Largest number of observed points of a body.
+        scope: Which part of the scene counts, and which person is meant.
     """
 
     def __init__(self, points: int, scope: Scope | None = None) -> None:
@@ -77,17 +77,18 @@ class Segmenter:
         self._scene = Scene(self._scope.background, self._scope.up)
 
     def recall(self, change: SceneChange) -> None:
-        """Know what was known after a frame that made this change, if all before it were recalled, too."""
+        """Restore what was known after a frame; the changes of the frames before it come first."""
         self._scene.recall(change)
 
     def segment(self, frame: DepthFrame, bodies: Sequence[PosedBody | None]) -> Segmented:
-        """What the next frame shows near each body; and, if one may be anywhere, of other people."""
+        """Segment the next frame: near each body, and, if a body may be anywhere, other people."""
+        whole = frame
         frame, left_out = self._scope.limit(frame)
         view = self._scene.see(frame, left_out)
         if not view.furnished and len(bodies) == 1:
             subject, change = isolate(frame, self._points), self._scene.learn(view)
             found = () if bodies[0] is not None or subject is None else (subject,)
-            return Segmented(frame, (None if bodies[0] is None else subject,), found, view, change)
+            return Segmented(whole, (None if bodies[0] is None else subject,), found, view, change)
         surfaces = [body.surface for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
         others, known = assign_pixels(distances), near_any(view, distances)
@@ -103,15 +104,16 @@ class Segmenter:
                 theirs |= each.mask
         segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
         if any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True)):
-            theirs[:] = True  # a body may be elsewhere: wherever it is, it is not learned as the room
+            theirs[:] = True  # a body may be anywhere, so no pixel is learned as the room
         change = self._scene.learn(view, theirs)
         own = (subject_of(frame, each, self._points) for each in segmented)
         subjects = tuple(None if body is None else next(own) for body in bodies)
-        return Segmented(frame, subjects, strangers, view, change)
+        return Segmented(whole, subjects, strangers, view, change)
 
     def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
-        """People in a frame that was segmented already, beside those who are tracked; the likeliest first."""
-        frame, view = segmented.frame, segmented.view
+        """People in a segmented frame, apart from those who are tracked; the most likely first."""
+        frame, _ = self._scope.limit(segmented.frame)
+        view = segmented.view
         if not view.furnished and len(segmented.subjects) == 1:
             subject = isolate(frame, self._points)
             return () if subject is None else (subject,)
@@ -122,13 +124,13 @@ class Segmenter:
     def _people(
         self, frame: DepthFrame, view: SceneView, masks: Sequence[Mask], known: Mask
     ) -> tuple[SubjectFrame, ...]:
-        """People whose pixels (H, W) are known, beside the pixels of those who are tracked."""
+        """People by masks (H, W) of their pixels; `known` are the pixels of those who are tracked."""
         found = (subject_of(frame, segment_mask(view, mask, known), self._points) for mask in masks)
         return tuple(subject for subject in found if subject is not None)
 
 
 def near_any(view: SceneView, distances: Sequence[Depth]) -> Mask:
-    """Pixels (H, W) near a body, by the distances from each: not learned as the room, and no other person."""
+    """Pixels (H, W) near any body, from the distances to each: neither room nor another person."""
     near = np.zeros(view.depth.shape, dtype=np.bool_)
     for each in distances:
         near |= each <= NEAR_M
@@ -136,7 +138,7 @@ def near_any(view: SceneView, distances: Sequence[Depth]) -> Mask:
 
 
 def prepare() -> None:
-    """Load what the first frame of a room needs, which takes some seconds, once in a process."""
+    """Load compiled code before the first frame of a room; it takes some seconds, once in a process."""
     camera = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
     wall = np.full((camera.height, camera.width), 4000, dtype=np.uint16)
     Segmenter(1).segment(DepthFrame(0, 0.0, wall, 1000.0, camera), [None])

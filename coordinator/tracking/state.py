@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from common.body import BodyModel, unknown_dof
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, pose_by_name
+from coordinator.bodies.tracked import Bodies, pose_by_name, scaled
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -47,6 +48,12 @@ class Start:
     def held(self) -> dict[str, float]:
         """Values other than zero of degrees of freedom that do not move."""
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
+
+    def with_stature(self, stature: float) -> Self:
+        """The same start, of a body scaled to this stature in metres."""
+        if stature == self.stature:
+            return self
+        return replace(self, model=scaled(self.model, stature / self.stature), stature=stature)
 
     @property
     def way_up(self) -> float:

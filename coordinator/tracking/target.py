@@ -1,7 +1,7 @@
-"""Tracks one body through frames that are segmented already.
+"""Tracks one body through frames that are already segmented.
 
-A frame's way: `submit` detects the body where that is in doubt, predicts particles and sends them to the
-workers; `update` waits for them and updates the belief; `report` assesses it and gives the estimate.
+Each frame takes two steps. `submit` detects the body if its place is in doubt, predicts particles and sends
+them to the workers. `update` waits for the refined particles and updates the belief.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from common.bounds import MAX_ITERATIONS
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings
-from coordinator.bodies.tracked import Bodies, scaled
+from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief, Proposal
 from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method, pace_iterations
@@ -34,7 +34,7 @@ from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.observation import distance_of, see
 from coordinator.tracking.refiner import Pending, Refiner
-from coordinator.tracking.reporting import Tracked, Updated, is_settled, report
+from coordinator.tracking.reporting import Updated, is_settled
 from coordinator.tracking.segmenter import PosedBody
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.size import MEAN_STATURE_M, SizeEstimate, head_to_ankle, measure_stature
@@ -51,28 +51,19 @@ from coordinator.tracking.track_management import GIVEN, TrackManagement
 
 Array = NDArray[np.float64]
 
-SURER_LOG_LIKELIHOOD = 1.0  # by which a detection elsewhere must explain a frame better than the track
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Request:
-    """Particles that are with the workers."""
-
-    model: BodyModel
-    settings: RefineSettings
-    proposal: Proposal[Any]
-    measurement: Measurement
-    pending: Pending
+SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Submitted:
     """A frame whose particles are with the workers."""
 
-    frame: DepthFrame
-    request: Request | None  # None where there is no body yet, or nothing that it could be refined on
-    shows: bool  # something, be it the body or not
-    detection: Detection | None  # of the body elsewhere, if it was looked for
+    model: BodyModel
+    settings: RefineSettings
+    proposal: Proposal[Any]
+    pending: Pending
+    measurement: Measurement
+    detection: Detection | None  # of the body elsewhere, if it was searched for
     clock: Stopwatch
 
 
@@ -81,7 +72,7 @@ class TargetTracker:
 
     Args:
         refiner: Refines particles, in this process or on workers.
-        settings: What to compute. What makes their method holds whatever else they say.
+        settings: What to compute. Settings that define the method replace those given here.
         bodies: The bodies that may be tracked.
         start: Values of degrees of freedom in the first frame; None to detect the body.
         motion: Joint motion as encoders report it.
@@ -109,11 +100,11 @@ class TargetTracker:
         self.management = TrackManagement() if start is None else GIVEN
         self._rng = np.random.default_rng(settings.seed)
         self._belief: Belief | None = None
-        self._expected = self.start.pose if self._given else None  # (D,) near which the next frame shows it
-        self._time_s: float | None = None  # of the last frame that showed something
-        self._distance = 0.0  # metres, of what the present frame shows
-        self._size: SizeEstimate | None = None  # None where the size is not sought
-        self.scene = SceneChange()  # what the frame that was submitted last changed in it
+        self._expected = self.start.pose if self._given else None  # (D,) where the next frame is segmented
+        self._time_s: float | None = None  # of the last frame that showed the body
+        self._distance = 0.0  # of the subject in the present frame, metres
+        self._size: SizeEstimate | None = None  # None if the size is not estimated
+        self.scene = SceneChange()  # what the last submitted frame changed in the scene
         if state is not None:
             self._resume(state)
 
@@ -128,12 +119,12 @@ class TargetTracker:
 
     @property
     def model(self) -> BodyModel:
-        """The body that is tracked. Until it is detected, all but names may change."""
+        """The tracked body. Until it is detected, only the names of its joints and DOFs are final."""
         return self.start.model
 
     @property
     def state(self) -> TrackerState:
-        """All that the next frame goes on from."""
+        """Everything that the next frame depends on."""
         belief = self._belief
         checkpoint = Checkpoint(
             {} if belief is None else {each.name: getattr(belief, each.name) for each in fields(belief)},
@@ -148,49 +139,54 @@ class TargetTracker:
 
     @property
     def expected(self) -> PosedBody | None:
-        """The body near which the next frame is segmented; None where it may be anywhere.
+        """The body around which the next frame is segmented; None if it may be anywhere.
 
-        A frame is segmented while the one before is refined, so this is what was known before that one.
+        The next frame is segmented while the present one is refined. So this is the pose of the frame before
+        the present one.
         """
         return None if self._expected is None else PosedBody(self.model, self._expected)
 
     @property
     def last_seen(self) -> Array:
-        """Where the body's middle (3,) was last, camera frame, metres."""
+        """The last known centre (3,) of the body, camera frame, metres."""
         pose = self.start.pose if self._belief is None else self._belief.reported
         middle: Array = joint_positions(self.model, pose[None])[0].mean(axis=0)
         return middle
 
     @property
     def least_pixels(self) -> int:
-        """Pixels that can show a body."""
+        """The smallest number of pixels that can show a body."""
         return min(LEAST_PIXELS, self._settings.points)
 
     def misses(self, pixels: int) -> bool:
-        """Whether so many pixels are next to nothing of the body, and it is looked for elsewhere."""
+        """Whether so few pixels of the body are visible that it is searched for elsewhere."""
         enough = pixels >= self.management.least_pixels(self._settings.points)
         return self._belief is not None and not enough and self._redetects
 
     def nothing_seen(self) -> None:
-        """Know that the present frame does not show the body where it was."""
+        """Note that the present frame does not show the body where it was expected."""
         self.management = self.management.nothing_seen()
 
     def prepare(self) -> None:
-        """Make what a first detection needs, where there is one."""
+        """Build what a first detection needs, unless the start is given."""
         if not self._given:
             self._detector.prepare()
 
     def submit(
         self, frame: DepthFrame, subject: SubjectFrame | None, planes: Planes, clock: Stopwatch
-    ) -> Submitted:
-        """Predict particles for the next frame and let the workers refine them; `update` has to follow."""
+    ) -> Submitted | Updated:
+        """Predict particles for the next frame and let the workers refine them.
+
+        `update` must follow. If there is nothing to refine, the frame is updated at once.
+        """
         first = self._belief is None
         shows = subject is not None or (self._expected is not None and bool(frame.depth.any()))
         self._resize()
         detection = None if subject is None else self._detect(subject, planes, clock)
         self._expected = self._whereabouts()
         if self._belief is None or subject is None:
-            return Submitted(frame, None, shows, None, clock)
+            status = self._lose(shows=shows)
+            return Updated(frame, self.state, self._belief, status, 0, None, clock)
         with clock.stage("draw"):
             proposal = self._predict(self._belief, subject)
         with clock.stage("refine"):
@@ -198,35 +194,26 @@ class TargetTracker:
             stretch, past = settings.noise_lateral / settings.noise_depth, self._belief.reported
             measurement = Measurement(subject, past, proposal.interval, stretch, first)
             pending = self._send(proposal, settings)
-        return Submitted(
-            frame, Request(self.model, settings, proposal, measurement, pending), shows, detection, clock
-        )
+        return Submitted(self.model, settings, proposal, pending, measurement, detection, clock)
 
     def send_ahead(self, subject: SubjectFrame | None, clock: Stopwatch) -> None:
-        """Let the workers have the subject that will be submitted next, before its turn."""
+        """Send the subject that will be submitted next to the workers, before its turn."""
         if subject is not None:
             with clock.stage("publish"):
                 self._refiner.send_ahead(subject)
 
     def update(self, submitted: Submitted) -> Updated:
-        """Wait for the refined particles of the frame that was submitted last, and update the belief."""
-        frame, request, clock = submitted.frame, submitted.request, submitted.clock
-        if request is None:
-            status = self._lose(submitted)
-            return Updated(frame, self.state, self._belief, status, 0, None, clock)
-        belief, answered = self._refined(request, clock)
+        """Wait for the refined particles of the last submitted frame, and update the belief."""
+        frame, clock = submitted.measurement.subject.frame, submitted.clock
+        belief, answered = self._refined(submitted)
         self._time_s = frame.time_s
         with clock.stage("measure"):
-            self._accept(belief, request, submitted.detection)
-        return Updated(frame, self.state, self._belief, None, answered, request.measurement, clock)
-
-    def report(self, updated: Updated) -> Tracked:
-        """Assess and report a frame that was updated; before the next one is."""
-        return report(updated)
+            self._accept(belief, submitted)
+        return Updated(frame, self.state, self._belief, None, answered, submitted.measurement, clock)
 
     @property
     def _redetects(self) -> bool:
-        """Whether a body that was lost is looked for again."""
+        """Whether a lost body is searched for."""
         return self._settings.recover and self._detector.can_redetect(self.start)
 
     @property
@@ -235,7 +222,7 @@ class TargetTracker:
         return assume_noise(self._settings.refine, self.start.noise.at(self._distance))
 
     def _detect(self, subject: SubjectFrame, planes: Planes, clock: Stopwatch) -> Detection | None:
-        """Detect the body, if there is none yet; or where else it may be, if that is in doubt."""
+        """Detect the body if there is none yet; redetect it if its place is in doubt."""
         with clock.stage("publish"):
             self._refiner.publish(subject)
             self._distance = distance_of(subject)
@@ -249,7 +236,7 @@ class TargetTracker:
             return self._detector.redetect(subject, self.start, self._refine_settings, last, lost=lost)
 
     def _begin(self, subject: SubjectFrame, planes: Planes) -> None:
-        """Begin where the body is given or detected, if the detection can be believed."""
+        """Begin at the given pose, or at a detection if it passes gating."""
         noise = measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
         if self._given:
             self.start = replace(self.start, noise=noise)
@@ -268,20 +255,12 @@ class TargetTracker:
             free = set(ROOT_DOFS) <= set(self.model.dof_names)
             if self._settings.measure_person and self._bodies.people and not self._bodies.measures and free:
                 self._size = SizeEstimate()
-                self._guess_stature(subject)
-
-    def _guess_stature(self, subject: SubjectFrame) -> None:
-        """Begin with the stature that the first frame shows.
-
-        Of a person who does not stand upright the detection knows it no better than how much people differ.
-        """
-        start = self.start
-        straight = self._straight_share * start.stature
-        measured = measure_stature(self.model, start.pose, straight, subject)
-        self._scale_to(measured or 0.5 * (start.stature + MEAN_STATURE_M))
+                measured = self._measure_stature(self.start.pose, subject)
+                # unmeasured, the detection's stature is as uncertain as the spread of statures among people
+                self.start = self.start.with_stature(measured or 0.5 * (self.start.stature + MEAN_STATURE_M))
 
     def _believe(self, candidates: Candidates) -> Belief:
-        """The belief in candidates: in all of them, if the method can have several hypotheses."""
+        """The belief in candidates: in all of them if the method has several hypotheses, else in the best."""
         begun = self._method.begin(self.model, candidates.poses[0], self._settings.filter)
         if not isinstance(begun, Hypotheses) or self._settings.filter.particles == 1:
             return replace(begun, log_weights=candidates.log_likelihood[:1], residual=candidates.residual[:1])
@@ -307,10 +286,10 @@ class TargetTracker:
         covariance = proposal.asks_covariance(paced)
         return self._refiner.submit(self.model, proposal.poses, paced, covariance=covariance)
 
-    def _refined(self, request: Request, clock: Stopwatch) -> tuple[Belief, int]:
+    def _refined(self, submitted: Submitted) -> tuple[Belief, int]:
         """The belief after refinement, and how many particles it is from; layers ask more than once."""
-        model, proposal, pending = request.model, request.proposal, request.pending
-        answered = len(proposal.poses)
+        model, proposal, pending = submitted.model, submitted.proposal, submitted.pending
+        clock, answered = submitted.clock, len(proposal.poses)
         while True:
             with clock.stage("refine"):
                 refined = pending.result()
@@ -319,15 +298,15 @@ class TargetTracker:
                 refined = replace(refined, poses=natural_angles(model, refined.poses))
                 found = self._method.update(model, proposal, refined, self._settings.filter, self._rng)
             if not isinstance(found, Proposal):
-                from_guess = request.measurement.first  # the way from there is no motion
+                from_guess = submitted.measurement.first  # the change since a guess is not motion
                 return found.at_rest() if from_guess else found, answered
             with clock.stage("refine"):
-                proposal, pending = found, self._send(found, request.settings)
+                proposal, pending = found, self._send(found, submitted.settings)
 
-    def _accept(self, belief: Belief, request: Request, detection: Detection | None) -> None:
-        """Go on with the tracked hypotheses, or with those of a detection that explains the frame better."""
-        subject, redetected = request.measurement.subject, False
-        gate = gate_pose(belief.log_weights[0], belief.residual[0], request.settings)
+    def _accept(self, belief: Belief, submitted: Submitted) -> None:
+        """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""
+        subject, detection, redetected = submitted.measurement.subject, submitted.detection, False
+        gate = gate_pose(belief.log_weights[0], belief.residual[0], submitted.settings)
         self._belief = belief
         if detection is not None:
             if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:
@@ -348,10 +327,13 @@ class TargetTracker:
             return
         joints = joint_positions(self.model, belief.poses[:RECORDED])
         if is_settled(self.management, belief.weights[:RECORDED], joints):
-            straight = self._straight_share * self.start.stature
-            stature = measure_stature(self.model, belief.poses[0], straight, subject)
+            stature = self._measure_stature(belief.poses[0], subject)
             if stature is not None:
                 self._size = size.add(stature, time_s)
+
+    def _measure_stature(self, pose: Array, subject: SubjectFrame) -> float | None:
+        """Stature in metres that a frame shows of the person in pose (D,); None if it does not show it."""
+        return measure_stature(self.model, pose, self._straight_share * self.start.stature, subject)
 
     @cached_property
     def _straight_share(self) -> float:
@@ -359,28 +341,21 @@ class TargetTracker:
         return head_to_ankle(self._bodies.full(*USUAL_MEASURES)) / USUAL_MEASURES[0]
 
     def _resize(self) -> None:
-        """Go on with a body of the stature that is known by now."""
+        """Continue with a body of the stature that is known by now."""
         if self._size is not None:
-            self._scale_to(self._size.revise(self.start.stature))
+            self.start = self.start.with_stature(self._size.revise(self.start.stature))
 
-    def _scale_to(self, stature: float) -> None:
-        """Go on with a body of this stature in metres."""
-        start = self.start
-        if stature != start.stature:
-            model = scaled(start.model, stature / start.stature)
-            self.start = replace(start, model=model, stature=stature)
-
-    def _lose(self, submitted: Submitted) -> Status:
-        """Nothing of the body was seen: hypotheses stay where they are."""
+    def _lose(self, *, shows: bool) -> Status:
+        """The status of a frame in which nothing of the body is seen; the hypotheses stay where they are."""
         if self._belief is None:
-            return "searching" if submitted.shows and self.management.searched else "absent"
+            return "searching" if shows and self.management.searched else "absent"
         unseen = np.full(len(self._belief.residual), np.nan)
         self._belief = replace(self._belief.at_rest(), residual=unseen)
         self.nothing_seen()
-        return "lost" if submitted.shows else "absent"
+        return "lost" if shows else "absent"
 
     def _whereabouts(self) -> Array | None:
-        """The pose (D,) near which the next frame but one shows the body; None where it may be anywhere."""
+        """The pose (D,) around which the next frame but one is segmented; None if it may be anywhere."""
         if self._belief is None or (self.management.seeks and self._redetects):
             return None
         return self._belief.reported

@@ -23,7 +23,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.state import Checkpoint, TrackerState
-from coordinator.tracking.target import TargetTracker
+from coordinator.tracking.target import Submitted, TargetTracker
 from gepf.direct import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, shown
 from tests.support.rooms import in_a_room
@@ -75,7 +75,9 @@ def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
     before, state = dict(vars(target)), target.state
     frame = shown("standing").frames[0]
     subject = isolate(frame, 1000)
-    target.report(target.update(target.submit(frame, subject, Planes(), Stopwatch())))
+    submitted = target.submit(frame, subject, Planes(), Stopwatch())
+    assert isinstance(submitted, Submitted)
+    target.update(submitted)
     changed = {name.lstrip("_") for name, value in vars(target).items() if value is not before[name]}
     recorded = {field.name for field in fields(Checkpoint)} | {"start"}
     assert changed - {"distance"} <= recorded  # of the present frame, before anything is done with it
