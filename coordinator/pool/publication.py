@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 from common.body import BodyModel
 from common.frame import SubjectFrame
@@ -42,7 +43,7 @@ class Publication:
     def put_ahead(self, subject: SubjectFrame) -> None:
         """Send a frame under its number, or under the next one if that has been used."""
         self._number = max(subject.frame.number, self._number + 1)
-        payload = encode_frame(subject)
+        payload = encode_frame(replace(subject, frame=replace(subject.frame, number=self._number)))
         with self._lock:
             keep(self._frames, self._number, (subject, payload), FRAMES_KEPT)
         self._publisher.put(payload)

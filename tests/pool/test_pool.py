@@ -67,13 +67,38 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
     assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), POSES, SETTINGS))
 
 
+class WatchedBus:
+    """A bus on which fetching is in vain as often as `in_vain` yields, and which keeps what was fetched."""
+
+    def __init__(self, bus: Bus, in_vain: Iterator[int], fetched: SimpleQueue[str]) -> None:
+        self._bus = bus
+        self._in_vain = in_vain
+        self._fetched = fetched
+
+    def fetch(self, key: str) -> bytes | None:
+        """What is stored under a key, or nothing."""
+        self._fetched.put(key)
+        return self._bus.fetch(key) if next(self._in_vain, None) is None else None
+
+    def __getattr__(self, name: str) -> Any:
+        """All else is the bus's own."""
+        return getattr(self._bus, name)
+
+
 def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
-    """A number that comes again, as in a second sequence on the same pool, means the new frame."""
-    with pool(endpoint) as refiner, serving(endpoint, "w"):
+    """A number that comes again, as in a second sequence on the same pool, means the new frame, and is sent."""
+    fetched = SimpleQueue[str]()
+    with (
+        pool(endpoint) as refiner,
+        serving(endpoint, "w", through=lambda bus: WatchedBus(bus, iter(()), fetched)),
+    ):
+        refiner.wait_for(1)
         for depth in (1, 2, 3):
             again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
             refiner.publish(again)
             assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(depth)
+    assert "model" in fetched.get()
+    assert fetched.empty()
 
 
 def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
@@ -149,30 +174,14 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
     assert (as_bytes(one), three) == (expected(1), expected(3))
 
 
-class FetchingLate:
-    """A bus on which fetching is in vain as often as `in_vain` yields."""
-
-    def __init__(self, bus: Bus, in_vain: Iterator[int]) -> None:
-        self._bus = bus
-        self._in_vain = in_vain
-
-    def fetch(self, key: str) -> bytes | None:
-        """What is stored under a key, or nothing."""
-        return self._bus.fetch(key) if next(self._in_vain, None) is None else None
-
-    def __getattr__(self, name: str) -> Any:
-        """All else is the bus's own."""
-        return getattr(self._bus, name)
-
-
 def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     """Workers that ask for a body in vain, as when all have just lost and found each other, ask again."""
     said: list[str] = []
     in_vain = iter(range(6))
     with (
         ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0), said.append) as refiner,
-        serving(endpoint, "one", through=lambda bus: FetchingLate(bus, in_vain)),
-        serving(endpoint, "two", through=lambda bus: FetchingLate(bus, in_vain)),
+        serving(endpoint, "one", through=lambda bus: WatchedBus(bus, in_vain, SimpleQueue())),
+        serving(endpoint, "two", through=lambda bus: WatchedBus(bus, in_vain, SimpleQueue())),
     ):
         refiner.wait_for(2)
         assert refined_bytes(refiner, 1) == expected(1)
