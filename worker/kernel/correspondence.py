@@ -163,7 +163,7 @@ def bound_leaves(leaves: int, search: Search) -> int:
     return count
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def bound_by_guess(observed: Points, search: Search) -> None:
     """Bound squared distances by those of the guesses, and a little more, and find each tile's largest."""
     model, squared, closest, bounds = search.model, search.squared, search.closest, search.largest

@@ -12,12 +12,11 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from worker.kernel.vectors import DOUBLE, FLOAT, lanes_at, spread
+from worker.kernel.vectors import DOUBLE, FLOAT, lanes_at, multiply_add, spread
 
 LANES = 4  # pixels of a row
 INSIDE = -1e-9  # from which on a share of a corner counts as none, so that nothing shows between triangles
 DOUBLES, FLOATS = ir.VectorType(DOUBLE, LANES), ir.VectorType(FLOAT, LANES)
-ROUNDING = ("contract",)  # a product and a sum may become one
 
 
 @intrinsic
@@ -36,24 +35,19 @@ def draw_row(  # type: ignore[no-untyped-def] # noqa: PLR0913 compiled code take
 def write_row(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
     """The code of `draw_row`."""
 
-    def minus(one: Any, other: Any) -> Any:
-        return builder.fsub(one, other, flags=ROUNDING)
-
-    def plus(one: Any, other: Any) -> Any:
-        return builder.fadd(one, other, flags=ROUNDING)
-
-    def times(one: Any, other: Any) -> Any:
-        return builder.fmul(one, other, flags=ROUNDING)
+    def cross(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+        return multiply_add(builder, ax, by, builder.fneg(builder.fmul(ay, bx)))
 
     buffer = context.make_array(signature.args[0])(context, builder, values[0])
     row, column = (context.cast(builder, values[k], signature.args[k], types.intp) for k in (1, 2))
     width = builder.extract_value(buffer.shape, 1)
     pixels = lanes_at(builder, buffer, builder.add(builder.mul(row, width), column), FLOATS)
     x, y, bx, by, cx, cy, z, zb, zc = (spread(builder, value, DOUBLES) for value in values[3:])
-    x = plus(x, DOUBLES([float(lane) for lane in range(LANES)]))
-    of_b, of_c = minus(times(x, cy), times(y, cx)), minus(times(bx, y), times(by, x))
-    of_a = minus(minus(DOUBLES([1.0] * LANES), of_b), of_c)
-    depth = builder.fptrunc(plus(plus(z, times(of_b, zb)), times(of_c, zc)), FLOATS)
+    x = builder.fadd(x, DOUBLES([float(lane) for lane in range(LANES)]))
+    of_b, of_c = cross(x, y, cx, cy), cross(bx, by, x, y)
+    of_a = builder.fsub(builder.fsub(DOUBLES([1.0] * LANES), of_b), of_c)
+    depth = multiply_add(builder, of_c, zc, multiply_add(builder, of_b, zb, z))
+    depth = builder.fptrunc(depth, FLOATS)
     behind = builder.load(pixels, align=4)
     nearer = builder.fcmp_ordered("<", depth, behind)
     for share in (of_a, of_b, of_c):

@@ -65,7 +65,7 @@ def evaluate(
     return -0.5 * cost * parameters.posterior_scale, residual
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def mean_cost(observed: PackedObservation, parameters: KernelParameters, search: Search) -> float:
     """Mean robust cost (m^2) of the observed points, in the metric of the noise."""
     cost, squared = 0.0, search.squared
@@ -74,7 +74,7 @@ def mean_cost(observed: PackedObservation, parameters: KernelParameters, search:
     return cost / observed.count
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def mean_distance(observed: PackedObservation, parameters: KernelParameters, search: Search) -> float:
     """Mean distance (m) of the observed points from their model points, depth unstretched.
 

@@ -15,7 +15,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from worker.kernel.observation import TILE
-from worker.kernel.vectors import FINITE, FLOAT, INT, SIZE, lanes_at, spread
+from worker.kernel.vectors import FINITE, FLOAT, INT, SIZE, lanes_at, multiply_add, spread
 
 BITS = ir.IntType(TILE)
 FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)
@@ -138,13 +138,12 @@ def column(builder: Any, boxes: Any, k: Any) -> list[Any]:
 
 def squared_gaps(builder: Any, one: Sequence[Any], other: Sequence[Any]) -> Any:
     """Squared distances of boxes, each three lowest and three highest coordinates; 0 where they meet."""
-    total = None
+    total = FLOATS([0.0] * TILE)
     for low, high, other_low, other_high in zip(one[:3], one[3:], other[:3], other[3:], strict=True):
         below = builder.fsub(low, other_high, flags=FINITE)
         above = builder.fsub(other_low, high, flags=FINITE)
         gap = larger(builder, larger(builder, below, above), FLOATS([0.0] * TILE))
-        squared = builder.fmul(gap, gap, flags=FINITE)
-        total = squared if total is None else builder.fadd(total, squared, flags=FINITE)
+        total = multiply_add(builder, gap, gap, total)
     return total
 
 
@@ -155,13 +154,12 @@ def larger(builder: Any, one: Any, other: Any) -> Any:
 
 def squared_distances(builder: Any, tile: Sequence[Any], model: Any, m: Any) -> Any:
     """Of a tile (three vectors) from model point m."""
-    total = None
+    total = FLOATS([0.0] * TILE)
     for axis, lanes in enumerate(tile):
         place = builder.add(builder.mul(m, SIZE(3)), SIZE(axis))
         value = spread(builder, builder.load(builder.gep(model.data, [place])), FLOATS)
         off = builder.fsub(lanes, value, flags=FINITE)
-        squared = builder.fmul(off, off, flags=FINITE)
-        total = squared if total is None else builder.fadd(total, squared, flags=FINITE)
+        total = multiply_add(builder, off, off, total)
     return total
 
 

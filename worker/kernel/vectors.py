@@ -7,7 +7,15 @@ from typing import Any
 from llvmlite import ir
 
 FLOAT, DOUBLE, INT, SIZE = ir.FloatType(), ir.DoubleType(), ir.IntType(32), ir.IntType(64)
-FINITE = ("contract", "nsz", "nnan")  # a product and a sum may become one; everything is a number
+FINITE = ("nsz", "nnan")  # everything is a number
+
+
+def multiply_add(builder: Any, one: Any, other: Any, addend: Any) -> Any:
+    """one * other + addend, rounded once: said so, as a compiler that may choose does not always choose alike."""
+    lanes = one.type
+    name = f"llvm.fma.v{lanes.count}f{32 if lanes.element == FLOAT else 64}"
+    kind = ir.FunctionType(lanes, [lanes] * 3)
+    return builder.call(builder.module.declare_intrinsic(name, fnty=kind), [one, other, addend])
 
 
 def lanes_at(builder: Any, array: Any, place: Any, lanes: ir.VectorType) -> Any:

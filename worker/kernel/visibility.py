@@ -99,7 +99,7 @@ def project(posed: Array, focal: float, image: Array) -> tuple[int, int, int, in
     return int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)), int(np.ceil(bottom))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: DepthImage) -> None:
     """Mark the vertices of triangles that face the camera in workspace.front, and draw these triangles.
 

@@ -156,7 +156,7 @@ def is_measurable(
     return facing
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz", "nnan"})
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def sum_by_link(visible: Numbers, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """Sum M and C of each link (see `normal_equations`) over the visible vertices into equations.sums.
 
