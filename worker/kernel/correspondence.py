@@ -1,10 +1,10 @@
-"""The closest visible model point of each observed point (step 4c), exactly, leaf by leaf.
+"""The closest visible model point of each observed point (step 4c). The search is exact.
 
-Observed points come in tiles, model points in leaves and groups of leaves, all of them neighbours, so each
-has a small bounding box. A guess bounds each observed point's distance: its closest point of the last search,
-or one in the leaf nearest to its tile. The bounds of a tile rule out most groups, and most leaves of
-the others, by the distance of the boxes; those of its points most of what is left, which is searched point by
-point.
+Observed points are grouped into tiles, model points into leaves, and leaves into groups. The points of each
+are neighbours, so their bounding boxes are small. An initial guess gives an upper bound on the distance of
+each observed point: its closest point in the last search, or a point in the leaf nearest to its tile. The
+search skips every group and leaf whose box is farther from a tile's box than the largest bound of the tile.
+In the leaves that are left it compares points one by one.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
 Numbers = NDArray[np.uint32]
 
-LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that a guess itself is found again
+LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that the guess itself is not skipped
 
 
 @numba.njit(cache=True, nogil=True)
 def find_correspondences(
     visible: Numbers, last_count: int, surface: Surface, observed: PackedObservation, workspace: Workspace
 ) -> int:
-    """Find the closest visible vertex of each observed point; returns how many vertices were searched.
+    """Find the closest visible vertex of each observed point; returns the number of vertices searched.
 
-    Fills workspace.search.closest with places in `visible` and .squared with squared distances, depth
-    stretched. `last_count` is what the same particle's last search returned, from which this one starts; 0
-    for the first. Of equally close vertices the one met first wins; the order depends on the arguments alone.
+    Fills workspace.search.closest with indices into `visible`, and .squared with squared distances in the
+    metric of the noise. `last_count` is the number that the last search of the same particle returned, whose
+    result is the initial guess; 0 for the first search. Of equally close vertices the first one visited is
+    taken; the order of visits depends only on the arguments.
     """
     search, leaves = workspace.search, fill_leaves(visible, surface, observed.stretch, workspace)
     if last_count > 0 and not same_vertices(search.last_visible[:last_count], visible):
@@ -45,9 +46,9 @@ def find_correspondences(
 
 @numba.njit(cache=True, nogil=True)
 def closest_points(observed: PackedObservation, leaves: int, guessed: bool, search: Search) -> None:
-    """Find the closest of search.model to each observed point: place, and squared distance.
+    """Find the point of search.model closest to each observed point: its index and squared distance.
 
-    `leaves` is the number of the model's. If it is guessed, search.closest holds any places in the model.
+    `leaves` is the number of leaves of the model. With a guess, search.closest holds indices into the model.
     """
     groups = bound_leaves(leaves, search)
     if guessed:
@@ -59,7 +60,7 @@ def closest_points(observed: PackedObservation, leaves: int, guessed: bool, sear
 
 @numba.njit(cache=True, nogil=True)
 def same_vertices(some: Numbers, others: Numbers) -> bool:
-    """Whether these are the same vertices."""
+    """Whether two lists hold the same vertices."""
     differences = np.uint32(0)
     for m in range(min(len(some), len(others))):
         differences |= some[m] ^ others[m]
@@ -68,7 +69,7 @@ def same_vertices(some: Numbers, others: Numbers) -> bool:
 
 @numba.njit(cache=True, nogil=True)
 def fill_leaves(visible: Numbers, surface: Surface, stretch: float, workspace: Workspace) -> int:
-    """Fill workspace.search.model with the visible vertices and .starts by leaf; returns how many leaves."""
+    """Fill workspace.search.model with the visible vertices, and .starts; returns the number of leaves."""
     model, starts = workspace.search.model, workspace.search.starts
     posed, leaf_of = workspace.posed, surface.leaves
     leaves, leaf = 0, -1
@@ -85,7 +86,7 @@ def fill_leaves(visible: Numbers, surface: Surface, stretch: float, workspace: W
 
 @numba.njit(cache=True, nogil=True)
 def remap_closest(before: Numbers, visible: Numbers, remapped: Numbers, closest: Numbers) -> None:
-    """Map `closest` from places in `before` to those of the same vertices in `visible`, or of the next."""
+    """Map `closest` from indices into `before` to those of the same or the next vertices in `visible`."""
     place = 0
     for m in range(len(before)):
         while place < len(visible) - 1 and visible[place] < before[m]:
@@ -97,9 +98,9 @@ def remap_closest(before: Numbers, visible: Numbers, remapped: Numbers, closest:
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
-    """Fill boxes (6, K): lowest and highest x, y, z of the points from each start (K + 1,) to the next."""
+    """Fill boxes (6, K): smallest and largest x, y, z of the points from each start (K + 1,) to the next."""
     for k in range(len(starts) - 1):
-        first = np.uint64(starts[k])  # an unsigned index needs no test for one that counts from the end
+        first = np.uint64(starts[k])  # an unsigned index needs no test for negative values
         left, top, front = points[first, 0], points[first, 1], points[first, 2]
         right, bottom, back = left, top, front
         for n in range(1, starts[k + 1] - starts[k]):
@@ -114,9 +115,9 @@ def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def bound_by_boxes(observed: PackedObservation, leaves: int, groups: int, search: Search) -> None:
-    """Bound squared distances by the leaf that is centred nearest to a tile, in the nearest group.
+    """Bound squared distances by the leaf whose centre is nearest to a tile, within the nearest group.
 
-    One leaf for four tiles in a row, which are neighbours.
+    Four successive tiles are neighbours and share one leaf.
     """
     points, tiles, model, starts = observed.points, observed.tiles, search.model, search.starts
     closest, squared, largest = search.closest, search.squared, search.largest
@@ -132,7 +133,7 @@ def bound_by_boxes(observed: PackedObservation, leaves: int, groups: int, search
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def nearest_box(tiles: Points, t: int, boxes: Points, start: int, stop: int) -> int:
-    """Which of boxes (6, K) from start to stop has the centre nearest to that of box t of tiles (6, T)."""
+    """Index of the box of (6, K), from start to stop, whose centre is nearest to that of tile t of (6, T)."""
     nearest, least = start, np.float32(np.inf)
     x, y, z = tiles[0, t] + tiles[3, t], tiles[1, t] + tiles[4, t], tiles[2, t] + tiles[5, t]
     for k in range(start, stop):
@@ -147,7 +148,7 @@ def nearest_box(tiles: Points, t: int, boxes: Points, start: int, stop: int) -> 
 
 @numba.njit(cache=True, nogil=True)
 def bound_leaves(leaves: int, search: Search) -> int:
-    """Fill the boxes of all leaves and groups; returns the number of groups."""
+    """Fill the bounding boxes of all leaves and groups; returns the number of groups."""
     boxes, groups = search.leaves, search.groups
     bounding_boxes(search.model, search.starts[: leaves + 1], boxes)
     count = (leaves + TILE - 1) // TILE
@@ -165,7 +166,7 @@ def bound_leaves(leaves: int, search: Search) -> int:
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def bound_by_guess(observed: Points, search: Search) -> None:
-    """Bound squared distances by those of the guesses, and a little more, and find each tile's largest."""
+    """Bound squared distances by those of the guesses, slightly enlarged; find the largest of each tile."""
     model, squared, closest, bounds = search.model, search.squared, search.closest, search.largest
     for t in range(len(bounds)):
         largest = np.float32(0.0)
@@ -183,7 +184,7 @@ def bound_by_guess(observed: Points, search: Search) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def search_tiles(observed: Points, tiles: Points, groups: int, search: Search) -> None:
-    """Lower all squared distances, of which each tile's largest is given, to those of the closest points."""
+    """Reduce all squared distances to those of the closest points, from the largest distance of each tile."""
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
     boxes, around, bounds = search.leaves, search.groups, search.largest
     for t in range(len(bounds)):

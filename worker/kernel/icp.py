@@ -1,11 +1,12 @@
 """Refine particles by articulated ICP: steps 4a-4d, two or three times, and then step 5.
 
-Closest points hold the model back: iterations lead the same way with ever shorter steps. So preset `default`
-over-relaxes each iteration but the last (it goes twice as far) and determines once which points are visible.
+ICP converges slowly: successive steps have the same direction and become shorter. So preset `default`
+over-relaxes every iteration but the last: the pose moves twice as far. It tests visibility in every third
+iteration only.
 
-Any number of lanes refine the particles of one batch together: every lane takes the next one that none has
-taken, so that none idles while another has two left. A particle's result depends on its own pose, the model,
-the observation and the settings; never on the lane that took it, or on its batch.
+Any number of lanes refine the particles of one batch together. Each lane takes the next particle from a
+common queue. The result of a particle depends only on its pose, the model, the observation and the settings,
+not on the lane or the batch.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ Array = NDArray[np.float64]
 
 
 class Batch(NamedTuple):
-    """The particles of a request, which lanes share."""
+    """The particles of a request, shared among lanes."""
 
     skeleton: Skeleton
     surface: Surface
@@ -46,7 +47,7 @@ class Batch(NamedTuple):
     poses: Array  # (N, D) refined in place
     log_likelihood: Array  # (N,)
     residual: Array  # (N,) metres
-    covariance_roots: NDArray[np.float32]  # (N, D (D + 1) / 2); (N, 0) where nobody asks for them
+    covariance_roots: NDArray[np.float32]  # (N, D (D + 1) / 2); (N, 0) if not requested
 
 
 def refine(
@@ -62,15 +63,15 @@ def refine(
     Args:
         model: The body of all particles.
         observation: The frame's observed points, camera frame, metres.
-        poses: Particles (N, D) before their descent, metres and radians.
-        settings: How to refine.
-        covariance: Whether it is asked for, too.
+        poses: Particles (N, D) before refinement, metres and radians.
+        settings: Settings of the refinement.
+        covariance: Whether to estimate the covariance of each refined pose.
 
     Returns:
-        Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order given.
+        Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order of the particles.
 
     Raises:
-        ProtocolError: The work would not end within any sensible time.
+        ProtocolError: The request is too large to be refined in reasonable time.
     """
     batch = pack_batch(model, observation, poses, settings, covariance=covariance)
     refine_some(batch, iter(range(len(poses))))
@@ -85,7 +86,7 @@ def pack_batch(
     *,
     covariance: bool = False,
 ) -> Batch:
-    """Pack the particles of a request; arguments and errors as of `refine`."""
+    """Pack the particles of a request; arguments and errors are those of `refine`."""
     check_work(settings, len(poses), observation.count, len(model.vertices))
     count, dofs = poses.shape
     return Batch(
@@ -100,21 +101,21 @@ def pack_batch(
 
 
 def refine_some(batch: Batch, particles: Iterator[int]) -> None:
-    """Refine particles of a batch in place until the iterator, which lanes may share, gives out no more."""
+    """Refine particles of a batch in place until the iterator is exhausted; lanes may share the iterator."""
     workspace = make_workspace(batch.skeleton, batch.surface, batch.observed)
     for n in particles:
         refine_one(n, batch, workspace)
 
 
 def refined(batch: Batch) -> Refined:
-    """What came out when all particles are refined."""
+    """The result of a batch in which all particles are refined."""
     roots = batch.covariance_roots if batch.covariance_roots.shape[1] else None
     return Refined(batch.poses, batch.log_likelihood, batch.residual, roots)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def refine_one(n: int, batch: Batch, workspace: Workspace) -> None:
-    """Refine particle n of a batch. One that diverges stays where it began, with a likelihood of zero."""
+    """Refine particle n of a batch. If it diverges, its pose stays and its likelihood becomes zero."""
     before, pose, parameters = batch.poses[n].copy(), batch.poses[n], batch.parameters
     log_likelihood, residual = refine_particle(
         pose, batch.skeleton, batch.surface, batch.observed, parameters, workspace
@@ -164,5 +165,5 @@ def refine_particle(
 
 @numba.njit(cache=True, nogil=True)
 def is_valid(pose: Array) -> bool:
-    """Whether all values of pose (D,) are numbers that may travel; of others no index could be computed."""
+    """Whether all values of pose (D,) are finite and within the limits of messages and indices."""
     return bool(np.all(np.abs(pose) <= LARGEST))

@@ -1,20 +1,20 @@
 """Soft correspondences: under heavy noise an observed point may come from any visible sample around it.
 
-The closest model point is not where a noisy point comes from: it lies the nearer, the more choice there is,
-so limbs are drawn into what lies beside them. Here a pixel's measurement is what the camera does: it looks
-somewhere near its own ray and errs along it. With samples x_k of the visible surface, p_i is distributed as
+The closest model point is a biased estimate of the origin of a noisy point: more model points nearby mean a
+shorter distance. So limbs are pulled towards the surface beside them. Here the measurement of a pixel is
+modelled as noise across and along its ray. With samples x_k of the visible surface, p_i has the density
 
     p(p_i) = sum_k a_k / (2 pi s^2) exp(-1/2 (|across(p_i - x_k)|^2 / s^2 + along(p_i - x_k)^2 / t^2)) + e
 
-with s and t the standard deviations across and along the ray, across(p_i - x_k) what the ray passes the
-sample by at the sample's depth, a_k the area of a sample, which stands for the same solid angle at any
-depth, and e what is left for outliers. A sample's responsibility for the point is g_ik = p_k(p_i) / p(p_i).
-All is in units of s^2, as the hard correspondences are. Samples are pixels of the model's depth image.
+Here s and t are the standard deviations across and along the ray, across(p_i - x_k) is the offset between ray
+and sample at the sample's depth, a_k is the area of a sample, which covers the same solid angle at any depth,
+and e is the density of outliers. The responsibility of a sample for a point is g_ik = p_k(p_i) / p(p_i). All
+terms are in units of s^2, as for hard correspondences. Samples are pixels of the model's depth image.
 
-A step of Fisher scoring leads uphill: the gradient of log p sums the residuals of a point from its samples by
-their responsibilities, and its mean vanishes at the true pose. The information of the points is the sum of
-the outer products of their gradients (Berndt, Hall, Hall & Hausman 1974), which leads up much faster than the
-responsibilities alone (EM) would.
+A step of Fisher scoring increases the likelihood. The gradient of log p is the sum of a point's residuals
+from its samples, weighted by their responsibilities; its mean is zero at the true pose. The information is
+the sum of the outer products of the points' gradients (Berndt, Hall, Hall & Hausman 1974). This converges
+much faster than EM.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from worker.kernel.workspace import Workspace
 
 Array = NDArray[np.float64]
 
-SEARCH_DEVIATIONS = 2.5  # standard deviations across, within which samples are sought
-MOST_SAMPLES_ASIDE = 3  # of a point, in each direction; where noise reaches farther they are sparser
-OUTLIER_DENSITY = 1e-3  # e, where a point amid a surface, exactly on it, has 1
+SEARCH_DEVIATIONS = 2.5  # radius of the search for samples, in standard deviations across
+MOST_SAMPLES_ASIDE = 3  # of a point, in each direction; with more noise they are farther apart
+OUTLIER_DENSITY = 1e-3  # e, relative to the density of a point exactly on a wide surface
 LONGEST_STEP = 0.2  # radians and metres
 
 
@@ -49,7 +49,7 @@ def fisher_scoring_step(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> None:
-    """Move pose (D,) in place by one step. Its damping is a prior of about as long a step as there may be."""
+    """Move pose (D,) in place by one step. Damping is a prior on the step, as wide as the longest step."""
     fill_soft_equations(pose, skeleton, surface, observed, parameters, workspace)
     damping = (parameters.noise_lateral / LONGEST_STEP) ** 2
     take_step(skeleton, pose, damping, LONGEST_STEP, workspace.equations)
@@ -64,9 +64,9 @@ def fill_soft_equations(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> None:
-    """Fill workspace.equations: information, and minus the slope of the log posterior, in units of s^2.
+    """Fill workspace.equations: information, and minus the gradient of the log posterior, in units of s^2.
 
-    Of as many points as there are, with the samples that are seen at pose (D,).
+    Over all observed points, with the samples that are visible in pose (D,).
     """
     gram, gradient, wrenches = workspace.equations.gram, workspace.equations.gradient, workspace.wrenches
     w, q, score = np.empty((len(pose), 3)), np.empty((len(pose), 3)), np.empty(len(pose))
@@ -102,10 +102,10 @@ def fill_wrenches(
     parameters: KernelParameters,
     wrenches: Array,
 ) -> float:
-    """p(p_i); fills wrenches (L, 7) with the point's pull on each link, times p(p_i).
+    """p(p_i); fills wrenches (L, 7) with the wrench of the point on each link, times p(p_i).
 
-    That is force, torque about the camera, and sum of p_k(p_i). Farther away a sample's density over the rays
-    is narrower and higher, which draws it there as much as chance residuals across draw it near.
+    A wrench is force, torque about the camera, and the sum of p_k(p_i). The density of a farther sample over
+    the rays is narrower and higher. This pulls a sample away as much as random residuals across pull it near.
     """
     depth, focal, stretch = seen.depth, seen.focal, parameters.stretch
     per_focal, per_noise = 1.0 / focal, 1.0 / parameters.noise_depth
@@ -146,7 +146,7 @@ def fill_wrenches(
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def sample_window(noise_lateral: float) -> tuple[int, int]:
-    """Within how many pixels of a point its samples lie, in each direction, and how many they are apart."""
+    """Half width in pixels of the window around a point in which its samples lie, and their spacing."""
     reach = SEARCH_DEVIATIONS * noise_lateral / PIXEL_M
     apart = 1 + int(reach / MOST_SAMPLES_ASIDE)
     return apart * int(reach / apart + 0.5), apart
@@ -154,9 +154,9 @@ def sample_window(noise_lateral: float) -> tuple[int, int]:
 
 @numba.njit(cache=True, nogil=True)
 def fill_score(last: int, wrench: Array, skeleton: Skeleton, w: Array, q: Array, score: Array) -> None:
-    """Fill a point's score (D,) in all degrees of freedom that move a link, of which `last` is the last.
+    """Fill the score (D,) of a point in all degrees of freedom that move a link; `last` is the last of them.
 
-    `wrench` is the point's pull on the link; w and q (D, 3) are the axes of motion.
+    `wrench` is that of the point on the link; w and q (D, 3) are the axes of motion.
     """
     fx, fy, fz, tx, ty, tz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     j = last
@@ -174,7 +174,7 @@ def fill_score(last: int, wrench: Array, skeleton: Skeleton, w: Array, q: Array,
 def mean_log_density(
     surface: Surface, observed: PackedObservation, parameters: KernelParameters, workspace: Workspace
 ) -> float:
-    """Mean log p(p_i) of the observed points, for the pose in which workspace has the body."""
+    """Mean log p(p_i) of the observed points, in the pose of the body in workspace."""
     seen, total = draw(surface.triangles, True, workspace), 0.0
     for i in range(observed.count):
         total += np.log(fill_wrenches(i, seen, surface, observed, parameters, workspace.wrenches))

@@ -1,12 +1,12 @@
-"""The weighted sums over correspondences of which the normal equations are made (steps 4c and 4d).
+"""Weighted sums over correspondences, from which the normal equations follow (steps 4c and 4d).
 
-Each visible vertex is drawn to its observed points, which a robust kernel weighs, and, where it lies in free
-space, to the silhouette: closest points cannot report a model point where the camera saw nothing. Surfaces
-that the camera looks along are left out there: depth cameras do not measure them.
+Each visible vertex has residuals to its observed points, weighted by a robust kernel. A vertex in free space
+also has a residual to the silhouette: no observed point is there that could report it. Surfaces seen at a
+grazing angle have no such residual, as depth cameras do not measure them.
 
-A vertex that is blended over several links adds to each of them in proportion to its weights, from where that
-link alone would carry it, with the residual of the blend. That leaves J^T r exact at the pose in which
-correspondences were searched, and makes J^T J an upper bound, so steps stay safe.
+A vertex that is skinned to several links contributes to each of them in proportion to its weights: at the
+position to which that link alone would move it, with the residual of the skinned vertex. So J^T r is exact at
+the pose of the correspondences, and J^T J is an upper bound, which keeps steps from being too long.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from worker.kernel.workspace import Search, Workspace
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint32]
 
-GRAZING = np.cos(np.radians(78.0))  # between normal and line of sight: beyond it, nothing is measured
+GRAZING = np.cos(np.radians(78.0))  # of the largest angle between normal and ray with valid depth
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def robust_weight(squared: float, scale_squared: float) -> float:
-    """Weight of a residual under Geman and McClure's kernel; 1 without a scale."""
+    """Weight of a residual under the Geman-McClure kernel; 1 without a scale."""
     if scale_squared <= 0.0:
         return 1.0
     ratio = scale_squared / (scale_squared + squared)
@@ -38,7 +38,7 @@ def robust_weight(squared: float, scale_squared: float) -> float:
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def robust_cost(squared: float, scale_squared: float) -> float:
-    """Cost of a residual under Geman and McClure's kernel; the square without a scale."""
+    """Cost of a residual under the Geman-McClure kernel; the square without a scale."""
     if scale_squared <= 0.0:
         return squared
     return scale_squared * squared / (scale_squared + squared)
@@ -68,7 +68,7 @@ def fill_targets(
     search: Search,
     targets: Array,
 ) -> None:
-    """Fill targets (V, 4) with each vertex's weighted sum of observed points, and their weight."""
+    """Fill targets (V, 4) with the weighted sum of each vertex's observed points, and the sum of weights."""
     shrink, scale_squared = 1.0 / parameters.stretch, parameters.outlier_squared
     points, closest, squared = observed.points, search.closest, search.squared
     targets[:] = 0.0
@@ -89,9 +89,9 @@ def add_free_space(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> None:
-    """Add to workspace.targets what draws vertices in free space onto the silhouette.
+    """Add the residuals of vertices in free space to workspace.targets.
 
-    That is down the slope of their squared distance from it, in the metric of the noise.
+    Their cost is the squared distance from the silhouette, in the metric of the noise.
     """
     fill_silhouette_offsets(visible, skeleton, surface, observed, workspace)
     posed, targets, offsets = workspace.posed, workspace.targets, workspace.offsets
@@ -112,11 +112,12 @@ def add_free_space(
 def fill_silhouette_offsets(
     visible: Numbers, skeleton: Skeleton, surface: Surface, observed: PackedObservation, workspace: Workspace
 ) -> None:
-    """Fill workspace.offsets (V, 3) of the visible vertices: from each to the silhouette's nearest ray.
+    """Fill workspace.offsets (V, 3): from each visible vertex to the nearest ray of the silhouette.
 
-    That is metres right and down, at the vertex's depth, and how surely the vertex's pixel is empty: 0 where
-    it is one of the subject or of what may hide it, or beside the ray by a pixel at the most, or outside what
-    the camera saw, or where the surface is seen from the side.
+    The offset is in metres to the right and down, at the vertex's depth. The third value is the probability
+    that the vertex's pixel is empty. It is 0 if the pixel shows the subject or something that may hide it, if
+    it is at most one pixel from the ray, if it is outside the image, or if the surface is seen at a grazing
+    angle.
     """
     fx, fy, cx, cy = observed.fx, observed.fy, observed.cx, observed.cy
     left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
@@ -146,7 +147,7 @@ def fill_silhouette_offsets(
 def is_measurable(
     transforms: Array, t: int, normals: Array, vertex: int, x: float, y: float, z: float
 ) -> bool:
-    """Whether the camera does not look along the surface at a vertex that is at (x, y, z)."""
+    """Whether the surface at a vertex at (x, y, z) is not seen at a grazing angle."""
     along = 0.0
     for a in range(3):
         turned = transforms[t, a, 0] * normals[vertex, 0] + transforms[t, a, 1] * normals[vertex, 1]
@@ -160,8 +161,8 @@ def is_measurable(
 def sum_by_link(visible: Numbers, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """Sum M and C of each link (see `normal_equations`) over the visible vertices into equations.sums.
 
-    A target moves along with the vertex from its blend to where the link carries it, so that the residual
-    stays the blend's.
+    The target is shifted with the vertex to the position to which the link alone moves it. So the residual
+    stays that of the skinned vertex.
     """
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     posed, targets, transforms = workspace.posed, workspace.targets, workspace.transforms
@@ -188,7 +189,7 @@ def sum_by_link(visible: Numbers, skeleton: Skeleton, surface: Surface, workspac
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def carry(transforms: Array, t: int, axis: int, x: float, y: float, z: float) -> float:
-    """One coordinate of where transform t of (D + 1, 3, 4) takes a point."""
+    """One coordinate of a point after transform t of (D + 1, 3, 4)."""
     moved: float = (
         transforms[t, axis, 0] * x
         + transforms[t, axis, 1] * y
