@@ -1,7 +1,7 @@
-"""A body's descriptor: a coarse depth image about its centre, as seen from far away.
+"""The descriptor of a body: a coarse orthographic depth image around its centre.
 
-The image is orthographic, with cells so large that a few hundred points fill them, so it can be had of a
-model's vertices and of observed points alike, at any distance. Depth counts from the middle, too.
+The cells are so large that a few hundred points fill them. So it can be computed from vertices of a model and
+from observed points, at any distance. Depth is relative to the centre, too.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 ROWS, COLUMNS = 40, 36
-EMPTY = np.float32(1e3)  # depth of a cell in which there is nothing
-BOUND_CELLS = 4.0  # a difference of depth beyond it is as bad as an empty cell
+EMPTY = np.float32(1e3)  # depth of an empty cell
+BOUND_CELLS = 4.0  # largest difference of depth; an empty cell has this difference
 
 
 @numba.njit(cache=True, nogil=True)
 def describe(points: Any, cell: float, image: Image, middle: Array) -> int:
     """Fill image (ROWS, COLUMNS) with the nearest depth of points (P, 3) in each cell, and middle (3,).
 
-    The middle is the mean of the cells' centres that see something and of their depth; depth in the image is
-    relative to it. Gives the number of cells that are not empty.
+    The middle is the mean centre and depth of the cells that are not empty; depth in the image is relative to
+    it. Returns the number of cells that are not empty.
     """
     middle[0] = middle[1] = middle[2] = 0.0
     for i in range(len(points)):
@@ -50,7 +50,7 @@ def describe(points: Any, cell: float, image: Image, middle: Array) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def splat(points: Any, cell: float, middle: Array, image: Image) -> int:
-    """Fill image with the nearest depth in each cell about middle (3,); gives how many cells have any."""
+    """Fill image with the nearest depth in each cell around middle (3,); returns the number of filled."""
     image[:] = EMPTY
     count = 0
     for i in range(len(points)):
@@ -65,7 +65,7 @@ def splat(points: Any, cell: float, middle: Array, image: Image) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def centre(cell: float, image: Image, middle: Array) -> None:
-    """Move middle (3,) to the mean centre of the cells in which image about it has something."""
+    """Move middle (3,) to the mean centre of the cells of image that are not empty."""
     across, down, count = 0.0, 0.0, 0
     for row in range(ROWS):
         for column in range(COLUMNS):
@@ -80,9 +80,9 @@ def centre(cell: float, image: Image, middle: Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def compare(cells: Image, occupied: Array, image: Image, bound: float, out: Array) -> None:
-    """Fill out (N,) with how much descriptors differ from an image: the sum of min(|dz|, bound)^2.
+    """Fill out (N,) with the differences of descriptors from an image: the sum of min(|dz|, bound)^2.
 
-    cells: The descriptors (ROWS * COLUMNS, N), cell by cell; occupied: how many of each are not empty.
+    cells: Descriptors (ROWS * COLUMNS, N); occupied: number of cells of each that are not empty.
     """
     worst, depths = bound * bound, image.ravel()
     for n in range(len(out)):

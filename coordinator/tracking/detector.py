@@ -1,7 +1,7 @@
-"""Detects a body in a frame, in any pose and turned in any way.
+"""Detects a body in a frame, in any pose and orientation.
 
-Poses of a library that look like the observed points are refined in stages: all of them for a few iterations
-on few points; the best distinct ones on all points; the best of these on bodies of several sizes.
+Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations
+on few points; the best distinct ones on all points; the best of these with bodies of several sizes.
 """
 
 from __future__ import annotations
@@ -33,42 +33,42 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 STATURES_M = (1.5, 1.62, 1.74, 1.86, 1.98)
-STATURE_STEPS = (0.97, 1.0, 1.03)  # about the best of these
+STATURE_STEPS = (0.97, 1.0, 1.03)  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2)
 USUAL_GIRTH = GIRTHS[1]
 FIRST_ITERATIONS, FIRST_POINTS = 3, 1_000  # of the first stage
-DISTINCT_M = 0.05  # in the mean joint: what is nearer is the same candidate
-FACING_LOG_LIKELIHOOD = 2.0  # by which a person facing one way explains it better than facing the other
-LEAST_LEVEL = 0.3  # cosine of the camera's pitch below which an image has no upright
+DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
+FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
+LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How many candidates each stage keeps, and the ICP iterations after the first."""
+    """Number of candidates that each stage keeps, and of ICP iterations after the first stage."""
 
     candidates: int
-    turned: int  # of every way up but the first
+    turned: int  # of every orientation of the image but the first
     survivors: int
     iterations: int
     finalists: int
 
 
-FULL = Effort(200, 40, 24, 12, 4)  # for a body of which nothing is known
+FULL = Effort(200, 40, 24, 12, 4)  # for an unknown body
 KNOWN_SIZE = Effort(50, 5, 8, 6, 3)  # for a body that was tracked before
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Refined candidates (N), the likeliest first, on bodies of several sizes."""
+    """Refined candidates (N) with bodies of several sizes, the most likely first."""
 
     poses: Array  # (N, D)
-    sizes: Indices  # (N,) places in a list of sizes
+    sizes: Indices  # (N,) indices into a list of sizes
     log_likelihood: Array  # (N,)
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) camera frame, metres
 
     def take(self, some: Indices) -> Candidates:
-        """Only these, in this order."""
+        """The candidates with these indices, in this order."""
         return Candidates(
             self.poses[some],
             self.sizes[some],
@@ -78,7 +78,7 @@ class Candidates:
         )
 
     def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
-        """Up to `count` distinct ones, and the likeliest that faces the other way, if none of them does."""
+        """Up to `count` distinct candidates, and the most likely that faces the other way, if none of them does."""
         kept = keep_distinct(self.joints, count)
         turned = faces_away(names, self.joints, self.joints[0])
         if not turned[kept].any():
@@ -88,29 +88,29 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """Where a body was detected: refined candidates of the tracked body, and whether to believe them."""
+    """A detection: refined candidates of the tracked body, and whether they pass gating."""
 
     start: Start
     candidates: Candidates
     gate: Gate
 
     def is_elsewhere(self, joints: Array) -> bool:
-        """Whether it is another posture or place than that of joints (J, 3), and not the same one refined."""
+        """Whether the pose or position differs from that of joints (J, 3) by more than a refinement."""
         return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > OFF)
 
     def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
-        """Whether a candidate that faces away from joints (J, 3) explains the frame about as well."""
+        """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
         turned = faces_away(names, self.candidates.joints, joints)
         return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - FACING_LOG_LIKELIHOOD))
 
 
 class Detector:
-    """Detects the tracked body: of any size at first, of its own where it may be elsewhere.
+    """Detects the tracked body: with any size at first, with its own size when it is redetected.
 
     Args:
-        bodies: The bodies that may be there.
+        bodies: The possible bodies.
         refiner: Refines candidates.
-        settings: The tracker's: what it assumes of the camera's noise, and which way up the camera is.
+        settings: The settings of the tracker, with the camera's noise and orientation.
     """
 
     def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:
@@ -130,14 +130,14 @@ class Detector:
         return library_of(self._bodies.for_start(*self._usual), person=self._bodies.people)
 
     def prepare(self) -> None:
-        """Make the library and the bodies that candidates are tried on."""
+        """Build the pose library and the bodies of candidates."""
         _ = self._library
         for girth in GIRTHS if self._bodies.measures is None else ():
             self._bodies.full(REFERENCE_STATURE, girth)
             self._bodies.for_start(REFERENCE_STATURE, girth)
 
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Detection:
-        """A body of which nothing is known, in a frame of this noise and room."""
+        """Detect an unknown body in a frame, given the camera's noise and the planes of the room."""
         settings = assume_noise(self._refine, noise)
         size, found = self._search(
             subject, settings, FULL, self._bodies.measures, upright_ways(planes, self._ways_up)
@@ -159,9 +159,9 @@ class Detector:
     def redetect(
         self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
     ) -> Detection:
-        """The body that is known and was seen in pose `last` (D,), wherever it is now.
+        """Redetect a known body anywhere; `last` (D,) is its last pose.
 
-        A person who is not lost and still the same way up as at the start is looked for that way up alone.
+        For a person who is not lost and has the same orientation as at the start, only that one is searched.
         """
         ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
         if not lost and self._bodies.people and way_up(start.model, last) == start.way_up:
@@ -180,7 +180,7 @@ class Detector:
         return Detection(start, candidates, gate)
 
     def can_redetect(self, start: Start) -> bool:
-        """Whether the body may be elsewhere: its base is not held still."""
+        """Whether the body can move: its root is not held."""
         return set(ROOT_DOFS) <= set(start.model.dof_names)
 
     def _search(
@@ -192,10 +192,10 @@ class Detector:
         ways_up: Sequence[float],
         last: Array | None = None,
     ) -> tuple[tuple[float, float], Candidates]:
-        """The poses that explain a frame best, and the size of their body; of any size for None.
+        """The poses that explain a frame best, with bodies of this size, or of any size if it is None.
 
-        Most candidates are for the first of the ways up. Others are in the pose in which the body was seen
-        `last` (D,), moved and turned.
+        Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
+        rotated.
         """
         sizes = [size] if size else [(stature, USUAL_GIRTH) for stature in STATURES_M]
         names = self._bodies.for_start(*sizes[0]).joint_names
@@ -224,7 +224,7 @@ class Detector:
         ways_up: Sequence[float],
         last: Array | None,
     ) -> tuple[Array, Indices]:
-        """Candidates (N, D) from the library in all ways up and from the last pose, and their sizes (N,)."""
+        """Candidates (N, D) from the library, in all orientations, and the last pose; their sizes (N,)."""
         points = observed_points(subject)
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
         counts = [effort.candidates, *(effort.turned for _ in ways_up[1:])]
@@ -240,7 +240,7 @@ class Detector:
     def _refine_candidates(
         self, sizes: Sequence[tuple[float, float]], poses: Array, of: Indices, settings: RefineSettings
     ) -> Candidates:
-        """Poses (N, D) of bodies of sizes (N,) refined on the frame that was published last."""
+        """Refine poses (N, D) of bodies of sizes (N,) on the last published frame."""
         models = [self._bodies.for_start(*size) for size in sizes]
         parts = [
             refine(self._refiner, models[size], poses[of == size], settings, size) for size in np.unique(of)
@@ -248,7 +248,7 @@ class Detector:
         return ordered(parts)
 
     def _refine_tracked(self, start: Start, poses: Array, settings: RefineSettings) -> Candidates:
-        """Poses (N, D) of a detected body as the tracked body takes them; what does not move stays."""
+        """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay."""
         searched, model = self._bodies.for_start(start.stature, start.girth), start.model
         taken = np.tile(start.pose, (len(poses), 1))
         for j, name in enumerate(model.dof_names):
@@ -258,7 +258,7 @@ class Detector:
 
 
 def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
-    """The turns of the image, radians, in which a body is looked for; upright by the room comes first."""
+    """Rotations of the image, radians, in which a body is searched for; the first is upright by the room."""
     across, down, _ = planes.up
     if len(ways_up) == 1 or np.hypot(across, down) < LEAST_LEVEL:
         return ways_up
@@ -269,7 +269,7 @@ def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...
 def refine(
     refiner: Refiner, model: BodyModel, poses: Array, settings: RefineSettings, size: int
 ) -> Candidates:
-    """Poses (N, D) of one body, refined, in the order given."""
+    """Refine poses (N, D) of one body; their order is kept."""
     refined = refiner.submit(model, poses, settings).result()
     after = natural_angles(model, refined.poses)
     sizes = np.full(len(poses), size, dtype=np.int64)
@@ -278,7 +278,7 @@ def refine(
 
 
 def ordered(parts: Sequence[Candidates]) -> Candidates:
-    """All candidates that have a likelihood, the likeliest first."""
+    """All candidates with a finite likelihood, the most likely first."""
     whole = Candidates(
         np.concatenate([part.poses for part in parts]),
         np.concatenate([part.sizes for part in parts]),
@@ -291,17 +291,17 @@ def ordered(parts: Sequence[Candidates]) -> Candidates:
 
 
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:
-    """Settings of so many iterations of ICP."""
+    """Settings with this number of ICP iterations."""
     return msgspec.structs.replace(settings, icp_iterations=count)
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
-    """The same frame with at most so many of its points, evenly chosen."""
+    """The frame with at most this number of its points, evenly distributed."""
     return replace(subject, picked=subject.picked[:: -(-len(subject.picked) // points)].copy())
 
 
 def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:
-    """Which of the bodies with joints (M, J, 3) face away from where a body (J, 3) faces."""
+    """Which bodies with joints (M, J, 3) face in the direction opposite to that of a body (J, 3)."""
     pairs = ("hip", "shoulder")
     if not all(f"{side}_{pair}" in names for side in ("left", "right") for pair in pairs):
         return np.zeros(len(joints), dtype=np.bool_)
@@ -312,7 +312,7 @@ def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np
 
 
 def keep_distinct(joints: Array, count: int) -> Indices:
-    """Up to `count` of the joints (N, J, 3) that are DISTINCT_M from all kept ones, on average."""
+    """Up to `count` indices of joints (N, J, 3) with a mean distance of DISTINCT_M from all others."""
     kept = list[int]()
     for n, each in enumerate(joints):
         if len(kept) == count:

@@ -1,4 +1,4 @@
-"""What the tracker says about one frame."""
+"""The result of tracking one frame."""
 
 from __future__ import annotations
 
@@ -13,22 +13,21 @@ from coordinator.tracking.certainty.certainty import Certainty
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 
 UNKNOWN = ("lost", "searching", "absent")
-"""Status of frames whose pose is not to be believed: the last that was known, the best guess where the
-body is looked for, or not a number if there was none yet."""
+"""Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
+for, or NaN before the first detection."""
 
-RECORDED = 100  # hypotheses of an estimate at the most, the likeliest
+RECORDED = 100  # largest number of hypotheses of an estimate, the most likely ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """The reported pose of a frame, all hypotheses (M) behind it, and how sure the tracker is.
+    """The reported pose of a frame, all hypotheses (M), and their certainty.
 
-    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the likeliest's
-    mean distance between observed points and the model, metres; NaN where nothing was observed. Until the
-    body is found there are no hypotheses (M = 0), and pose and joints are NaN.
-    `particles_answered` are those whose descent was finished when the frame was due. `why` is what speaks
-    against the pose, in words; empty where nothing does. `certainty` is how sure each joint is; None in an
-    estimate that no tracker made.
+    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the mean distance between
+    observed points and the most likely hypothesis, metres; NaN if nothing was observed. Until the body is
+    found there are no hypotheses (M = 0), and pose and joints are NaN. `particles_answered` is the number of
+    particles that were refined before the deadline. `why` is the reason to doubt the pose, as text; empty if
+    there is none. `certainty` is that of each joint; None in an estimate that was not made by a tracker.
     """
 
     frame: int

@@ -1,4 +1,4 @@
-"""Whether a pose explains a frame: the normalised residual, up to 1 where the pose is believed."""
+"""Whether a pose explains a frame: its normalised residual is at most 1."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from coordinator.scene.planes import FLAT_SHARE, share_on_plane, to_rays
 
 Array = NDArray[np.float64]
 
-RESIDUAL_M = 0.03  # mean distance of observed points that can be believed, beside the camera's noise
-MISFIT_M = 0.028  # root of the mean cost, which also counts model surface where nothing is measured
-LEAST_PIXELS = 150  # that can show a body
-SPAN_SHARES = (0.35, 1.6)  # of the stature, that a person spans in a frame: else the depth scale is wrong
+RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
+MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
+LEAST_PIXELS = 150  # smallest number that can show a body
+SPAN_SHARES = (0.35, 1.6)  # extent of a person in a frame over stature; else the depth scale is wrong
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
 UNEXPLAINED = "the body does not explain what is seen"
@@ -25,18 +25,18 @@ UNEXPLAINED = "the body does not explain what is seen"
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """The normalised residual of a pose: up to 1 it passes. `why` says what speaks most against it."""
+    """The normalised residual of a pose, which passes up to 1. `why` is the main reason against it."""
 
     residual: float
     why: str = ""
 
     @property
     def passes(self) -> bool:
-        """Whether the pose can be believed."""
+        """Whether the pose is accepted."""
         return self.residual <= 1.0
 
     def against(self, why: str) -> Self:
-        """The gate of a pose that something else rules out, in words; the same gate where `why` is empty."""
+        """The gate of a pose that is ruled out for another reason; unchanged if `why` is empty."""
         return type(self)(np.inf, self.why or why) if why else self
 
 
@@ -53,7 +53,7 @@ def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) 
 
 
 def is_no_person(points: Array, stature: float) -> str:
-    """Why observed points (P, 3) are no person of this stature, in words; empty where they may be one."""
+    """Why observed points (P, 3) cannot be a person of this stature; empty if they can."""
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     span = float(np.max(high - low))
     if not SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
@@ -69,10 +69,10 @@ def is_no_person(points: Array, stature: float) -> str:
 
 
 def is_misplaced(rises: float, lowest: float) -> str:
-    """Why a body cannot be where it is, in words; empty where it can.
+    """Why a body cannot be at its place; empty if it can.
 
     Args:
-        rises: How far the head is above the pelvis, metres.
+        rises: Height of the head above the pelvis, metres.
         lowest: Height of the lowest joint above the floor, metres.
     """
     if rises < HEAD_DOWN_M:

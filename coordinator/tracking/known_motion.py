@@ -1,4 +1,4 @@
-"""How a body has moved between two frames as its encoders report: the mean of the filter's motion prior."""
+"""The motion of a body between two frames by its encoders: the mean of the filter's motion prior."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ class States(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints (K,)."""
+        """Names of the joints (K,)."""
         ...
 
     def at(self, time_s: float) -> Array:
-        """Values (K,), NaN where they are not known."""
+        """Values (K,) at a time; NaN if unknown."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownMotion:
-    """Steps between frames from joint states. Only their change counts: an encoder's offset does no harm."""
+    """Steps between frames from joint states. Only changes are used, so offsets of encoders do not matter."""
 
     states: States
 
     def step(self, model: BodyModel, pose: Array, since_s: float | None, until_s: float) -> Array | None:
-        """The step (D,) of relative motion between two times, NaN where it is not known; None for no idea.
+        """The relative motion (D,) between two times, NaN if unknown; None if all of it is unknown.
 
-        `pose` (D,) gives what is not known of a ball's turn; a ball counts only where all of it is known.
+        `pose` (D,) gives missing angles of a spherical joint. Its motion is known only if all its angles are.
         """
         if since_s is None:
             return None

@@ -1,4 +1,4 @@
-"""What is taken from a depth frame: the subject's pixels, and those that are observed points (section 6)."""
+"""The subject's pixels of a depth frame, and its observed points (section 6)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from coordinator.filters.belief import USUAL_INTERVAL, Observation
 from coordinator.scene.segmentation import Segmentation, Window
 
 Array = NDArray[np.float64]
-POINTS = 300  # of the observed ones, which the filter is given
-DIGITS = 4  # of an interval in seconds
+POINTS = 300  # observed points for the filter
+DIGITS = 4  # decimals of an interval in seconds
 
 
 def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
-    """A frame that shows nothing but the subject, cropped to what was measured; None where nothing was.
+    """Crop a frame that shows only the subject to the pixels with depth; None if there are none.
 
-    At most `points` pixels are picked, evenly spread.
+    At most `points` pixels are picked, evenly distributed.
     """
     rows, columns = (np.flatnonzero(frame.depth.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
@@ -26,14 +26,14 @@ def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
 
 
 def subject_of(frame: DepthFrame, segmentation: Segmentation, points: int) -> SubjectFrame | None:
-    """The crop of a frame that was segmented, with its pixels' labels; None without a subject."""
+    """The crop of a segmented frame with the labels of its pixels; None without a subject."""
     if not (segmentation.labels == SUBJECT).any():
         return None
     return crop(frame, segmentation.window, segmentation.labels, points)
 
 
 def crop(frame: DepthFrame, window: Window, labels: NDArray[np.uint8] | None, points: int) -> SubjectFrame:
-    """A window of a frame with the subject's depth alone; all of it without labels (H, W)."""
+    """A window of a frame with only the subject's depth; with all depth if there are no labels (H, W)."""
     left, top, right, bottom = window
     camera = frame.intrinsics
     depth = np.ascontiguousarray(frame.depth[top:bottom, left:right])
@@ -56,17 +56,17 @@ def crop(frame: DepthFrame, window: Window, labels: NDArray[np.uint8] | None, po
 
 
 def see(subject: SubjectFrame, last_time_s: float | None, step: Array | None = None) -> Observation:
-    """What a frame shows; at the usual interval where its time is not after the last one's.
+    """The observation of a frame; with the usual interval if its time is not after the last one.
 
-    `step` (D,) is what encoders say of the motion since then. Intervals are whole tenths of a millisecond,
-    so that the rounding of times in a file changes nothing.
+    `step` (D,) is the motion since the last frame by encoders. Intervals are rounded to 0.1 ms, so that
+    rounded times in files give the same results.
     """
     since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, DIGITS)
     return Observation(some_points(subject), since if since > 0.0 else USUAL_INTERVAL, step)
 
 
 def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
-    """The observed points (P, 3), camera frame, metres; about `most` of them, evenly spread, if given."""
+    """The observed points (P, 3), camera frame, metres; if `most` is given, about so many of them."""
     frame, camera = subject.frame, subject.frame.intrinsics
     picked = subject.picked if most is None else subject.picked[:: max(1, len(subject.picked) // most)]
     rows, columns = np.divmod(picked, np.uint32(frame.depth.shape[1]))
@@ -80,5 +80,5 @@ def some_points(subject: SubjectFrame) -> Array:
 
 
 def distance_of(subject: SubjectFrame) -> float:
-    """Median depth of some of the observed points, metres; 0 without any."""
+    """Median depth of some of the observed points, metres; 0 if there are none."""
     return float(np.median(some_points(subject)[:, 2])) if len(subject.picked) else 0.0

@@ -1,7 +1,7 @@
-"""Poses in which a body may be detected, each with its descriptor.
+"""Poses in which a body can be detected, each with its descriptor.
 
-People's poses are drawn about modes: typical postures of arms, legs and trunk, in degrees, with the signs of
-`coordinator.bodies.human`, within the joints' limits.
+Poses of people are drawn around modes: typical poses of arms, legs and trunk, in degrees, with the signs of
+`coordinator.bodies.human`, within the limits of the joints.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 POSES = 3_000
-SEED = 20  # of the library, whatever the run's
-PERSON_CELL_M = 0.06  # side of a descriptor's cell, for a person of reference stature
-DESCRIBED_VERTICES = 1_700  # of the surface, which are enough to fill the cells of a descriptor
-TUMBLED_SHARE = 0.1  # of people's poses are turned in any way
-ELEVATION_DEG = (-20.0, 50.0)  # from which a camera looks down
-SPREAD_DEG = 15.0  # standard deviation of every joint angle about its mode, and of the trunk's roll
+SEED = 20  # of the library, independent of the run's seed
+PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
+DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
+TUMBLED_SHARE = 0.1  # of people's poses have a random orientation
+ELEVATION_DEG = (-20.0, 50.0)  # range of the camera's downward pitch
+SPREAD_DEG = 15.0  # standard deviation of joint angles around their mode, and of the trunk's roll
 
 Angles = tuple[float, float, float, float]
 
@@ -36,11 +36,11 @@ ARM = ("shoulder_flexion", "shoulder_abduct", "shoulder_twisting", "elbow_flexio
 ARMS: tuple[Angles, ...] = (
     (0, 8, 0, 10),  # hanging
     (85, 5, 0, 10),  # points forward
-    (0, 85, 0, 10),  # stretched sideways
+    (0, 85, 0, 10),  # straight sideways
     (165, 10, 0, 15),  # overhead
     (-15, 45, 40, 80),  # hand on the hip
     (10, 10, 0, 90),  # forearm forward
-    (40, 10, 60, 100),  # before the chest
+    (40, 10, 60, 100),  # in front of the chest
     (70, 30, 0, 130),  # hand at the face
     (0, 90, -80, 85),  # hands up
 )
@@ -73,7 +73,7 @@ TILTS = (0.0, 25.0, 55.0)
 class PoseLibrary:
     """Poses (N, D) with the root at the origin, and their descriptors.
 
-    middles: Of each descriptor, relative to the root, metres. `cells` are laid out as `compare` wants them.
+    middles: Centre of each descriptor relative to the root, metres. `cells` have the layout for `compare`.
     """
 
     poses: Array  # (N, D)
@@ -85,16 +85,16 @@ class PoseLibrary:
     def match(
         self, points: Array, scales: Sequence[float], roll: float, count: int
     ) -> tuple[Array, NDArray[np.int64]]:
-        """The poses that look most like observed points, put where these are.
+        """The poses most similar to the observed points, moved to their position.
 
         Args:
-            points: Observed (P, 3), camera frame, metres.
-            scales: How many times as large as the library's the body may be.
-            roll: By how much the image is turned before it is compared, radians.
-            count: How many poses to give, each at its best scale.
+            points: Observed points (P, 3), camera frame, metres.
+            scales: Possible scales of the body relative to the library.
+            roll: Rotation of the image before the comparison, radians.
+            count: Number of poses to return, each at its best scale.
 
         Returns:
-            Poses (count, D) in the camera frame, the most alike first, and the place of each one's scale.
+            Poses (count, D) in the camera frame, the most similar first, and the index of each pose's scale.
         """
         turn = look_straight(points.mean(axis=0), roll)
         seen = np.ascontiguousarray(points @ turn.T)
@@ -114,10 +114,10 @@ class PoseLibrary:
 
 @lru_cache(maxsize=4)
 def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
-    """The poses in which a body is looked for; made once for all trackers of a process.
+    """The poses in which a body is searched for; built once per process.
 
-    A person's degrees of freedom have their MPEG-4 names. Any other body may be turned in any way, its joints
-    anywhere in their ranges.
+    A person's degrees of freedom have their MPEG-4 names. Any other body can have any orientation, and its
+    joints any values within their ranges.
     """
     rng = np.random.default_rng(SEED)
     if person:
@@ -128,7 +128,7 @@ def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
 
 
 def look_straight(at: Array, roll: float) -> Array:
-    """Rotation (3, 3) of the camera frame after which a point (3,) lies straight ahead, then by `roll`."""
+    """Rotation (3, 3) that moves a point (3,) to the optical axis of the camera and then rolls by `roll`."""
     ahead = at / np.linalg.norm(at)
     across = np.cross([0.0, 1.0, 0.0], ahead)
     across /= np.linalg.norm(across)
@@ -139,7 +139,7 @@ def look_straight(at: Array, roll: float) -> Array:
 
 
 def turned_to(poses: Array, places: Array, turn: Array) -> Array:
-    """Poses (N, D), turned by a rotation (3, 3) and with the root at places (N, 3)."""
+    """Poses (N, D), rotated by (3, 3) and with the root at positions (N, 3)."""
     moved = poses.copy()
     moved[:, :3] = places
     for pose in moved:
@@ -148,7 +148,7 @@ def turned_to(poses: Array, places: Array, turn: Array) -> Array:
 
 
 def displaced(model: BodyModel, pose: Array, points: Array, cell_m: float) -> Array:
-    """A pose (D,) moved to where points (P, 3) are observed, in four turns (4, D) about the upright axis."""
+    """A pose (D,) moved to the observed points (P, 3), in four rotations about the vertical axis (4, D)."""
     turn = look_straight(points.mean(axis=0), 0.0)
     poses = np.tile(pose, (4, 1))
     for n, each in enumerate(poses):
@@ -161,7 +161,7 @@ def displaced(model: BodyModel, pose: Array, points: Array, cell_m: float) -> Ar
 
 
 def middle_of(points: Array, cell_m: float) -> Array:
-    """The middle (3,) of what is seen of points (P, 3) along the third axis, as a descriptor has it."""
+    """The centre (3,) of the points (P, 3) that are visible along the third axis, as in a descriptor."""
     middle = np.empty(3)
     image = np.empty((ROWS, COLUMNS), dtype=np.float32)
     describe(np.ascontiguousarray(points), cell_m, image, middle)
@@ -169,9 +169,9 @@ def middle_of(points: Array, cell_m: float) -> Array:
 
 
 def draw_people(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
-    """Poses (N, D) about the modes, seen from all sides and from somewhat above or below.
+    """Poses (N, D) around the modes, seen from all sides and from slightly above or below.
 
-    Each arm is in a mode of its own, legs are in pairs, either way round; half of all people stand.
+    Each arm has its own mode. Legs have modes in pairs, also mirrored. Half of the people stand.
     """
     poses = np.zeros((count, len(model.dof_names)))
     for side in "lr":
@@ -194,14 +194,14 @@ def draw_people(model: BodyModel, count: int, rng: np.random.Generator) -> Array
 
 
 def put(model: BodyModel, poses: Array, side: str, names: tuple[str, ...], degrees: Array) -> None:
-    """Write degrees (N, K) to the degrees of freedom of these names, where the model has them."""
+    """Set the degrees of freedom with these names to angles (N, K) in degrees, if the model has them."""
     for k, name in enumerate(names):
         if side + name in model.dof_names:
             poses[:, model.dof(side + name)] = np.radians(degrees[:, k])
 
 
 def turns(count: int, rng: np.random.Generator) -> Array:
-    """Angles (N, 3) of the root: yaw all round, seen from above or below; some turned in any way."""
+    """Angles (N, 3) of the root: any yaw, seen from above or below; some with any orientation."""
     down = np.radians(rng.uniform(*ELEVATION_DEG, size=count))
     yaw = rng.uniform(-np.pi, np.pi, size=count)
     lean = np.radians(SPREAD_DEG) * rng.standard_normal(count)
@@ -212,7 +212,7 @@ def turns(count: int, rng: np.random.Generator) -> Array:
 
 
 def any_turns(count: int, rng: np.random.Generator) -> Array:
-    """Angles (N, 3) of rotations that are evenly spread over all there are."""
+    """Angles (N, 3) of uniformly distributed rotations."""
     axis, other = rng.standard_normal((2, count, 3))
     axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
     other -= np.sum(other * axis, axis=-1, keepdims=True) * axis
@@ -222,7 +222,7 @@ def any_turns(count: int, rng: np.random.Generator) -> Array:
 
 
 def draw_any(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
-    """Poses (N, D): joints evenly spread over their ranges, full turns where there is no limit."""
+    """Poses (N, D): joints uniformly distributed over their ranges, or full turns if they have no limits."""
     low, high = model.limits.T
     whole = np.where(model.kinds == ROTATION, np.pi, 0.5)
     low, high = np.where(np.isfinite(low), low, -whole), np.where(np.isfinite(high), high, whole)
@@ -233,7 +233,7 @@ def draw_any(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
 
 
 def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary:
-    """The library of poses (N, D)."""
+    """Compute the descriptors of poses (N, D)."""
     count, every = len(poses), stride(model)
     images, middles = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
     occupied = np.empty(count)
@@ -244,7 +244,7 @@ def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary
 
 
 def stride(model: BodyModel) -> int:
-    """From one to the next of the vertices that are enough to fill the cells."""
+    """The step through the vertices that still fills the cells."""
     return max(1, len(model.vertices) // DESCRIBED_VERTICES)
 
 
@@ -260,7 +260,7 @@ def describe_each(
 ) -> None:
     """Fill images (N, ROWS, COLUMNS), middles (N, 3) and occupied (N,) of a body in each pose.
 
-    Each of its vertices (V, 3) moves with one link of (V,), whose transforms are (N, L, 3, 4).
+    Each vertex of (V, 3) moves with one link of (V,), whose transforms are (N, L, 3, 4).
     """
     points = np.empty((len(vertices), 3))
     for n in range(len(images)):

@@ -1,4 +1,4 @@
-"""The port through which the tracker has particles refined: by a pool of workers or in this process."""
+"""The interface for the refinement of particles, by a pool of workers or in this process."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Pending(Protocol):
     """Particles that are being refined."""
 
     def result(self) -> Refined:
-        """Wait for the particles after their descent, with likelihood and residual, in the order given.
+        """Wait for the refined particles, with likelihood and residual, in the order of submission.
 
-        A deadline may leave some of them unanswered, but not all.
+        With a deadline some of them may be missing, but not all.
         """
         ...
 
@@ -28,11 +28,11 @@ class Refiner(Protocol):
     """Refines particles on the frame that was published last, one request at a time."""
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Make a frame known to the workers; all later calls of `submit` are about it."""
+        """Send a frame to the workers; later calls of `submit` refer to it."""
         ...
 
     def send_ahead(self, subject: SubjectFrame) -> None:
-        """Let the workers have a frame that is to be published next; `submit` stays with the one before."""
+        """Send the frame that will be published next; `submit` still refers to the frame before."""
         ...
 
     def submit(
@@ -43,8 +43,8 @@ class Refiner(Protocol):
         *,
         covariance: bool = False,
     ) -> Pending:
-        """Begin to refine poses (N, D), and to tell how sure each of them is, if asked for.
+        """Start to refine poses (N, D), and to estimate the covariance of each if requested.
 
-        A request whose result was not taken by then is given up.
+        A previous request whose result was not taken is cancelled.
         """
         ...

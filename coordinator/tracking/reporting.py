@@ -19,7 +19,7 @@ from coordinator.tracking.track_management import TrackManagement
 
 Array = NDArray[np.float64]
 
-RIVAL_WEIGHT = 0.5  # of a hypothesis, relative to the likeliest, from which on it is a rival
+RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ class Tracked:
 
 
 def report(updated: Updated) -> Tracked:
-    """Assess an updated frame."""
+    """The estimate of an updated frame, with the certainty of each joint and a status."""
     with updated.clock.stage("report"):
         start, management = updated.state.start, updated.state.checkpoint.management
         model, belief, certainty = (
@@ -83,12 +83,12 @@ def report(updated: Updated) -> Tracked:
 def judge(
     management: TrackManagement, weights: Array, joints: Array, reported: Array, certainty: Certainty
 ) -> Status:
-    """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), likeliest first.
+    """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), most likely first.
 
-    `reported` (J, 3) are the joints that are reported, which need not be the likeliest's.
+    `reported` (J, 3) are the reported joints; they may differ from those of the most likely hypothesis.
 
-    `searching`: the body may be anywhere. `lost`: the pose does not explain what is seen. `ambiguous`: some
-    joint may be off, a hypothesis about as likely has it elsewhere, or front and back look alike.
+    `searching`: the body may be anywhere. `lost`: the pose does not explain the frame. `ambiguous`: a joint
+    is probably wrong, an equally likely hypothesis has a joint elsewhere, or front and back look alike.
     """
     if management.seeks:
         return "searching"
@@ -100,7 +100,7 @@ def judge(
 
 
 def is_settled(management: TrackManagement, weights: Array, joints: Array) -> bool:
-    """Whether hypotheses explain what is seen, and agree; before single joints are assessed."""
+    """Whether the hypotheses explain the frame and agree, without the certainty of single joints."""
     return not (
         management.seeks
         or management.unexplained
@@ -110,13 +110,13 @@ def is_settled(management: TrackManagement, weights: Array, joints: Array) -> bo
 
 
 def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
-    """Whether the likeliest (M, J, 3), or one about as likely, has a joint elsewhere than reported (J, 3)."""
+    """Whether a likely hypothesis of (M, J, 3) has a joint elsewhere than the reported joints (J, 3)."""
     apart = np.linalg.norm(joints[weights > RIVAL_WEIGHT * weights[0]] - reported, axis=-1)
     return bool(np.any(apart > OFF))
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
-    """Which of the joints (J,) may be off, in words, the likeliest first; empty where none is."""
+    """Text that names joints (J,) that may be wrong, the most probable first; empty if there are none."""
     probability = certainty.off_probability
     doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > SUSPECTED]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)

@@ -1,4 +1,4 @@
-"""How noisy a camera is, measured in one of its depth images."""
+"""The noise of a camera, measured in one depth image."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from common.frame import DepthFrame
 from common.settings import RefineSettings
 from coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
 
-STEP = 0.1  # of the logarithm of a distance
-OUTLINE_BLUR = 4.0  # pixels over which an outline is averaged until it no longer frays
+STEP = 0.1  # in the logarithm of the distance
+OUTLINE_BLUR = 4.0  # pixels; an outline averaged over them is smooth
 
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
     """Standard deviations of a measured point along the line of sight and across it, metres, at a distance.
 
-    Along it grows with the square of the distance (`coordinator.scene.noise`), across it with the distance.
+    The first grows with the square of the distance (`coordinator.scene.noise`), the second linearly.
     """
 
     depth: float = 0.0
     lateral: float = 0.0
-    distance: float = 0.0  # metres; 0 where the noise is the same at any
+    distance: float = 0.0  # metres; 0 if the noise does not depend on the distance
 
     def at(self, distance: float) -> SensorNoise:
-        """The noise at another distance, metres, in steps of a tenth: most frames are refined by the same."""
+        """The noise at another distance, metres, in steps of a tenth: most frames have the same settings."""
         if not (self.distance > 0.0 and distance > 0.0):
             return self
         share = math.exp(STEP * round(math.log(distance / self.distance) / STEP))
@@ -39,9 +39,9 @@ class SensorNoise:
 
 
 def measure_noise(frame: DepthFrame) -> SensorNoise:
-    """The noise of a frame that shows at least something, at the median distance of what it shows.
+    """The noise of a frame that is not empty, at the median distance of its pixels.
 
-    Rounding counts as noise; what neighbouring pixels share does not show in one frame.
+    Rounding is part of the noise. Errors that are common to neighbouring pixels are not measured.
     """
     depth_m = frame.metres()
     distance = float(np.median(depth_m[depth_m > 0.0]))
@@ -52,11 +52,11 @@ def measure_noise(frame: DepthFrame) -> SensorNoise:
 
 
 def outline_deviation(mask: NDArray[np.bool_]) -> float:
-    """Standard deviation in pixels of what displaces the pixels of a silhouette (H, W), each by itself.
+    """Standard deviation in pixels of the independent displacement of the pixels of a silhouette (H, W).
 
-    Across a straight outline a pixel at distance x is inside with probability Phi(x / s), so neighbours
-    differ 2 s / sqrt(pi) times in each row that crosses it; without noise, once. Summed over rows and
-    columns the outline's direction cancels, and the ratio to a smooth outline is sqrt(pi) s.
+    Near a straight outline a pixel at distance x is inside with probability Phi(x / s). So neighbours differ
+    2 s / sqrt(pi) times in each row that crosses it; without noise, once. In the sum over rows and columns
+    the direction of the outline cancels, and the ratio to a smooth outline is sqrt(pi) s.
     """
     padded = np.pad(mask, int(4 * OUTLINE_BLUR)).astype(np.float64)
     smooth = count_changes(gaussian_filter(padded, OUTLINE_BLUR) > 0.5)
@@ -65,14 +65,14 @@ def outline_deviation(mask: NDArray[np.bool_]) -> float:
 
 
 def count_changes(mask: NDArray[np.bool_]) -> int:
-    """Pairs of neighbours, of which one is inside."""
+    """Number of pairs of neighbours of which exactly one is inside."""
     return int(np.sum(mask[:, 1:] != mask[:, :-1]) + np.sum(mask[1:] != mask[:-1]))
 
 
 def assume_noise(settings: RefineSettings, noise: SensorNoise) -> RefineSettings:
-    """Settings that assume at least this noise. What they assume already is the worth of the surface's fit.
+    """Settings with at least this noise. Their own noise also covers the error of the surface.
 
-    No camera is worse across than along: a ragged outline has other reasons then.
+    The noise across is at most the noise along: a rougher outline has other reasons.
     """
     depth = max(settings.noise_depth, noise.depth)
     lateral = min(max(settings.noise_lateral, noise.lateral), depth)

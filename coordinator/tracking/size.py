@@ -1,9 +1,9 @@
-"""A person's stature, from how far head and soles are apart in the first frames that show both.
+"""A person's stature, from the distance between head and soles in the first frames that show both.
 
-Closest points say little of stature: few of them lie on head and feet, and a body that is too small or too
-large stands on its toes or bends a little. So the length is measured in the depth image, and the model says
-only where to look. The median over a window of frames is off by less than 1 cm for a standing person; then
-the stature stays, unless a later window contradicts it.
+Closest points determine stature badly: few of them are on head and feet, and the pose can compensate for a
+wrong size, on tiptoe or slightly bent. So the length is measured in the depth image; the model only says
+where head and feet are. For a standing person the median over a window of frames has an error below 1 cm.
+After that the stature stays constant, unless a later window contradicts it.
 """
 
 from __future__ import annotations
@@ -20,39 +20,39 @@ from common.kinematics import joint_positions
 
 Array = NDArray[np.float64]
 
-INTERVAL_S = 0.095  # between measured frames, at least: frames beside each other share their errors
-WINDOW_FRAMES = 15  # the median over as many is within 1 cm of the next window's (subjects 1 and 2)
+INTERVAL_S = 0.095  # shortest time between measured frames: errors of successive frames are correlated
+WINDOW_FRAMES = 15  # medians of two successive windows differ by less than 1 cm (subjects 1 and 2)
 MEAN_STATURE_M = 1.69  # of men and women (ANSUR II)
-LEAST_CHANGE_SHARE = 0.005  # of stature: for less, a new body is not worth its making
-CONTRADICTION_SHARE = 0.03  # of stature, by which a later window must differ: three times a window's error
-UPRIGHT_SHARE = 0.97  # of the length at rest, below which a bent body does not show its stature
-OUTLINE_SHARE = 0.992  # of the stature shows: an outline's last pixels are cut off (subjects 1 and 2)
-SEARCH_RADIUS_M = 0.3  # around head and ankle, in which their ends are sought
-AXIS_RADIUS_M = 0.14  # from the body's axis: the width of a head
-HIDDEN_END_M = 0.06  # before the joint of a body that is too large, points may end
-STRAY_AREA_M2 = 2.5e-4  # beyond an end: stray points
+LEAST_CHANGE_SHARE = 0.005  # of stature; a smaller change does not justify a new body
+CONTRADICTION_SHARE = 0.03  # of stature; least change by a later window: three times a window's error
+UPRIGHT_SHARE = 0.97  # of the length at rest; a body that is bent more does not show its stature
+OUTLINE_SHARE = 0.992  # visible share of stature: the last pixels are missing (subjects 1 and 2)
+SEARCH_RADIUS_M = 0.3  # around head and ankle, for the end of the body
+AXIS_RADIUS_M = 0.14  # around the body's axis: the width of a head
+HIDDEN_END_M = 0.06  # a body that is too large may exceed the points by this much at a joint
+STRAY_AREA_M2 = 2.5e-4  # of outliers beyond an end
 
 
 @dataclass(frozen=True, slots=True)
 class SizeEstimate:
-    """Statures (m) measured in the present window of frames; settled once a window is full."""
+    """Statures (m) measured in the present window of frames; settled after the first full window."""
 
     statures: tuple[float, ...] = ()
     settled: bool = False
-    time_s: float = -np.inf  # of the last measured frame
+    time_s: float = -np.inf  # time of the last measured frame
 
     def is_due(self, time_s: float) -> bool:
-        """Whether the frame of this time is to be measured."""
+        """Whether a frame at this time should be measured."""
         return not 0.0 <= time_s - self.time_s < INTERVAL_S
 
     def add(self, stature: float, time_s: float) -> Self:
-        """With the stature (m) that one more frame shows; after a full window a new one begins."""
+        """Add the stature (m) of another frame; a full window is followed by a new one."""
         if len(self.statures) < WINDOW_FRAMES:
             return replace(self, statures=(*self.statures, stature), time_s=time_s)
         return replace(self, statures=(stature,), settled=True, time_s=time_s)
 
     def revise(self, stature: float) -> float:
-        """The stature (m) of the body from now on, in place of this one."""
+        """The stature (m) to continue with, given the present one."""
         if not self.statures:
             return stature
         measured = float(np.median(self.statures))
@@ -62,13 +62,13 @@ class SizeEstimate:
 
 
 def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: SubjectFrame) -> float | None:
-    """Stature in metres of a person who stands about in pose (D,); None where a frame does not show it.
+    """Stature in metres of a person in pose (D,); None if the frame does not show it.
 
-    A person who leans or bends a little is straightened: by as much as the model's head is nearer to its
-    ankles than that of a model which stands straight.
+    If the person leans or bends slightly, the length is scaled up by the ratio of the head-to-ankle distances
+    of the straight model and the posed model.
 
     Args:
-        model: The body as it is tracked.
+        model: The tracked body.
         pose: Its pose in the frame.
         straight_m: Distance from head to ankle of this body standing straight.
         subject: The person's pixels.
@@ -80,7 +80,7 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
         (joints[f"{side}_wrist"] - joints[f"{side}_shoulder"]) @ (head - joints["pelvis"]) > 0.0
         for side in ("left", "right")
     )
-    if upright <= UPRIGHT_SHARE or raised:  # a raised hand may be taken for the head
+    if upright <= UPRIGHT_SHARE or raised:  # a raised hand may be mistaken for the head
         return None
     lengths = []
     for foot in feet:
@@ -92,14 +92,14 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
 
 
 def head_to_ankle(model: BodyModel) -> float:
-    """Metres from the head to the farther ankle of a body that stands straight."""
+    """Distance in metres from the head to the farther ankle of a body that stands straight."""
     joints = joint_positions(model, np.zeros((1, len(model.dof_names))))[0]
     head, *ankles = (joints[model.joint_names.index(n)] for n in ("head", "left_ankle", "right_ankle"))
     return max(float(np.linalg.norm(head - ankle)) for ankle in ankles)
 
 
 def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
-    """How far the person reaches beyond a joint (3,), metres; NaN where something hides it."""
+    """Length in metres of the person beyond a joint (3,); NaN if something hides the end."""
     camera = subject.frame.intrinsics
     points = _points_near(subject, joint)
     offset = points - joint
@@ -110,9 +110,9 @@ def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
     if len(along) <= stray:
         return float("nan")
     end = float(along[-1 - stray])
-    if end < -HIDDEN_END_M:  # the points end well before the joint: something hides it
+    if end < -HIDDEN_END_M:  # the points end far from the joint: something hides it
         return float("nan")
-    beyond = joint + (end + 0.05) * outwards  # where the person would go on if something hid them
+    beyond = joint + (end + 0.05) * outwards  # where the person would continue behind an occluder
     return float("nan") if _is_hidden(subject, beyond) else end
 
 
@@ -135,7 +135,7 @@ def _points_near(subject: SubjectFrame, joint: Array) -> Array:
 
 
 def _is_hidden(subject: SubjectFrame, point: Array) -> bool:
-    """Whether a point (3,) lies outside of what the camera saw, or behind something."""
+    """Whether a point (3,) is outside the image or behind something."""
     camera = subject.frame.intrinsics
     u = round(camera.cx + camera.fx * point[0] / point[2])
     v = round(camera.cy + camera.fy * point[1] / point[2])

@@ -1,4 +1,4 @@
-"""What a tracker begins with, and what it carries from one frame to the next."""
+"""The start of a tracker, and its state between frames."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from coordinator.tracking.track_management import TrackManagement
 
 Array = NDArray[np.float64]
 
-USUAL_MEASURES = (REFERENCE_STATURE, 1.0)  # of a body whose measures are not known
+USUAL_MEASURES = (REFERENCE_STATURE, 1.0)  # stature and girth if they are not known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """A body and its pose (D,) in the first frame that shows it; `values` by name, of what does not move too.
+    """A body and its pose (D,) in the first frame that shows it.
 
-    Until it is `found`, the body is only what its degrees of freedom and joints are named after: the pose is
-    not a number, nor are stature and girth. `noise` is what was measured of the camera's in that frame; zero
-    where it was not.
+    `values` are by name, including degrees of freedom that are held. Until the body is `found`, only the
+    names of its degrees of freedom and joints are valid; pose, stature and girth are NaN. `noise` is the
+    camera's noise in that frame; zero if it was not measured.
     """
 
     model: BodyModel
@@ -46,7 +46,7 @@ class Start:
 
     @property
     def held(self) -> dict[str, float]:
-        """Values other than zero of degrees of freedom that do not move."""
+        """Nonzero values of the degrees of freedom that are held."""
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
 
     def with_stature(self, stature: float) -> Self:
@@ -57,18 +57,18 @@ class Start:
 
     @property
     def way_up(self) -> float:
-        """The turn of the picture, radians in whole quarters, after which the body is upright in it."""
+        """The rotation of the image that makes the body upright: a multiple of pi / 2, radians."""
         return way_up(self.model, self.pose) if self.found else 0.0
 
 
 def no_start(bodies: Bodies) -> Start:
-    """What there is before anybody is found."""
+    """The start before a body is found."""
     model, pose = bodies.tracked(*(bodies.measures or USUAL_MEASURES), {})
     return Start(model, np.full_like(pose, np.nan), np.nan, np.nan, found=False)
 
 
 def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
-    """The start at a pose given by name, of the measures that are known."""
+    """The start at a pose given by name, with known or usual measures."""
     stature, girth = bodies.measures or USUAL_MEASURES
     model, pose = bodies.tracked(stature, girth, values)
     return Start(model, pose, stature, girth, values=dict(values))
@@ -77,14 +77,14 @@ def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
 def detected_start(
     searched: BodyModel, pose: Array, size: tuple[float, float], bodies: Bodies, noise: SensorNoise
 ) -> Start:
-    """The start at a pose (D,) of the body that was searched for, of this stature and girth."""
+    """The start at a detected pose (D,); `size` is stature and girth."""
     values = pose_by_name(searched, pose)
     model, tracked = bodies.tracked(*size, values)
     return Start(model, tracked, *size, values, noise)
 
 
 def way_up(model: BodyModel, pose: Array) -> float:
-    """The turn of the picture, radians in whole quarters, after which a pose (D,) is upright in it."""
+    """The rotation of the image that makes a pose (D,) upright: a multiple of pi / 2, radians."""
     if not {"head", "pelvis"} <= set(model.joint_names):
         return 0.0
     joints = joint_positions(model, pose[None])[0]
@@ -94,7 +94,7 @@ def way_up(model: BodyModel, pose: Array) -> float:
 
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
-    """Values by name; what is missing is zero. InputError names what the model does not know."""
+    """Values by name; missing values are zero. InputError for a name that the model does not have."""
     values = read_numbers(path, "give --init a file, or auto", "degree of freedom: number")
     for name in values:
         require_known(name, dof_names, str(path), remedy)
@@ -109,27 +109,27 @@ def require_known(name: str, dof_names: Collection[str], where: str, remedy: str
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
-    """What changes with every frame, as it is recorded to resume from. A new field here is recorded, too."""
+    """The part of the state that changes with every frame and is recorded; a new field is recorded, too."""
 
-    belief: dict[str, NDArray[np.float64]]  # by field; none until the body is found
-    expected: NDArray[np.float64] | None  # pose (D,) near which the next frame shows the subject
-    time_s: float | None  # of the last frame that showed something
-    generator: str  # the random generator's state as JSON, whose integers have any size
-    scene: SceneChange  # what the frame changed in what is known of the scene; of a resumed run, all of it
+    belief: dict[str, NDArray[np.float64]]  # by field; empty until the body is found
+    expected: NDArray[np.float64] | None  # pose (D,) around which the next frame is segmented
+    time_s: float | None  # of the last frame that showed the body
+    generator: str  # state of the random generator as JSON, which allows integers of any size
+    scene: SceneChange  # change of the scene by the frame; the whole scene in a resumed run
     management: TrackManagement = field(default_factory=TrackManagement)
-    size: SizeEstimate | None = None  # of the person; None where it is not sought
+    size: SizeEstimate | None = None  # of the person; None if it is not estimated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackerState:
-    """All that a tracker knows between two frames: from equal states trackers go on bit for bit."""
+    """The whole state of a tracker between two frames; equal states give equal results, bit for bit."""
 
-    start: Start  # is recorded when it changes, which is hardly ever
+    start: Start  # is recorded only when it changes
     checkpoint: Checkpoint
 
 
 def load_generator(state: str) -> np.random.Generator:
-    """A generator that goes on where another one was saved."""
+    """A random generator from a saved state."""
     rng = np.random.default_rng()
     rng.bit_generator.state = json.loads(state)
     return rng

@@ -1,4 +1,4 @@
-"""When to look for the body: at first, when it is lost or gone, and now and then while in doubt."""
+"""When to search for the body: at first, when it is lost or gone, and at intervals while in doubt."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import Self
 
 from coordinator.tracking.gating import LEAST_PIXELS, Gate
 
-LOST_RESIDUAL = 1.3  # normalised, from which a tracked body is badly explained: usual frames stay below 1.2
-PATIENCE_FRAMES = 2  # in a row that may be badly explained before the body is looked for
-SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and checks of one that was just detected
-CHECK_INTERVAL_FRAMES = 10  # between later checks, while the pose is in doubt
-GONE_SHARE = 0.35  # of the body's pixels in the last good frame, below which it may have left
+LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
+PATIENCE_FRAMES = 2  # successive badly explained frames before the body is searched for
+SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and between checks of a new one
+CHECK_INTERVAL_FRAMES = 10  # between later checks, while the pose is doubtful
+GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
 
 @dataclass(frozen=True, slots=True)
 class TrackManagement:
-    """How the track went lately, in frames.
+    """The recent history of a track; counts are in frames.
 
-    seeks: the body may be anywhere. tracked: since the last detection. unexplained: in a row. searched: since
-    the first search for an unknown body. residual, why: of the last frame. pixels: of the body in the last
-    frame that it explained. ambiguous_facing: in the last search, front and back explained the frame about
-    as well.
+    seeks: the body may be anywhere. tracked: since the last detection. unexplained: successive frames that
+    the body does not explain. searched: since the first search for an unknown body. residual, why: of the
+    last frame. pixels: of the body in the last explained frame. ambiguous_facing: in the last search, front
+    and back explained the frame about equally well.
     """
 
     seeks: bool = False
@@ -41,7 +41,7 @@ class TrackManagement:
 
     @property
     def checks(self) -> bool:
-        """Whether to look elsewhere, though the body seems to be where it is."""
+        """Whether to search elsewhere, although the body is tracked."""
         new = self.tracked < CHECK_INTERVAL_FRAMES
         interval = SEARCH_INTERVAL_FRAMES if new else CHECK_INTERVAL_FRAMES
         due = self.tracked % interval == interval - 1
@@ -49,23 +49,23 @@ class TrackManagement:
 
     @property
     def reason(self) -> str:
-        """What speaks against the pose, in words."""
+        """Why the pose is doubtful, as text."""
         return self.why or (FACING_DOUBT if self.ambiguous_facing else "")
 
     def least_pixels(self, points: int) -> float:
-        """Pixels from which the body may still be where it was, if so many points are picked."""
+        """Fewest pixels with which the body may still be at its place; `points` is the setting."""
         return max(min(LEAST_PIXELS, points), GONE_SHARE * self.pixels)
 
     def nothing_seen(self) -> Self:
-        """After a frame that does not show the body where it was."""
+        """After a frame that does not show the body at its place."""
         return replace(self, seeks=True, searched=0, why="", ambiguous_facing=False)
 
     def not_found(self, why: str) -> Self:
-        """After a frame in which an unknown body was searched for, or waited for, in vain."""
+        """After a frame in which an unknown body was not found, or not searched for."""
         return replace(self, searched=self.searched + 1, why=why)
 
     def updated(self, gate: Gate, pixels: int, *, redetected: bool) -> Self:
-        """After a frame with so many pixels of the body, which was tracked, or detected elsewhere."""
+        """After a frame that shows the body with so many pixels, tracked or detected elsewhere."""
         if gate.residual <= (1.0 if self.seeks else LOST_RESIDUAL):
             tracked = 0 if redetected else self.tracked + 1
             facing = self.ambiguous_facing
@@ -84,4 +84,4 @@ class TrackManagement:
 
 
 GIVEN = TrackManagement(tracked=CHECK_INTERVAL_FRAMES)
-"""Of a body whose start was given: it is checked only while in doubt."""
+"""Of a body with a given start: it is checked only while in doubt."""

@@ -1,1 +1,1 @@
-"""How sure a frame makes the tracker of each joint."""
+"""The certainty of each joint in a frame."""

@@ -1,4 +1,4 @@
-"""How sure a frame makes the tracker of each joint: a logistic function of features, fitted to people."""
+"""The certainty of each joint in a frame: a logistic function of features, fitted to people."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for 
 
 Array = NDArray[np.float64]
 
-OFF = 0.15  # metres from the true joint, from which on a joint is off
+OFF = 0.15  # distance in metres from the true joint above which a joint is wrong
 FLAGGED = 0.04  # probability from which on a joint is flagged: of those in place, 4 to 9 % are
-SUSPECTED = 0.15  # probability from which on the frame is ambiguous
+SUSPECTED = 0.15  # probability above which the frame is ambiguous
 MOST_LOG_ODDS = 10.0  # beyond which nothing was measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Certainty:
-    """How sure a frame makes the tracker of each joint (J,); NaN where the body's place is unknown."""
+    """The certainty of each joint (J,) in a frame; NaN if the pose is unknown."""
 
-    seen: Array  # share of the surface around the joint that the frame shows, of what faces the camera
-    off_probability: Array  # that it is more than 15 cm off
+    seen: Array  # visible share of the surface around the joint that faces the camera
+    off_probability: Array  # probability of an error above 15 cm
     deviation: Array  # expected distance from the true joint, one standard deviation, metres
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Log odds that a joint is off, linear in the features, and its deviation, which follows from them."""
+    """Log odds that a joint is wrong, linear in the features, and its deviation, a function of them."""
 
     intercept: float
     weights: dict[str, float]  # log odds for each unit of a feature, see `Features`
     deviation: tuple[float, float, float]  # log metres: intercept, of the log odds, of the hidden share
 
     def log_odds(self, features: Features) -> Array:
-        """That joints are off, by features of any shape."""
+        """Log odds that joints are wrong, for features of any shape."""
         found = sum((w * getattr(features, name) for name, w in self.weights.items()), self.intercept)
         log_odds: Array = np.clip(found, -MOST_LOG_ODDS, MOST_LOG_ODDS)
         return log_odds
 
     def judge(self, features: Features) -> Certainty:
-        """How sure joints are."""
+        """The certainty of joints."""
         log_odds = self.log_odds(features)
         intercept, odds, hidden = self.deviation
         deviation = np.exp(intercept + odds * log_odds + hidden * (1.0 - features.seen))
@@ -68,5 +68,5 @@ FIT = Fit(
 
 
 def unknown_certainty(joints: int) -> Certainty:
-    """Of a frame in which the body's place is unknown."""
+    """The certainty in a frame without a known pose."""
     return Certainty(*np.full((3, joints), np.nan))

@@ -1,8 +1,8 @@
-"""Eight numbers that tell how sure a joint of a reported pose is.
+"""Eight features that describe the certainty of a joint of a reported pose.
 
-Two are of the frame: how much it shows of the surface around the joint, and how badly the pose explains it.
-Two are of the filter: how far the hypotheses lie apart, and how fast the joint moved. Four are of the pose:
-bent, folded and crowded limbs, and those that point at the camera, are lost more often.
+Two come from the frame: the visible share of the surface around the joint, and the residual of the pose. Two
+come from the filter: the spread of the hypotheses, and the speed of the joint. Four come from the pose: bent,
+folded and crowded limbs, and limbs that point at the camera, are wrong more often.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from coordinator.tracking.certainty.surface import seen_shares
 Array = NDArray[np.float64]
 
 SPREAD_FLOOR_M, SPEED_FLOOR_M_S = 0.005, 0.1  # are added before the logarithm
-CROWDED_M = 0.2  # between two joints, one standard deviation of how much they count as near each other
+CROWDED_M = 0.2  # standard deviation of the weight of a neighbouring joint by distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
-    """What a frame's pose was estimated from, beside the hypotheses."""
+    """The data from which the pose of a frame was estimated, apart from the hypotheses."""
 
     subject: SubjectFrame
-    past: Array  # (D,) the pose that was reported before
+    past: Array  # (D,) the pose reported before
     interval: float  # seconds since then
-    stretch: float  # lateral over depth noise
+    stretch: float  # ratio of lateral to depth noise
     first: bool = False  # the pose before is only a guess
 
 
 class Features(NamedTuple):
-    """Of each joint (J,). Those of the whole body are the same for all."""
+    """Features of each joint (J,). Features of the whole body are the same for all joints."""
 
-    seen: Array  # share of the surface around it that the frame shows, of what faces the camera
-    residual: Array  # of the body, relative to the largest that is expected
+    seen: Array  # visible share of the surface around it that faces the camera
+    residual: Array  # normalised residual of the body
     spread: Array  # logarithm of the root mean square distance of the hypotheses, metres
-    speed: Array  # logarithm, metres a second
+    speed: Array  # logarithm, metres per second
     bend: Array  # sum of the squared angles from the root to the joint, rad^2
     folding: Array  # of the body: mean change of the distances between joints since the pose at rest, metres
-    crowding: Array  # how many more joints are near it than in the pose at rest
-    protrusion: Array  # metres before or behind the mean joint
+    crowding: Array  # number of nearby joints minus that in the pose at rest
+    protrusion: Array  # metres in front of or behind the mean joint
 
 
 class Rest(NamedTuple):
@@ -64,9 +64,9 @@ def measure_features(
     measurement: Measurement,
     residual: float,
 ) -> Features:
-    """Of a reported pose (D,), and its normalised residual.
+    """The features of a reported pose (D,) with this normalised residual.
 
-    `joints` (1 + M, J, 3) are the pose's, and those of the hypotheses with `weights` (M,).
+    `joints` (1 + M, J, 3) are those of the pose and of the hypotheses, which have `weights` (M,).
     """
     rest, past = rest_of(model), joint_positions(model, measurement.past[None])[0]
     joints, hypotheses = joints[0], joints[1:]
@@ -94,17 +94,17 @@ def between(joints: Array) -> Array:
 
 
 def count_near(distances: Array) -> Array:
-    """How many joints (J,) are near each, by their distances (J, J)."""
+    """Number of joints near each joint (J,), from their distances (J, J)."""
     near: Array = np.exp(-0.5 * (distances / CROWDED_M) ** 2).sum(axis=1)
     return near
 
 
 @lru_cache(maxsize=16)
 def rest_of(model: BodyModel) -> Rest:
-    """A body's joints at rest, and what bends between them and the root."""
+    """Distances of a body's joints at rest, and the angles between the root and each joint."""
     count = len(model.kinds)
     turns = (model.kinds == ROTATION) & ~np.isin(model.dof_names, ROOT_DOFS)
-    upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last for joints that nothing moves
+    upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last is for fixed joints
     for dof, parent in enumerate(model.parents):
         upstream[dof] = upstream[parent]
         upstream[dof, dof] = turns[dof]

@@ -1,4 +1,4 @@
-"""How much of the surface around each joint a frame shows."""
+"""The visible share of the surface around each joint."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from common.kinematics import joint_positions, pose_vertices
 Array = NDArray[np.float64]
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
-REGION_M = 0.12  # from the joint, one standard deviation of the weights of the surface around it
-AGREES_M = 0.08  # between the surface and the depth measured there, up to which that part is seen
-ASIDE_M = 0.03  # across the line of sight, within which the measured depth is looked for
+REGION_M = 0.12  # standard deviation of the weights of the surface around a joint by distance
+AGREES_M = 0.08  # largest difference between the surface and the depth measured there
+ASIDE_M = 0.03  # radius across the line of sight in which measured depth is searched
 CLOSEST_M = 0.1  # depth from the camera
 
 
 def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: float) -> Array:
-    """Share (J,) of the surface around each joint of pose (D,) that a frame shows, of what faces the camera.
+    """Visible share (J,) of the surface around each joint of pose (D,) that faces the camera.
 
-    A triangle is shown where the subject's depth was measured at its place. `stretch`, the lateral over the
-    depth noise, scales differences of depth.
+    A triangle is visible if the subject's depth was measured at its position. `stretch`, the ratio of lateral
+    to depth noise, scales differences of depth.
     """
     camera, regions = subject.frame.intrinsics, regions_of(model)
     areas = np.zeros((2, regions.shape[1]))
@@ -54,7 +54,7 @@ def add_areas(
     stretch: float,
     areas: Array,
 ) -> None:
-    """Add to areas (2, J), weighted by regions (T, J), what faces the camera, and what of that is shown."""
+    """Add the area that faces the camera, and its visible part, to areas (2, J), weighted by regions (T, J)."""
     middle, normal = np.empty(3), np.empty(3)
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
@@ -79,7 +79,7 @@ def add_areas(
 def is_shown(
     x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Lens, stretch: float
 ) -> bool:
-    """Whether the subject's depth (H, W) was measured at a point, or beside it."""
+    """Whether the subject's depth (H, W) was measured at a point or next to it."""
     fx, fy, cx, cy = lens
     for aside in (-ASIDE_M, 0.0, ASIDE_M):
         row = int(np.floor(cy + fy * (y + aside) / z + 0.5))
@@ -96,7 +96,7 @@ def is_shown(
 
 @lru_cache(maxsize=16)
 def regions_of(model: BodyModel) -> Array:
-    """How much each triangle counts for each joint (T, J): near it, and of the links that meet there."""
+    """The weight of each triangle for each joint (T, J): it is near the joint and on a link at the joint."""
     joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
     carried = np.unique(links)
@@ -111,7 +111,7 @@ def regions_of(model: BodyModel) -> Array:
 
 
 def link_above(model: BodyModel, link: int, carried: NDArray[np.integer]) -> int:
-    """The nearest of some links that a link hangs on; -1 for none."""
+    """The nearest ancestor of a link among some links; -1 if there is none."""
     dof = int(model.link_dofs[link])
     while dof >= 0:
         dof = int(model.parents[dof])
