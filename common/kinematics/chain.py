@@ -31,9 +31,10 @@ def dof_transforms(model: BodyModel, poses: Array) -> Array:
 
 def link_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
-    still = np.broadcast_to(np.eye(4)[:3], (len(poses), 1, 3, 4))
-    transforms = np.concatenate([dof_transforms(model, poses), still], axis=1)
-    return transforms.take(model.link_dofs, axis=1)  # -1, of links that nothing moves, is the last
+    out = np.empty((len(poses), len(model.kinds) + 1, 3, 4))
+    out[:, -1] = np.eye(3, 4)  # of links that nothing moves
+    forward_kinematics_each(model.kinds, model.parents, model.axes, model.points, contiguous(poses), out)
+    return out.take(model.link_dofs, axis=1)
 
 
 def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:

@@ -38,24 +38,25 @@ class Limb(NamedTuple):
     high: Array
 
 
-class Layout(NamedTuple):
-    """Some vertices (V, 3) of a body at rest with their skin, the group that moves each, and the limbs."""
+class Part(NamedTuple):
+    """Some vertices (V, 3) of a body at rest that one group moves, with their skin (V, K)."""
 
     vertices: Array
     links: Indices
     weights: Array
-    group_of: Indices  # (V,)
-    groups: int
-    limbs: tuple[Limb, ...]
 
-    def pose(self, model: BodyModel, poses: Array, group: int) -> Array:
-        """The vertices (N, K, 3) of a group in poses (N, D)."""
-        mine = self.group_of == group
-        posed = np.empty((len(poses), np.count_nonzero(mine), 3))
-        blend_each(
-            self.vertices[mine], self.links[mine], self.weights[mine], link_transforms(model, poses), posed
-        )
+    def pose(self, transforms: Array) -> Array:
+        """The vertices (N, V, 3) by the links' transforms (N, L, 3, 4)."""
+        posed = np.empty((len(transforms), *self.vertices.shape))
+        blend_each(self.vertices, self.links, self.weights, transforms, posed)
         return posed
+
+
+class Layout(NamedTuple):
+    """What of a body is compared with the observed points: a part of each group, and the limbs."""
+
+    parts: tuple[Part, ...]
+    limbs: tuple[Limb, ...]
 
 
 def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
@@ -75,8 +76,8 @@ def propose_limbs(
     with a probability proportional to the square of the number of points (P, 3) that it newly explains, less
     those that it explains no longer. Empty if hardly a point is unexplained, or no draw explains more.
     """
-    layout = layout_of(model)
-    near = np.array([mark_near(points, layout.pose(model, pose[None], g))[0] for g in range(layout.groups)])
+    layout, transforms = layout_of(model), link_transforms(model, pose[None])
+    near = np.array([mark_near(points, part.pose(transforms))[0] for part in layout.parts])
     explained = near.sum(axis=0)
     if np.count_nonzero(explained == 0) < max(3.0, LEAST_UNEXPLAINED * len(points)):
         return []
@@ -85,7 +86,8 @@ def propose_limbs(
         mine = near[limb.group]
         held = np.repeat(pose[None], DRAWS, axis=0)
         held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
-        reached = mark_near(points[explained == mine], layout.pose(model, held, limb.group)).sum(axis=1)
+        posed = layout.parts[limb.group].pose(link_transforms(model, held))
+        reached = mark_near(points[explained == mine], posed).sum(axis=1)
         ways.append(held[:, limb.dofs])
         gains.append(np.maximum(0, reached - np.count_nonzero(mine & (explained == 1))))
     weights = np.concatenate(gains) ** 2 if gains else np.zeros(0)
@@ -139,5 +141,6 @@ def layout_of(model: BodyModel) -> Layout:
         turns = np.all(model.kinds[dofs] == ROTATION)
         if model.parents[dofs[0]] >= 0 and turns and not carries and np.any(group_of == number):
             limbs.append(Limb(number, dofs, *np.clip(model.limits[dofs], -np.pi, np.pi).T))
-    skin = model.vertices[some], model.skin_links[some], model.skin_weights[some]
-    return Layout(*skin, group_of, len(groups), tuple(limbs))
+    mine = [some[group_of == number] for number in range(len(groups))]
+    parts = (Part(model.vertices[v], model.skin_links[v], model.skin_weights[v]) for v in mine)
+    return Layout(tuple(parts), tuple(limbs))

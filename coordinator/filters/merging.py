@@ -80,9 +80,7 @@ def merge(
     chosen, group = list[int](), np.empty_like(left)
     while len(left):
         first = left[0]
-        near = is_near(
-            int(first), difference(model, np.broadcast_to(poses[first], poses[left].shape), poses[left])
-        )
+        near = is_near(int(first), difference(model, poses[[first] * len(left)], poses[left]))
         near[0] = True
         group[left[near]] = len(chosen)
         chosen.append(int(first))

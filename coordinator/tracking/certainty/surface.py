@@ -65,14 +65,14 @@ def add_areas(
         x, y, z = middle
         if z <= CLOSEST_M:
             continue
-        towards = -(normal[0] * x + normal[1] * y + normal[2] * z) / np.sqrt(x * x + y * y + z * z)
+        towards = -(normal[0] * x + normal[1] * y + normal[2] * z)
         if towards <= 0.0:
             continue
-        shown = is_shown(x, y, z, depth, scale, lens, stretch)
+        towards /= np.sqrt(x * x + y * y + z * z)
+        shown = 1.0 if is_shown(x, y, z, depth, scale, lens, stretch) else 0.0
         for joint in range(regions.shape[1]):
-            area = regions[t, joint] * towards
-            areas[0, joint] += area
-            areas[1, joint] += area if shown else 0.0
+            areas[0, joint] += regions[t, joint] * towards
+            areas[1, joint] += regions[t, joint] * towards * shown
 
 
 @numba.njit(cache=True, nogil=True)
