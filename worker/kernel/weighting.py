@@ -129,7 +129,8 @@ def fill_silhouette_offsets(
     for vertex in visible:
         x, y, z = posed[vertex, 0], posed[vertex, 1], posed[vertex, 2]
         offsets[vertex, 2] = 0.0
-        u, v = cx + fx * x / z, cy + fy * y / z
+        per_z = 1.0 / z
+        u, v = cx + fx * x * per_z, cy + fy * y * per_z
         across, along = u + (0.5 - left), v + (0.5 - top)
         if not (0.0 <= across < right - left and 0.0 <= along < bottom - top and z > NEAREST_M):
             continue
