@@ -1,1 +1,1 @@
-"""What each command of `gepf` does: one file a command, and the options they share."""
+"""The commands of `gepf`: one file per command, and their common options."""

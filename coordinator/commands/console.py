@@ -1,4 +1,4 @@
-"""A process at a terminal: its exit codes, and interrupts that libraries swallow."""
+"""Exit codes of a process, and interrupts that libraries suppress."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DEBUG = "GEPF_DEBUG"
 
 
 class Interrupts:
-    """Whether the user has asked to end, even where the KeyboardInterrupt that says so was swallowed."""
+    """Whether the user interrupted, even if a library suppressed the KeyboardInterrupt."""
 
     noted = False
 
@@ -31,7 +31,7 @@ class Interrupts:
         raise KeyboardInterrupt
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if the user has asked to end."""
+        """Raise KeyboardInterrupt if the user interrupted."""
         if self.noted:
             raise KeyboardInterrupt
 
@@ -42,9 +42,9 @@ INTERRUPTS = Interrupts()
 
 @contextmanager
 def noted_interrupts() -> Iterator[None]:
-    """Note Ctrl-C and SIGTERM; after one of them the context ends with KeyboardInterrupt, however it ends.
+    """Note Ctrl-C and SIGTERM; after one of them the context always ends with KeyboardInterrupt.
 
-    Signals that are ignored stay so.
+    Ignored signals stay ignored.
     """
     heard = [number for number in (signal.SIGINT, signal.SIGTERM) if is_heard(number)]
     before = {number: signal.signal(number, INTERRUPTS.note) for number in heard}
@@ -63,7 +63,7 @@ def noted_interrupts() -> Iterator[None]:
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Import libraries: an interrupt ends the process at once, as some take it for a fault of their own."""
+    """Import libraries: an interrupt ends the process at once, because some libraries suppress it."""
     if not is_heard(signal.SIGINT):
         yield
         return
@@ -81,15 +81,15 @@ def is_heard(number: signal.Signals) -> bool:
 
 
 def exit_code(work: Callable[[], int], name: str) -> int:
-    """Do some work and give its exit code: 2 where the input is at fault, 1 for any other fault.
+    """Do some work and return its exit code: 2 for wrong input, 1 for any other error.
 
-    What ends the work early is one line on stderr, after `name`.
+    An error is reported as one line on stderr, after `name`.
     """
     try:
         with noted_interrupts():
             return work()
     except KeyboardInterrupt as interrupt:
-        if isinstance(interrupt.__cause__, GepfError):  # results that could not be kept, say
+        if isinstance(interrupt.__cause__, GepfError):  # for instance, results could not be written
             complain(name, interrupt.__cause__)
         say(name, "stopped")
         return INTERRUPTED
@@ -99,14 +99,14 @@ def exit_code(work: Callable[[], int], name: str) -> int:
 
 
 def complain(name: str, error: Exception) -> None:
-    """Report an error in one line, after its trace if debugging."""
+    """Report an error in one line, after its traceback if debugging."""
     if os.environ.get(DEBUG, "0") != "0":
         traceback.print_exception(error)
     say(name, str(error) if isinstance(error, GepfError) else describe_fault(error))
 
 
 def describe_fault(error: Exception) -> str:
-    """A fault that was not foreseen, and what to do where that is known."""
+    """Message for an unexpected error, with a remedy if one is known."""
     if isinstance(error, ModuleNotFoundError):
         return f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):

@@ -1,12 +1,12 @@
-"""`gepf demo`: people who move fast, at ten frames a second; the filter beside the best single particle.
+"""`gepf demo`: people who move fast, at ten frames per second; the filter and the best single particle.
 
-Several people, each with a motion of their own, are rendered as a Kinect would see them. Their limbs hide
-each other, and are elsewhere in the next frame, so a single pose often ends in the wrong mode. The single
-particle gets all that helps it: twice the iterations, more than twice the points, and new detections where it
-is in doubt; `python -m benchmarks.rendered` has the other ways to track with one.
+Several people with different motions are rendered as depth images of a Kinect. Their limbs hide each other
+and move far between frames, so a single pose often converges to a wrong mode. The single particle has twice
+the iterations, more than twice the points, and redetection when in doubt. `python -m benchmarks.rendered` has
+other variants of tracking with one particle.
 
-The other scene is the paper's arm behind heavy noise, which gradient tracking loses: the sequence of section
-5 of the paper, noise of 15 cm in depth and 1 cm across, started 50 degrees off in one shoulder angle.
+The other scene is the sequence of section 5 of the paper, an arm with heavy noise, which gradient tracking
+loses: noise of 15 cm in depth and 1 cm laterally, with an initial error of 50 degrees in one shoulder angle.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ OURS = re.compile(r"(sequence|gradient|one-particle|gepf)(-\d+)?")
 def run_demo(out: Path | None, show: Show, scene: str = "person") -> None:
     """Render a scene, track it with one particle and with the filter, and show a table of errors.
 
-    `out` gets folders of sequences and of runs; an earlier demo there is replaced. Raises InputError if it
-    holds anything else, or for an unknown scene.
+    `out` gets folders of sequences and of runs; an earlier demo is replaced. Raises InputError if `out` holds
+    anything else, or for an unknown scene.
     """
     demos: dict[str, Callable[[Path, Show, Pool], None]] = {"person": demo_person, "arm": demo_arm}
     if scene not in demos:
@@ -58,7 +58,7 @@ def run_demo(out: Path | None, show: Show, scene: str = "person") -> None:
 
 
 def make_room(out: Path) -> None:
-    """Remove an earlier demo from `out`; InputError if there is anything else."""
+    """Remove an earlier demo from `out`; InputError if it holds anything else."""
     try:
         held = [path.name for path in out.iterdir()] if out.exists() else []
         if not all(OURS.fullmatch(name) for name in held):
@@ -72,14 +72,14 @@ def make_room(out: Path) -> None:
 def demo_person(
     out: Path, show: Show, pool: Pool, seeds: Sequence[int] = SEEDS, frames: int | None = None
 ) -> None:
-    """Make the sequences in `out`, track each in both ways into folders beside them, and show the table."""
+    """Render the sequences into `out`, track each with both methods, and show the table."""
     with show.steps("rendering person") as advance:
         for k, seed in enumerate(seeds):
             synthesise(PERSON, out / f"sequence-{seed}", frames, seed=seed, kinect=True)
             advance(k + 1, len(seeds))
     ways = {FILTER: settings_for("gepf"), LONE: lone_settings()}
     jobs = [
-        # pictures of the first alone, as they take longest
+        # pictures only of the first, because they take longest
         Job(out / f"sequence-{seed}", out / f"{way}-{seed}", settings, pool, pictures=seed == seeds[0])
         for seed in seeds
         for way, settings in ways.items()
@@ -98,7 +98,7 @@ def demo_person(
 
 
 def lone_settings() -> Settings:
-    """The best single particle: the filter's, with the points and iterations of method gradient."""
+    """Settings of the best single particle: the filter with points and iterations of method gradient."""
     lone = settings_for("gradient")
     settings = settings_for("gepf", particles=1, points=lone.points)
     refine = msgspec.structs.replace(settings.refine, icp_iterations=lone.refine.icp_iterations)
@@ -106,7 +106,7 @@ def lone_settings() -> Settings:
 
 
 def score(out: Path, way: str, seed: int) -> tuple[float, float]:
-    """Per cent of joints within 10 cm (none where nobody was detected), and the mean error, centimetres."""
+    """Percentage of joints within 10 cm (0 if nobody was detected), and the mean error, centimetres."""
     truth = read_truth(out / f"sequence-{seed}" / TRUTH_FILE)
     errors_m = compare(read_track(out / f"{way}-{seed}"), truth).joint_m
     mean_m = overall(errors_m)
@@ -114,7 +114,7 @@ def score(out: Path, way: str, seed: int) -> tuple[float, float]:
 
 
 def tabulate(scores: np.ndarray) -> Table:
-    """A row for each person (S, 2, 2) with both ways' scores, and one of the mean."""
+    """One row per person with the scores (S, 2, 2) of both methods, and one with the mean."""
     table = Table("joints within 10 cm (mean error)", "one particle", "gepf, 20 particles", box=None)
     for name, row in [*((f"person {k}", row) for k, row in enumerate(scores)), ("mean", scores.mean(axis=0))]:
         table.add_row(name, *(f"{near:.1f} % ({mean:.1f} cm)" for near, mean in row))
@@ -124,7 +124,7 @@ def tabulate(scores: np.ndarray) -> Table:
 def demo_arm(
     out: Path, show: Show, pool: Pool, connect: Connect = connect_workers, frames: int | None = None
 ) -> None:
-    """Make the sequence in `out`, track it with each method into a folder of its own, and show the table."""
+    """Render the sequence into `out`, track it with each method, and show the table."""
     with show.steps("rendering frame") as advance:
         synthesise("arm", out / "sequence", frames, NOISE.depth, NOISE.lateral, advance=advance)
     truth, found = read_truth(out / "sequence" / TRUTH_FILE), dict[str, Evaluation]()

@@ -1,4 +1,4 @@
-"""`gepf evaluate`: runs against the truth of their sequences."""
+"""`gepf evaluate`: errors of runs against the truth of their sequences."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ logger = logging.getLogger(__name__)
 
 
 def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> None:
-    """Print the errors of runs. Raises InputError for what cannot be compared.
+    """Print the errors of runs. Raises InputError if they cannot be compared.
 
-    A table leaves out runs without a truth, and names them, unless there is no other.
+    A table omits runs without truth and names them, unless no run has truth.
     """
     if len(runs) > 1 and not as_csv:
         raise InputError("several runs are printed as a table; add --csv")
@@ -50,7 +50,7 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
 
 
 def write_table(found: Mapping[Path, Evaluation]) -> None:
-    """One line for each run: its folder and all errors but those by name."""
+    """One line per run: its folder and all errors except those by name."""
     columns = [name for name in Evaluation.__struct_fields__ if not name.endswith(("_by_dof", "_by_angle"))]
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(["run", *columns])
@@ -59,9 +59,9 @@ def write_table(found: Mapping[Path, Evaluation]) -> None:
 
 
 def refuse_another_sequence(run: Path, truth: Path) -> None:
-    """InputError where a truth lies beside a sequence that is not the one that was tracked.
+    """InputError if the truth belongs to another sequence than the tracked one.
 
-    Sequences are told apart by the first frame that was tracked, so that one that was moved is still known.
+    Sequences are compared by the first tracked frame, so a sequence can be moved.
     """
     summary = read_summary(run)
     recorded, frames = summary.get("first_frame"), summary.get("frame_range")
@@ -71,7 +71,7 @@ def refuse_another_sequence(run: Path, truth: Path) -> None:
     try:
         find_format(folder)
     except InputError:
-        return  # it is not in a recording's folder, and may be of any
+        return  # it is not in the folder of a recording
     source = open_source(folder, camera_in(summary))
     first = int(str(frames).partition(":")[0])
     if first not in source.numbers or digest_frame(source.frame(first)) != recorded:

@@ -1,4 +1,4 @@
-"""What each command does with a finished run: draw, report, and find the sequence again."""
+"""Pictures and report of a finished run; finds its sequence."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COLOUR = "color"  # in the summary
 
 
 def run_pictures(options: PicturesOptions, show: Show) -> None:
-    """Draw a run's pictures anew. InputError for a folder without a run, or frames that are gone."""
+    """Draw the pictures of a run again. InputError for a folder without a run, or missing frames."""
     run = options.run
     track, summary = read_track(run), read_summary(run)
     source = find_sequence(run, options.sequence)
@@ -39,7 +39,7 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
 def draw_pictures(
     source: Source | None, out: Path, show: Show, truth: Truth | None, colours: ColourFolder | None
 ) -> list[Path]:
-    """Draw a run with a bar; without its sequence, as of live input, the hypotheses alone."""
+    """Draw a run with a progress bar; without its sequence, as for live input, only the hypotheses."""
     track, body = read_track(out), read_tracked_body(out)
     with show.steps("drawing pictures") as advance:
         if source is None:
@@ -55,7 +55,7 @@ def draw_pictures(
 
 
 def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
-    """The sequence that was tracked: as given, else where it was; None if it is gone."""
+    """The tracked sequence: as given, else at its recorded path; None if it is missing."""
     if moved_to is not None:
         return open_source(moved_to)
     summary = read_summary(run)
@@ -64,19 +64,19 @@ def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
 
 
 def camera_in(summary: Mapping[str, Any]) -> CameraOptions:
-    """What the user said of the camera when a run was tracked."""
+    """The camera options that the user gave when a run was tracked."""
     given = summary.get(GIVEN) or {}
     lens = given.get("lens")
     return CameraOptions(tuple(lens) if lens else None, given.get("depth_scale"))
 
 
 def own_truth(run: Path, source: Source | None) -> Path | None:
-    """The truth that comes with a run's sequence; not for one of several people, as it does not say whose."""
+    """The truth of a run's sequence; None for one of several people, as it does not say whose it is."""
     return None if source is None or PEOPLE in read_summary(run) else source.truth
 
 
 def run_report(run: Path, out: Path | None, show: Show) -> None:
-    """Write the page. Raises InputError if the folder holds no finished run."""
+    """Write the report. Raises InputError if the folder holds no finished run."""
     page = out or run / "report.html"
     if not people_in(run):
         read_track(run)

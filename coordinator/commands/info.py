@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-SAMPLED = 10  # frames, evenly spread, from which the range of depth is read
-LOOKED_AT = 60  # frames from the first on, among which the first with a person is looked for
-PROMISING = 0.25  # score from which on a candidate is likely a person
+SAMPLED = 10  # frames, evenly distributed, for the range of depth
+LOOKED_AT = 60  # first frames, in which a person is searched for
+PROMISING = 0.25  # score above which a candidate is probably a person
 
 
 def run_info(
     sequence: Path, camera: CameraOptions, thumbnail: Path | None, picture: Path | None, *, as_json: bool
 ) -> None:
-    """Print facts about a sequence and its scene; draw its middle frame, and what is found in the scene.
+    """Print facts about a sequence and its scene; draw its middle frame, and the scene.
 
-    What the recording says of itself is printed at once; to look at the scene takes longer.
+    Facts about the recording are printed first, because analysing the scene takes longer.
     """
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
@@ -60,9 +60,9 @@ def run_info(
 
 
 def look(source: Source) -> tuple[SceneView, list[Candidate]]:
-    """The first frame that shows a person, and who may be one there, likeliest first.
+    """The first frame with a likely person, and its candidates, the most likely first.
 
-    Where no frame shows a likely person, the last frame with the likeliest.
+    If no frame has a likely person, the last frame with the most likely one.
     """
     from coordinator.scene.candidates import candidates
     from coordinator.scene.scene import Scene
@@ -111,7 +111,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
 
 
 def print_facts(facts: Mapping[str, object]) -> None:
-    """A line for each fact; for a list of things, one for each of them."""
+    """Print one line per fact; for a list, one line per item."""
     for name, value in facts.items():
         several = value if isinstance(value, list) and value and isinstance(value[0], Mapping) else [value]
         for number, each in enumerate(several):
@@ -120,7 +120,7 @@ def print_facts(facts: Mapping[str, object]) -> None:
 
 
 def in_words(value: object) -> str:
-    """A single fact as people read it."""
+    """A fact as text."""
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {in_words(each)}" for name, each in value.items())
     if isinstance(value, list):
@@ -131,7 +131,7 @@ def in_words(value: object) -> str:
 
 
 def save(picture: Image.Image, path: Path) -> None:
-    """Write a PNG; InputError where that cannot be."""
+    """Write a PNG; InputError if that is impossible."""
     try:
         picture.save(path, "PNG")
     except OSError as error:
@@ -162,7 +162,7 @@ def describe(form: Format, source: Source) -> dict[str, object]:
 
 
 def depth_range(source: Source) -> tuple[float | None, float | None]:
-    """Nearest and farthest depth in metres, None where nothing was measured."""
+    """Nearest and farthest depth in metres; None without depth."""
     chosen = np.unique(np.linspace(0, len(source) - 1, SAMPLED).astype(int)).tolist()
     depths = [source.frame(source.numbers[n]).metres() for n in chosen]
     seen = np.concatenate([depth[depth > 0] for depth in depths])

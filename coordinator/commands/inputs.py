@@ -1,4 +1,4 @@
-"""What `gepf track` tracks: frames that were recorded, or that are published meanwhile."""
+"""The input of `gepf track`: recorded frames, or frames that are published during the run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ AVERAGED_FRAMES = 30  # of an empty room, at most
 
 
 class Input:
-    """What a run works with besides its frames: bodies, start, scope. Live input has no source."""
+    """The input of a run: frames, bodies, start, scope. Live input has no source."""
 
     source: Source | None = None
     total: int | None = None  # frames
@@ -55,7 +55,7 @@ class Input:
         self.motion = None if job.joint_states is None else KnownMotion(job.joint_states)
 
     def announce(self, done: int) -> str:
-        """How it is tracked; `done` frames are recorded already."""
+        """A message on how it is tracked; `done` frames are already recorded."""
         del done
         job = self.job
         people = f", up to {job.people} people" if job.people > 1 else ""
@@ -63,7 +63,7 @@ class Input:
         return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
 
     def asked(self) -> Asked:
-        """What decides the results besides the frames."""
+        """The options that affect the results, apart from the frames."""
         job, states = self.job, None if self.job.joint_states is None else self.job.joint_states.hash
         deadline = job.pool.deadline
         return Asked(
@@ -80,7 +80,7 @@ class Input:
 
 
 class RecordedInput(Input):
-    """A recording: every frame is tracked, and read when it is its turn. InputError where it does not fit."""
+    """A recording, of which every frame is tracked. InputError if it does not fit the options."""
 
     look_ahead = True
     source: Source
@@ -93,14 +93,14 @@ class RecordedInput(Input):
         super().__init__(job, source)
         if job.joint_states is not None:
             job.joint_states.check_names(self.bodies.dof_names)
-        # of several people, a sequence's own truth does not say whose it is
+        # with several people, the sequence's truth does not say whose it is
         self.truth = read_truth(source.truth) if source.truth and job.people == 1 else None
         self.colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
         first = source.frame(numbers[0])
         self.configuration = run_configuration(job.sequence, first, numbers, self.asked(), job.given)
 
     def announce(self, done: int) -> str:
-        """The frames, how many there are, and how they are tracked; or where a resumed run continues."""
+        """A message on the frames and how they are tracked, or where a resumed run continues."""
         job, total, camera = self.job, self.total, self.source.intrinsics
         if done and done == total:
             return f"all {total} frames are recorded in {job.out}; writing the results"
@@ -111,17 +111,17 @@ class RecordedInput(Input):
         return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
     def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
-        """One stream: each frame from the first that is not recorded."""
+        """One stream: the frames that are not recorded yet."""
         del workers
         yield map(self.source.frame, self.numbers[done:])
 
     def facts(self) -> dict[str, object]:
-        """Where the colour frames are that results are drawn over."""
+        """The path of the colour frames for pictures."""
         return {"color": None if self.job.colour is None else str(self.job.colour)}
 
 
 class LiveInput(Input):
-    """Frames that are published: the newest is tracked. InputError for what only a recording can have."""
+    """Published frames, of which the newest is tracked. InputError for options of recordings."""
 
     look_ahead = False
 
@@ -143,7 +143,7 @@ class LiveInput(Input):
         self.configuration = live_run_configuration(str(job.sequence), self.asked())
 
     def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
-        """The newest frames until the publisher ends, of each stream from the first that shows depth."""
+        """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
         workers.listen(self.key, self.received.receive)
         how = "the newest frame is tracked as soon as the workers are ready"
@@ -152,26 +152,26 @@ class LiveInput(Input):
             yield from_first_seen(map(self._fitting, frames), self._show.say)
 
     def _fitting(self, frame: DepthFrame) -> DepthFrame:
-        """A frame; InputError where the room without people has another size."""
+        """The frame; InputError if the room without people has another size."""
         check_size(self.job.background, self.scope.background, frame.depth.shape)
         return frame
 
     def facts(self) -> dict[str, object]:
-        """What became of the messages."""
+        """Counts of the messages."""
         return {f"frames_{name}": count for name, count in self.received.counts.items()}
 
 
 def choose_start(
     init: str | None, source: Source | None, dof_names: tuple[str, ...]
 ) -> Mapping[str, float] | None:
-    """The pose to start from: of a file, else of the file that comes with the sequence; None to detect it."""
+    """The start pose of a file, else of the sequence's own file; None to detect it."""
     if init is None and source is not None and source.init is not None:
         return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
     return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)
 
 
 def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
-    """Depth (H, W) in metres of an empty room, 0 where it is not known: a frame, a picture or a recording."""
+    """Depth (H, W) in metres of an empty room, 0 if unknown, from a frame, a picture or a recording."""
     if asked.isdigit():
         if source is None:
             raise InputError("--background with a frame's number is for recorded sequences; give a sequence")
@@ -191,14 +191,14 @@ def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
 
 
 def check_size(name: str | None, room: NDArray[np.float32] | None, shape: tuple[int, ...]) -> None:
-    """InputError where the room without people has another size than the frames (H, W)."""
+    """InputError if the room without people has another size than the frames (H, W)."""
     if room is not None and room.shape != shape:
         sizes = f"{room.shape[1]}x{room.shape[0]}, the frames are {shape[1]}x{shape[0]}"
         raise InputError(f"--background {name} is {sizes}")
 
 
 def averaged(source: Source) -> NDArray[np.float32]:
-    """The median depth (H, W) of what was measured in some frames, metres."""
+    """The median of the measured depth (H, W) in some frames, metres."""
     chosen = np.unique(np.linspace(0, len(source.numbers) - 1, AVERAGED_FRAMES).astype(int)).tolist()
     depths = np.array([source.frame(source.numbers[n]).metres() for n in chosen])
     ordered = np.sort(np.where(depths > 0.0, depths, np.inf), axis=0)

@@ -1,4 +1,4 @@
-"""One `gepf track` as its options ask for it, checked before anything is read or written."""
+"""The options of one `gepf track`, checked before anything is read or written."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ class Job:
     settings: Settings
     pool: Pool
     model: str = HUMAN  # or a file
-    active: tuple[str, ...] | None = None  # None for the model's own choice
-    init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file if it has one
+    active: tuple[str, ...] | None = None  # None for the default of the model
+    init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file, if there is one
     frames: str | None = None
     resume: bool = False
-    colour: Path | None = None  # frames to draw results over
+    colour: Path | None = None  # colour frames for pictures
     given: cameras.CameraOptions = cameras.AS_RECORDED
-    results: str | None = None  # a key on which they are published meanwhile
+    results: str | None = None  # key on which they are published
     results_json: bool = False
-    scope: Scope = field(default_factory=Scope)  # what of the scene is tracked, but for the background
+    scope: Scope = field(default_factory=Scope)  # without the background
     background: str | None = None  # a frame's number, a picture or a recording of the empty room
-    people: int = 1  # at the most, at once
+    people: int = 1  # largest number
     pictures: bool = True
-    joint_states: JointStates | None = None  # what encoders report
+    joint_states: JointStates | None = None  # by encoders
     idle_timeout: float | None = None  # seconds without a frame until live input is over
 
 
 def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityOptions) -> Job:
-    """What the options ask for; InputError for options that do not go together."""
+    """The job that the options describe; InputError for options that exclude each other."""
     if options.deadline is not None and not find_method(options.method).descends:
         raise InputError(f"method {options.method} needs an answer for every particle; leave --deadline out")
     if options.workers == 0 and options.listen is None and options.connect is None:
@@ -105,7 +105,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
 
 
 def choose_settings(options: TrackOptions) -> Settings:
-    """A preset's settings with what the user asked for instead. A noise that is given is not measured."""
+    """The settings of a preset with the user's values. If the noise is given, it is not measured."""
     if options.rotate not in ROTATIONS:
         raise InputError(f"--rotate {options.rotate} makes no sense; give one of {', '.join(ROTATIONS)}")
     turn = None if options.rotate == "auto" else int(options.rotate)
@@ -120,7 +120,7 @@ def choose_settings(options: TrackOptions) -> Settings:
 
 
 def choose_scope(options: TrackOptions) -> Scope:
-    """What of the scene is tracked, but for the background."""
+    """The scope of tracking, without the background."""
     near, far = options.near, options.far
     if near is not None and far is not None and near >= far:
         raise InputError(f"--near {near:g} is not below --far {far:g}; nothing would count")
@@ -141,7 +141,7 @@ def choose_scope(options: TrackOptions) -> Scope:
 
 
 def split(text: str, option: str, kind: Callable[[str], T], count: int | None = None) -> tuple[T, ...]:
-    """What stands between commas; any number of it but none without a `count`."""
+    """The items between commas: `count` of them, or at least one."""
     try:
         found = tuple(kind(part.strip()) for part in text.split(",") if part.strip())
     except ValueError:
@@ -153,7 +153,7 @@ def split(text: str, option: str, kind: Callable[[str], T], count: int | None = 
 
 
 def is_several(options: TrackOptions) -> bool:
-    """Whether more than one run is asked for, each of which gets a folder within `--out`."""
+    """Whether the options describe several runs, each with its own folder in `--out`."""
     return len(options.sequences) > 1 or options.seeds is not None or is_list(options.sequences[0])
 
 

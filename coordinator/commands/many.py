@@ -1,6 +1,6 @@
-"""Several recordings over one pool: a process for each run, as many at once as keep the pool busy.
+"""Several recordings with one pool: one process per run, and as many at once as keep the pool busy.
 
-The processes are forked from one that has loaded all libraries, so that each starts at once.
+The processes are forked from one that has loaded all libraries, so they start immediately.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CONTEXT = multiprocessing.get_context("forkserver")
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How one run ended: its exit code, and how long it took."""
+    """The exit code of one run, and its duration."""
 
     job: Job
     code: int
@@ -47,7 +47,7 @@ class Ended:
 
 
 def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> list[Job]:
-    """A run for each recording and seed. InputError for a list that cannot be read, and for equal names."""
+    """One run per recording and seed. InputError for an unreadable list, or equal names."""
     paths = [path for given in sequences for path in (read_list(given) if is_list(given) else [given])]
     if any(live_key(path) is not None for path in paths):
         raise InputError("live input is tracked alone; give zenoh:KEY and nothing else")
@@ -61,13 +61,13 @@ def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> lis
 
 
 def with_seed(job: Job, seed: int) -> Job:
-    """The run with another seed, in a folder that says so."""
+    """The run with another seed, in a folder named after the seed."""
     settings = msgspec.structs.replace(job.settings, seed=seed)
     return replace(job, settings=settings, out=job.out.with_name(f"{job.out.name}-seed{seed}"))
 
 
 def read_list(file: Path) -> Sequence[Path]:
-    """The recordings of a list: one a line, as seen from the file's folder; # begins a comment."""
+    """The recordings of a list: one per line, relative to the folder of the list; # starts a comment."""
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError) as error:
@@ -79,9 +79,10 @@ def read_list(file: Path) -> Sequence[Path]:
 
 
 def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
-    """Track all and show a table; gives the gravest exit code: 130, then 1, 2, 3. Bytes are as of each alone.
+    """Track all and show a table; returns the most severe exit code: 130, then 1, 2, 3.
 
-    A run that fails stops no other. An interrupt ends all; their frames are kept, for `--resume`.
+    The results are the bytes of single runs. A run that fails does not stop the others. An interrupt ends all
+    runs; their frames are kept for `--resume`.
     """
     show.say(f"tracking {len(jobs)} recordings into {jobs[0].out.parent}")
     ended = run_pool(jobs, at_once, show, quiet=show.console.quiet)
@@ -94,9 +95,9 @@ def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
 
 
 def run_pool(jobs: Sequence[Job], at_once: int | None, show: Show, *, quiet: bool) -> list[Ended]:
-    """Track all over one pool; how each ended, in their order. With `quiet` the runs report errors alone."""
+    """Track all runs with one pool and return their ends in order. With `quiet`, runs report only errors."""
     pool, running, ended = jobs[0].pool, dict[ForkServerProcess, Ended](), dict[Path, Ended]()
-    limit = at_once or max(2, pool.lanes + 1)  # each lane has work while a run is between two frames
+    limit = at_once or max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
     waiting = list(reversed(jobs))
     CONTEXT.set_forkserver_preload([__name__])
     with shared_pool(pool) as (endpoint, worker):
@@ -121,13 +122,13 @@ def run_pool(jobs: Sequence[Job], at_once: int | None, show: Show, *, quiet: boo
         finally:
             for process in running:
                 process.terminate()
-            for process in running:  # they keep their frames
+            for process in running:  # their frames are kept
                 process.join()
     return [ended[job.out] for job in jobs]
 
 
 def describe_run(run: Ended) -> tuple[str, ...]:
-    """One run's row."""
+    """The row of one run in the table."""
     name, took = run.job.out.name, f"{run.seconds:.1f}"
     if run.code not in (0, NOT_TRACKED):
         return name, "-", "-", took, f"exit code {run.code}"
@@ -137,8 +138,8 @@ def describe_run(run: Ended) -> tuple[str, ...]:
 
 
 def track_one(job: Job, quiet: bool) -> None:
-    """The body of a process: track, and exit with the code that a `gepf track` of its own would have."""
-    os.setpgid(0, 0)  # Ctrl-C is for the process that started this one, which then ends it
+    """The function of a process: track, and exit with the code of a separate `gepf track`."""
+    os.setpgid(0, 0)  # Ctrl-C is handled by the parent process, which then ends this one
     end_with_parent()
     name = job.out.name
     logging.basicConfig(format=f"{name}: %(message)s", level=logging.WARNING, force=True)
@@ -148,7 +149,7 @@ def track_one(job: Job, quiet: bool) -> None:
 
 
 def end_with_parent() -> None:
-    """Have this process interrupted when the one that started it is gone, however that ended."""
+    """Interrupt this process when its parent process ends for any reason."""
     parent = multiprocessing.parent_process()
 
     def interrupt_after(sentinel: int) -> None:

@@ -1,6 +1,6 @@
-"""The arguments and options of the commands: each is described once, as a field of a dataclass.
+"""The arguments and options of the commands, each a field of a dataclass.
 
-`grouped` makes parameters of typer from these fields. Every option that is a quantity is above zero.
+`grouped` converts these fields to parameters of typer. Every option that is a quantity must be above zero.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ output_option = partial(typer.Option, rich_help_panel="Output")
 
 
 def seed_range(text: str) -> range:
-    """Seeds A to before B of `A:B`."""
+    """The seeds A to B - 1 of `A:B`."""
     first, colon, end = text.partition(":")
     if not colon or not first.isdecimal() or not end.isdecimal() or int(first) >= int(end):
         raise typer.BadParameter(f"'{text}' is not of the form A:B; 0:5 stands for 0, 1, 2, 3 and 4")
@@ -38,12 +38,12 @@ def seed_range(text: str) -> range:
 
 Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a person's measures.")]
 Recording = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded depth (docs/formats.md).")]
-Run = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of results of gepf track.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")]
-Quiet = Annotated[bool, output_option("--quiet", "-q", help="Show no progress; errors stay.")]
-Frames = Annotated[str | None, input_option(metavar="A:B", help="From frame A to before frame B.")]
+Run = Annotated[Path, typer.Argument(metavar="DIR", help="Results of gepf track.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")]
+Quiet = Annotated[bool, output_option("--quiet", "-q", help="Show only errors.")]
+Frames = Annotated[str | None, input_option(metavar="A:B", help="Frames A to B - 1.")]
 Moved = Annotated[
-    Path | None, typer.Option("--sequence", metavar="SEQ", help="Where the sequence is now, if it was moved.")
+    Path | None, typer.Option("--sequence", metavar="SEQ", help="The sequence, if it was moved.")
 ]
 Recordings = Annotated[
     list[Path],
@@ -57,10 +57,11 @@ Recordings = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class CameraOptions:
-    """What a recording does not say of its camera, or says wrongly."""
+    """Camera parameters that replace those of a recording."""
 
     intrinsics: Annotated[
-        str | None, typer.Option(metavar="fx,fy,cx,cy", help="The camera, pixels (default: as recorded).")
+        str | None,
+        typer.Option(metavar="fx,fy,cx,cy", help="Camera parameters in pixels (default: as recorded)."),
     ] = None
     depth_scale: Annotated[
         float | None,
@@ -70,20 +71,23 @@ class CameraOptions:
 
 @dataclass(frozen=True, slots=True)
 class SecurityOptions:
-    """How connections are protected."""
+    """Options for the encryption of connections."""
 
     tls_ca: Annotated[
-        Path | None, security_option(metavar="FILE", help="Certificate of who signs all certificates.")
+        Path | None,
+        security_option(metavar="FILE", help="Certificate of the authority that signs all certificates."),
     ] = None
-    tls_cert: Annotated[Path | None, security_option(metavar="FILE", help="Our own certificate.")] = None
-    tls_key: Annotated[Path | None, security_option(metavar="FILE", help="The certificate's key.")] = None
+    tls_cert: Annotated[Path | None, security_option(metavar="FILE", help="Certificate of this program.")] = (
+        None
+    )
+    tls_key: Annotated[Path | None, security_option(metavar="FILE", help="Key of this certificate.")] = None
     insecure: Annotated[
         bool,
-        security_option("--insecure", help="Listen without encryption, to whoever connects, on any network."),
+        security_option("--insecure", help="Listen without encryption: anyone on the network can connect."),
     ] = False
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
-        """Certificate and access rules for these endpoints; InputError where they do not fit together."""
+        """Certificates and access rules for these endpoints; InputError if they do not fit together."""
         from coordinator.security.access import TlsFiles, choose_security
 
         files = TlsFiles(self.tls_ca, self.tls_cert, self.tls_key)
@@ -92,12 +96,12 @@ class SecurityOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackOptions:
-    """All options of `gepf track` but those of camera and security: input, scene, method, workers, output."""
+    """Options of `gepf track` without camera and security: input, scene, method, workers, output."""
 
     sequences: Recordings
     dof: Annotated[
         str | None,
-        input_option(metavar="NAME,...", help="Move only these, hold the rest; joints: all but the root."),
+        input_option(metavar="NAME,...", help="Track only these, hold the rest; joints: all but the root."),
     ] = None
     model: Annotated[
         str, input_option(metavar="human|FILE", help="Body to track: a URDF file, or a file of measures.")
@@ -110,21 +114,21 @@ class TrackOptions:
         Path | None,
         input_option(
             metavar="FILE",
-            help="What encoders say of the joints, a CSV with time_s or a ROS bag: where particles go.",
+            help="Joint values by encoders, a CSV with time_s or a ROS bag; they predict the motion.",
         ),
     ] = None
     frames: Frames = None
     idle_timeout: Annotated[
         float | None,
         input_option(
-            metavar="SECONDS", help="Live input is over after so long without a frame (default: wait)."
+            metavar="SECONDS", help="End live input after this time without a frame (default: wait)."
         ),
     ] = None
     rotate: Annotated[
         str,
         input_option(
             metavar="0|90|180|270|auto",
-            help="Degrees clockwise that turn the picture upright (default: found).",
+            help="Clockwise rotation in degrees that makes the image upright (default: found).",
         ),
     ] = "auto"
     color: Annotated[
@@ -134,7 +138,7 @@ class TrackOptions:
         str,
         scene_option(
             metavar="X,Y|nearest|largest|moving",
-            help="Who is tracked, of several: at a pixel of the first frame, or so (default: the likeliest).",
+            help="The person to track; X,Y is a pixel of the first frame (default: the most likely).",
         ),
     ] = "best"
     people: Annotated[
@@ -142,21 +146,21 @@ class TrackOptions:
         scene_option(
             metavar="N",
             min=1,
-            help="Track up to so many people at once, each into a folder of its own in --out: person1, ...",
+            help="Track up to N people at once, each into its own folder in --out: person1, ...",
         ),
     ] = 1
     background: Annotated[
         str | None,
         scene_option(
             metavar="FRAME|SEQ",
-            help="The room without anybody: a frame's number, a depth PNG, or a sequence.",
+            help="The room without people: the number of a frame, a depth PNG, or a sequence.",
         ),
     ] = None
-    near: Annotated[float | None, scene_option(metavar="M", help="Nothing nearer counts, metres.")] = None
-    far: Annotated[float | None, scene_option(metavar="M", help="Nothing farther counts, metres.")] = None
+    near: Annotated[float | None, scene_option(metavar="M", help="Ignore everything nearer, metres.")] = None
+    far: Annotated[float | None, scene_option(metavar="M", help="Ignore everything farther, metres.")] = None
     roi: Annotated[
         str | None,
-        scene_option(metavar="LEFT,TOP,RIGHT,BOTTOM", help="Only this part of the picture counts, pixels."),
+        scene_option(metavar="LEFT,TOP,RIGHT,BOTTOM", help="Use only this part of the image, pixels."),
     ] = None
     method: Annotated[
         str, method_option(help="gepf (many hypotheses), gradient (one), condensation or annealed.")
@@ -164,32 +168,38 @@ class TrackOptions:
     preset: Annotated[str, method_option(help="default, or paper (its constants).")] = "default"
     particles: Annotated[
         int | None,
-        method_option(metavar="N", min=1, help="Particles a frame; of annealed in each of its 10 layers."),
+        method_option(metavar="N", min=1, help="Particles per frame; for annealed in each of its 10 layers."),
     ] = None
-    points: Annotated[int | None, method_option(metavar="N", min=1, help="Observed points, at most.")] = None
+    points: Annotated[
+        int | None, method_option(metavar="N", min=1, help="Largest number of observed points.")
+    ] = None
     noise_depth: Annotated[
         float | None,
         method_option(
-            metavar="M", help="The camera's noise along depth (default: measured in the first frame)."
+            metavar="M", help="Noise of the camera in depth (default: measured in the first frame)."
         ),
     ] = None
-    noise_lateral: Annotated[float | None, method_option(metavar="M", help="And across it.")] = None
+    noise_lateral: Annotated[
+        float | None, method_option(metavar="M", help="Lateral noise of the camera.")
+    ] = None
     seed: Annotated[
         int,
-        method_option(min=0, max=2**32 - 1, help="Of all random numbers: the same gives the same bytes."),
+        method_option(
+            min=0, max=2**32 - 1, help="Seed of all random numbers: the same seed gives the same bytes."
+        ),
     ] = 0
     seeds: Annotated[
         range | None,
         method_option(
             metavar="A:B",
             parser=seed_range,
-            help="Track with each of the seeds A to before B, in folders within --out.",
+            help="Track with each of the seeds A to B - 1, in folders within --out.",
         ),
     ] = None
     deadline: Annotated[
         float | None,
         method_option(
-            metavar="MS", help="Finish a frame with the particles that are refined this long after it came."
+            metavar="MS", help="Finish a frame with the particles that are refined within this time."
         ),
     ] = None
     workers: Annotated[
@@ -203,23 +213,24 @@ class TrackOptions:
         worker_option(
             metavar="N",
             min=1,
-            help="Of several recordings, so many at once (default: what keeps the workers busy).",
+            help="Number of recordings tracked at once (default: as many as keep the workers busy).",
         ),
     ] = None
     listen: Annotated[
-        str | None, worker_option(metavar="ENDPOINT", help="Let others' workers join, e.g. tls/0.0.0.0:7447.")
+        str | None,
+        worker_option(metavar="ENDPOINT", help="Let other workers join, e.g. at tls/0.0.0.0:7447."),
     ] = None
-    connect: Annotated[
-        str | None, worker_option(metavar="ENDPOINT", help="Join a router where others' workers are.")
-    ] = None
+    connect: Annotated[str | None, worker_option(metavar="ENDPOINT", help="Use the workers at a router.")] = (
+        None
+    )
     worker_timeout: Annotated[
         float | None,
-        worker_option(metavar="SECONDS", help="Stop after so long without any worker (default: wait)."),
+        worker_option(metavar="SECONDS", help="Stop after this time without any worker (default: wait)."),
     ] = None
     out: Annotated[Path, output_option(metavar="DIR", help="New folder for the results.")]
-    resume: Annotated[
-        bool, output_option("--resume", help="Go on with the run in --out, if there is one.")
-    ] = False
+    resume: Annotated[bool, output_option("--resume", help="Continue the run in --out, if there is one.")] = (
+        False
+    )
     pictures: Annotated[
         bool,
         output_option(
@@ -227,26 +238,27 @@ class TrackOptions:
         ),
     ] = True
     results: Annotated[
-        str | None, output_option("--publish", metavar="KEY", help="Publish results on this key meanwhile.")
+        str | None,
+        output_option("--publish", metavar="KEY", help="Publish results on this key during the run."),
     ] = None
     results_json: Annotated[
-        bool, output_option("--publish-json", help="Publish them as JSON, not as MessagePack.")
+        bool, output_option("--publish-json", help="Publish results as JSON instead of MessagePack.")
     ] = False
     quiet: Quiet = False
     as_json: Annotated[
-        bool, output_option("--json", help="Print the summary at the end, one JSON object.")
+        bool, output_option("--json", help="Print the summary as a JSON object at the end.")
     ] = False
 
 
 @dataclass(frozen=True, slots=True)
 class PublishOptions:
-    """All options of `gepf publish` but those of security."""
+    """Options of `gepf publish` without security."""
 
     sequence: Recording
-    key: Annotated[str, typer.Option(metavar="KEY", help="Where, e.g. camera/depth.")]
+    key: Annotated[str, typer.Option(metavar="KEY", help="Key to publish on, e.g. camera/depth.")]
     rate: Annotated[
         float | None,
-        typer.Option(metavar="FPS", help="Frames per second (default: the sequence's own)."),
+        typer.Option(metavar="FPS", help="Frames per second (default: as recorded)."),
     ] = None
     frames: Frames = None
     listen: Annotated[
@@ -276,16 +288,18 @@ class SynthOptions:
     out: Annotated[Path, typer.Option(metavar="SEQ", help="New folder for the sequence.")]
     frames: Annotated[int | None, typer.Option(metavar="N", help="Only the first N frames.")] = None
     noise_depth: Annotated[
-        float | None, typer.Option(metavar="M", help="Standard deviation along depth (default: none).")
+        float | None,
+        typer.Option(metavar="M", help="Standard deviation of the noise in depth (default: none)."),
     ] = None
-    noise_lateral: Annotated[float | None, typer.Option(metavar="M", help="And across it.")] = None
-    kinect: Annotated[bool, typer.Option("--kinect", help="Noise, steps and gaps as a Kinect has them.")] = (
+    noise_lateral: Annotated[float | None, typer.Option(metavar="M", help="Lateral noise.")] = None
+    kinect: Annotated[bool, typer.Option("--kinect", help="Noise, quantisation and gaps of a Kinect.")] = (
         False
     )
     model: Annotated[
-        str | None, typer.Option(metavar="human|FILE.urdf", help="Body that roams: all its joints move.")
+        str | None,
+        typer.Option(metavar="human|FILE.urdf", help="Body of the scene roam, in which all joints move."),
     ] = None
-    seed: Annotated[int, typer.Option(help="Of the noise, and of who moves how.")] = 0
+    seed: Annotated[int, typer.Option(help="Seed of noise and motion.")] = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,15 +312,15 @@ class ViewOptions:
         Path | None, typer.Option(metavar="FILE", help="Write a .rrd file for the rerun viewer instead.")
     ] = None
     port: Annotated[
-        int, typer.Option(min=1, max=65534, help="Of the viewer's page; the next one is used, too.")
+        int, typer.Option(min=1, max=65534, help="Port of the viewer; the next port is used, too.")
     ] = 9090
     browser: Annotated[bool, typer.Option(help="Open a browser here.")] = True
 
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
-    """A command for typer with the fields of the dataclasses that `command` takes in place of these.
+    """A command for typer, with the fields of the dataclasses that are the parameters of `command`.
 
-    Names of fields must differ within a command. Their types say with `Annotated` what typer is to know.
+    Names of fields must differ within a command. `Annotated` in their types holds the options for typer.
     """
     kinds = get_type_hints(command, include_extras=True)
     flat, groups = list[inspect.Parameter](), dict[str, Any]()

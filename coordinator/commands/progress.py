@@ -1,4 +1,4 @@
-"""What people see on stderr while a run goes on."""
+"""Progress of a run on stderr."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from coordinator.commands.console import INTERRUPTS
 if TYPE_CHECKING:
     from coordinator.tracking.estimate import Estimate
 
-QUIET_S = 5.0  # between two lines where there is no terminal
+QUIET_S = 5.0  # between two lines without a terminal
 
 
 class Advance(Protocol):
-    """A bar or a line that moves on."""
+    """A progress bar or line."""
 
     def __call__(self, done: int, total: int | None, detail: str = "") -> None:
-        """Show how many steps are done, of how many if that is known, and what else there is to say."""
+        """Show the number of steps done, the total if known, and a state."""
         ...
 
 
 class Show:
-    """Reports a run's progress on a console: as bars on a terminal, elsewhere as lines, for logs.
+    """Reports the progress of a run: as bars on a terminal, otherwise as lines for logs.
 
-    Each line begins with `name`. Lines of progress are at least `quiet_seconds` apart.
+    Each line starts with `name`. Lines of progress are at least `quiet_seconds` apart.
     """
 
     def __init__(self, console: Console, quiet_seconds: float = QUIET_S, name: str = "") -> None:
         self.console, self._quiet_seconds, self._name = console, quiet_seconds, name
 
     def say(self, text: str, style: str | None = None) -> None:
-        """One line, above a bar if there is one."""
+        """Print one line, above the bar if there is one."""
         self.console.print(self._name + text, style=style, highlight=False, markup=False, soft_wrap=True)
 
     @contextmanager
     def steps(self, label: str, *, keep: bool = False) -> Iterator[Advance]:
-        """A count of something that takes a while. The last state stays in view if `keep`.
+        """Count the steps of a long task. With `keep` the last state stays visible.
 
-        An interrupt that a library swallowed comes up again with the next step.
+        An interrupt that a library suppressed is raised again at the next step.
         """
         on_terminal, line, written = self.console.is_terminal, "", time.monotonic()
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("{task.description}"))
@@ -75,31 +75,31 @@ class Show:
 
 
 class FrameRate:
-    """Counts tracked frames, and how long they took."""
+    """Counts tracked frames and their time."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._frames = clock, 0
         self._began = self._first = self._last = clock()
 
     def count(self) -> None:
-        """One frame more."""
+        """Count one frame."""
         self._frames, self._last = self._frames + 1, self._clock()
         if self._frames == 1:
             self._first = self._last
 
     @property
     def seconds(self) -> float:
-        """From the start to the last frame."""
+        """Seconds from the start to the last frame."""
         return self._last - self._began
 
     @property
     def per_second(self) -> float | None:
-        """Frames per second after the first frame, for which workers start; None until there are two."""
+        """Frames per second, without the first frame, during which workers start; None until the second."""
         return (self._frames - 1) / max(self._last - self._first, 1e-9) if self._frames > 1 else None
 
 
 def describe(estimate: Estimate, rate: float | None) -> str:
-    """A frame's state in one short line: rate, hypotheses, how well the likeliest fits, status."""
+    """The state of a frame in a short line: rate, hypotheses, residual of the most likely, status."""
     how_fast = "" if rate is None else f"{rate:.1f} frames/s, "
     why = f" ({estimate.why})" if estimate.why and estimate.status != "tracked" else ""
     count = len(estimate.hypothesis_weight)

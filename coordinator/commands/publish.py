@@ -1,4 +1,4 @@
-"""`gepf publish`: a recorded sequence as a camera would show it, in real time."""
+"""`gepf publish`: publishes a recorded sequence in real time, like a camera."""
 
 from __future__ import annotations
 
@@ -25,10 +25,9 @@ from coordinator.sources.source import select_frames
 def run_publish(
     options: PublishOptions, camera: CameraOptions, security: SecurityOptions, show: Show
 ) -> None:
-    """Publish the frames in real time, from when there is a listener.
+    """Publish the frames in real time, as soon as there is a listener.
 
-    InputError for options that make no sense, before anything is read. A damaged frame ends it: what was
-    published before is followed by the end of the stream.
+    InputError for invalid options, before anything is read. A damaged frame ends the stream.
     """
     secured = security.choose(options.listen, options.connect)
     reached = Pool(0, options.listen, options.connect, secured)
@@ -46,9 +45,9 @@ def run_publish(
 
 
 def open_session(reached: Pool, key: str, show: Show) -> Bus:
-    """A session at the endpoints, when someone answers there; InputError if there is none.
+    """A session at the endpoints, as soon as there is an answer; InputError without endpoints.
 
-    A publisher that only connects is a client: a router passes nothing on from peer to peer, and trackers
+    A publisher that only connects is a client: a router does not forward messages between peers, and trackers
     are peers.
     """
     if reached.listen is not None:
@@ -67,7 +66,7 @@ def open_session(reached: Pool, key: str, show: Show) -> Bus:
 
 
 def play(frames: Iterable[DepthFrame], rate: float | None, publisher: Publisher) -> None:
-    """Publish each frame at its time, then the end; also when interrupted."""
+    """Publish each frame at its time, then the end of the stream, also after an interrupt."""
     try:
         for frame in paced(frames, rate):
             publisher.put(encode_live(frame))
@@ -77,7 +76,7 @@ def play(frames: Iterable[DepthFrame], rate: float | None, publisher: Publisher)
 
 
 def paced(frames: Iterable[DepthFrame], rate: float | None) -> Iterator[DepthFrame]:
-    """Each frame as long after the first as it was taken, or frame k at k / rate s; a late one at once."""
+    """Yield each frame at its recorded time after the first, or frame k at k / rate s; late ones at once."""
     began, first_s = time.monotonic(), None
     for k, frame in enumerate(frames):
         first_s = frame.time_s if first_s is None else first_s

@@ -1,4 +1,4 @@
-"""`gepf track`, recorded or live, one person or several: track each frame, publish, record, draw."""
+"""`gepf track`, recorded or live, one person or several: track and publish frames, record, draw."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from coordinator.tracking.tracker import Tracker
 def run_track(
     options: TrackOptions, camera: CameraOptions, security: SecurityOptions, show: Show, connect: Connect
 ) -> int:
-    """Track; gives the exit code. Raises InputError for options that make no sense, before anything is read.
+    """Track; returns the exit code. Raises InputError for invalid options, before anything is read.
 
-    Several recordings or seeds are tracked side by side, each into a folder of its own.
+    Several recordings or seeds are tracked in parallel, each into its own folder.
     """
     job = choose_job(options, camera, security)
     if is_several(options):
@@ -56,12 +56,13 @@ def run_track(
 
 
 def track(job: Job, show: Show, connect: Connect) -> bool:
-    """Track recorded or live input; gives whether all who were found were tracked in most frames.
+    """Track recorded or live input; returns whether all found people were tracked in most frames.
 
-    The folder of results is made when the options and the first recorded frame are sound. If the run ends
-    early, by the user, a damaged frame or another fault, the frames so far are in the folder all the same,
-    and another run with `resume` continues from there. An interrupt ends live input as its publisher does.
-    Where all workers fall silent, the run continues over a new connection, as long as each brings frames.
+    The folder of results is created when the options and the first recorded frame are valid. If the run ends
+    early, because of an interrupt, a damaged frame or another error, the tracked frames are in the folder,
+    and another run with `resume` continues from there. An interrupt ends live input like its publisher. If
+    all workers stop answering, the run continues over a new connection, as long as each connection gives
+    frames.
     """
     key = live_key(job.sequence)
     given = RecordedInput(job) if key is None else LiveInput(job, key, show)
@@ -82,9 +83,9 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
 def record(
     given: RecordedInput | LiveInput, recorder: Recorder, show: Show, connect: Connect
 ) -> tuple[dict[int, RecordedPerson], bool]:
-    """Track what is not recorded yet, and write the files of what then is, however that ends.
+    """Track the frames that are not recorded yet, and always write the files of the recorded frames.
 
-    Gives what is recorded of each person, and False where another connection has to be tried.
+    Returns the recorded frames of each person, and False if another connection must be tried.
     """
     out, total, rate, finished = given.job.out, given.total, FrameRate(), False
     show.say(given.announce(recorder.frames))
@@ -99,7 +100,7 @@ def record(
         facts = {"complete": complete, "pool": describe_pool(given.job.pool), **given.facts()}
         recorded = recorder.finish(facts, rate.per_second or 0.0)
         if recorded and not complete and total is not None:
-            kept = max(len(each.estimates) for each in recorded.values())  # as in the log, whenever it ended
+            kept = max(len(each.estimates) for each in recorded.values())  # as in the log
             show.say(
                 f"ended early with {kept} of {total} frames in {out}; the same command with --resume goes on"
             )
@@ -109,10 +110,10 @@ def record(
 def track_frames(
     given: RecordedInput | LiveInput, recorder: Recorder, rate: FrameRate, show: Show, connect: Connect
 ) -> bool:
-    """Track frame after frame; each is recorded while the workers are busy with the next.
+    """Track the frames; each is recorded while the workers refine the next.
 
-    Tracking starts anew with each stream of live input, where no frame is read ahead. Gives False where all
-    workers fell silent after some frames of a recording.
+    In live input no frame is read ahead, and each stream has a new tracker. Returns False if all workers
+    stopped answering after some frames of a recording.
     """
     job, before, goes_on = given.job, recorder.frames, False
     with connect(job.pool, show) as workers, show.steps("frame", keep=True) as advance:
@@ -129,7 +130,7 @@ def track_frames(
             states=recorder.states,
         )
         if not given.look_ahead:
-            make().prepare()  # so that no frame has to wait for it
+            make().prepare()  # so that no frame waits for it
         try:
             for frames in given.streams(workers, before):
                 for tracked in make().follow(frames, look_ahead=given.look_ahead):
@@ -142,7 +143,7 @@ def track_frames(
                         state += f", {given.received.counts['skipped']} frames skipped"
                     advance(recorder.frames, given.total, state)
                     if recorder.frames == before + 2:
-                        gc.freeze()  # what is loaded by now, which collections would look at for 0.1 s each
+                        gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
         except SilentWorkers:
             goes_on = given.total is not None and recorder.frames > before
             if not goes_on:
@@ -156,7 +157,7 @@ def track_frames(
 
 
 def publish(tracked: Sequence[Tracked], outlets: Sequence[LiveResults]) -> None:
-    """Publish a frame of all people who have been found; of one person alone every frame."""
+    """Publish a frame of all people who have been found; for a single person every frame."""
     for each, outlet in zip(tracked, outlets, strict=False):
         start = each.state.start
         if len(tracked) == 1 or start.found:
@@ -164,7 +165,7 @@ def publish(tracked: Sequence[Tracked], outlets: Sequence[LiveResults]) -> None:
 
 
 def open_outlets(job: Job, workers: Workers) -> list[LiveResults]:
-    """Where estimates are published, one outlet a person; none if that is not wanted."""
+    """The outlets that publish estimates, one per person; empty if not requested."""
     if job.results is None:
         return []
     names = [job.results]
@@ -174,13 +175,13 @@ def open_outlets(job: Job, workers: Workers) -> list[LiveResults]:
 
 
 def describe_pool(pool: Pool) -> dict[str, object]:
-    """Who was asked to refine, as the command line has it; certificates and keys stay unnamed."""
+    """The options of the workers, without certificates and keys."""
     asked = {name: getattr(pool, name) for name in ("workers", "listen", "connect", "worker_timeout")}
     return {**asked, "encrypted": pool.security is not None}
 
 
 def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson], show: Show) -> None:
-    """Pictures of a finished run, and where everything is."""
+    """Draw pictures of a finished run, and print where the results are."""
     job = given.job
     for number, each in recorded.items():
         out = folder_of(job.out, job.people, number)
@@ -199,9 +200,9 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson
 
 
 def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bool:
-    """Warn of those who mostly are not tracked; gives whether all are tracked.
+    """Warn of people who were not tracked in most frames; returns whether all were tracked.
 
-    Of several people, the first has a run even where none was found.
+    The first of several people has a run even if no one was found.
     """
     several = job.people > 1
     there = sum(person.found for person in recorded.values())
@@ -209,7 +210,7 @@ def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bo
         show.say(f"{there} of up to {job.people} people were found")
     tracked = True
     for number, each in recorded.items():
-        # one of several may come and go
+        # one of several people may be absent at times
         seen = [e for e in each.estimates if not several or e.status != "absent"]
         if not seen or not mostly_tracked(seen):
             tracked = False

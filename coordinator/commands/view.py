@@ -1,4 +1,4 @@
-"""`gepf view`: a run's recording in a file, or in a viewer in a browser."""
+"""`gepf view`: shows a run in a browser, or writes it to a file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 
 
 def run_view(options: ViewOptions, show: Show) -> None:
-    """Do a `gepf view`: write a file that any rerun viewer opens if one is named, else serve a browser."""
+    """Write a file for the rerun viewer if one is given, else serve a browser."""
     track, recording = filled(read_track(options.run)), rr.RecordingStream("gepf")
     source, blueprint = find_sequence(options.run, options.sequence), layout(track)
     if source is None:
@@ -31,7 +31,7 @@ def run_view(options: ViewOptions, show: Show) -> None:
             )
         recording.save(options.save, default_blueprint=blueprint)
     else:
-        # nothing is kept, and the viewer's own code swallows interrupts
+        # nothing is stored, and the viewer suppresses interrupts
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
         try:

@@ -1,4 +1,4 @@
-"""The workers of a run, as the port through which commands reach them."""
+"""The interface of commands to the workers of a run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from coordinator.tracking.refiner import Refiner
 
 
 class Workers(Refiner, Protocol):
-    """A refiner that reports who did the work, on a bus where others publish and listen."""
+    """A refiner with statistics, on a bus where others publish and listen."""
 
     @property
     def statistics(self) -> PoolStatistics:
@@ -22,11 +22,11 @@ class Workers(Refiner, Protocol):
         ...
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
-        """Have `on_message(payload)` called for what is published on a key."""
+        """Call `on_message(payload)` for each message on a key."""
         ...
 
     def speak(self, key: str) -> Outlet:
-        """Where to put what others are to hear on a key."""
+        """A publisher for a key."""
         ...
 
 
@@ -35,5 +35,5 @@ Connect = Callable[[Pool, Show], AbstractContextManager[Workers]]
 
 
 def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:
-    """Start a local worker, with a lane per core unless it is given otherwise, and let others join."""
+    """Start a local worker, with one lane per core by default, and let others join."""
     return ZenohRefiner(pool, show.say)

@@ -1,1 +1,1 @@
-"""The filters: pure functions from one frame's belief to the next; the paper's is `gradient_enhanced`."""
+"""The filters: pure functions from the belief of one frame to the next."""

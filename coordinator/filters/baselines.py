@@ -1,4 +1,4 @@
-"""The baselines, which never descend and never merge: CONDENSATION and the annealed particle filter."""
+"""The baselines, without refinement and merging: CONDENSATION and the annealed particle filter."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ LARGEST_POWER = 1e9  # of a likelihood
 
 @dataclass(frozen=True, slots=True)
 class Condensation:
-    """CONDENSATION (Isard and Blake, IJCV 1998): draw by weight, predict, weigh by the likelihood.
+    """CONDENSATION (Isard and Blake, IJCV 1998): draw by weight, predict, weight by the likelihood.
 
-    A particle is a pose and the motion that led to it; it moves on by its velocity and Gaussian noise, whose
-    standard deviations in a frame are given here. What is reported is the weighted mean.
+    A particle is a pose and the motion that led to it. It moves by its velocity and Gaussian noise, with the
+    standard deviations per frame that are given here. The reported pose is the weighted mean.
     """
 
     diffusion_deg: float = 2.0  # of joint angles
     diffusion_position: float = 0.01  # metres
 
     def begin(self, model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG002
-        """A particle at rest at the initial pose (D,); the first frame's noise spreads its children."""
+        """One particle at rest at the initial pose (D,); the noise of the first frame spreads it."""
         return Belief(
             poses=pose[None].copy(),
             log_weights=np.zeros(1),
@@ -56,7 +56,7 @@ class Condensation:
         settings: FilterSettings,
         rng: np.random.Generator,
     ) -> Proposal[Belief]:
-        """Select and predict: the particles of a frame, whose likelihood is asked for."""
+        """Select and predict: the particles of a frame, whose likelihood is requested."""
         ancestors = draw_ancestors(past.weights, settings.particles, rng)
         noise = self.diffusion(model) * rng.standard_normal((settings.particles, past.poses.shape[1]))
         motion = observation.expect(past.velocities, settings.velocity_time_s)
@@ -71,7 +71,7 @@ class Condensation:
         settings: FilterSettings,  # noqa: ARG002 as all methods
         rng: np.random.Generator,  # noqa: ARG002 as all methods
     ) -> Belief:
-        """Measure: weigh the proposed particles by their likelihood."""
+        """Measure: weight the proposed particles by their likelihood."""
         answered = assessed.answered
         measured, ancestors = assessed.take(answered), proposal.ancestors[answered]
         return weigh(model, proposal, ancestors, measured, measured.log_likelihood)
@@ -84,7 +84,7 @@ class Condensation:
 def weigh(
     model: BodyModel, proposal: Proposal[Belief], ancestors: Indices, measured: Refined, log_weights: Array
 ) -> Belief:
-    """The belief in measured particles (N,) that came from these ancestors (N,) of the belief before."""
+    """The belief of measured particles (N,) with these ancestors (N,) in the belief before."""
     order = np.argsort(-log_weights, kind="stable")
     poses = measured.poses[order]
     earlier = proposal.past.poses[ancestors[order]]
@@ -101,21 +101,21 @@ def weigh(
 class Layer(Proposal[Belief]):
     """The particles of one layer of a frame of the annealed filter."""
 
-    spread: Array  # (D,) standard deviation of the noise that they were diffused with
-    left: int  # layers of the frame that are still to come
+    spread: Array  # (D,) standard deviation of the noise of their diffusion
+    left: int  # remaining layers of the frame
 
 
 @dataclass(frozen=True, slots=True)
 class Annealed:
     """The annealed particle filter (Deutscher, Blake and Reid, CVPR 2000).
 
-    Each frame the particles pass through layers. In each they are weighed by a power of the likelihood,
-    drawn by weight and diffused, less from layer to layer. The power of a layer is the one that lets a given
-    share of the particles survive: with normalised weights w, 1 / sum w^2 = share * N. What is reported is
-    the weighted mean of the last layer. A frame costs `particles` evaluations of the likelihood a layer.
+    In each frame the particles pass through layers. In each layer they are weighted by a power of the
+    likelihood, drawn by weight and diffused, with decreasing noise. The power of a layer is chosen such that
+    a given share of the particles survives: with normalised weights w, 1 / sum w^2 = share * N. The reported
+    pose is the weighted mean of the last layer. Each layer costs `particles` evaluations of the likelihood.
     """
 
-    first: Condensation = Condensation()  # gives the first layer
+    first: Condensation = Condensation()  # makes the first layer
     layers: int = 10
     survival_rate: float = 0.5  # of the particles, from layer to layer
 
@@ -154,7 +154,7 @@ class Annealed:
             if not np.isfinite(log_weights.max()):
                 return found
             as_likely = found.log_weights + (likelihood.max() - log_weights.max())
-            return replace(found, log_weights=as_likely)  # by the greatest, a frame is judged
+            return replace(found, log_weights=as_likely)  # gating uses the greatest
         survivors = draw_ancestors(normalise(log_weights), settings.particles, rng)
         spread = layer.spread * np.sqrt(self.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
         noise = spread * rng.standard_normal((settings.particles, len(spread)))
@@ -163,10 +163,10 @@ class Annealed:
 
 
 def find_power(log_likelihood: Array, survival_rate: float) -> float:
-    """The power of the likelihoods (N,) with which the survival rate is reached, by bisection.
+    """The power of the likelihoods (N,) that gives the survival rate, by bisection.
 
-    The rate falls from 1 at power 0 to the share of the likeliest; where that is higher already than what
-    is asked for, the largest power.
+    The rate decreases from 1 at power 0 to the share of the most likely particles. If that share is above the
+    given rate, the result is the largest power.
     """
     low, high = 0.0, 1.0
     while survival(log_likelihood, high) > survival_rate and high < LARGEST_POWER:

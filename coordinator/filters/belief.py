@@ -1,4 +1,4 @@
-"""What all methods share: a belief after a frame, what is known of the next one, and its particles."""
+"""The types of all methods: the belief after a frame, the observation of the next one, and its particles."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 USUAL_INTERVAL = 1.0 / 30.0  # seconds between frames
-USUAL_SPEED = 1.8  # metres a second, root mean square over the joints of the reported pose
+USUAL_SPEED = 1.8  # metres per second, root mean square over the joints of the reported pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """Weighted poses after a frame, likeliest first, and the one that stands for them."""
+    """Weighted poses after a frame, the most likely first, and the reported pose."""
 
     poses: Array  # (M, D)
     log_weights: Array  # (M,)
@@ -41,17 +41,17 @@ class Belief:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """What is known of a frame before its particles are drawn."""
+    """The data of a frame that are used for drawing its particles."""
 
-    points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (P, 3) some, camera frame, metres
+    points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (P, 3) camera frame, metres
     interval: float = USUAL_INTERVAL  # seconds since the frame before
-    step: Array | None = None  # (D,) relative motion since then, from encoders: NaN where unknown
+    step: Array | None = None  # (D,) relative motion since then, from encoders; NaN if unknown
 
     def expect(self, velocities: Array, time_constant: float | None) -> Array:
-        """The motion (M, D) since the frame before of hypotheses with these velocities (M, D).
+        """The expected motion (M, D) since the frame before, of hypotheses with these velocities (M, D).
 
-        What is known of a velocity fades exponentially with a time constant in seconds; None: it is constant.
-        Known steps take the place of the velocities.
+        A velocity decays exponentially with the time constant in seconds; None: it is constant. Known steps
+        replace the velocities.
         """
         share = 1.0 if time_constant is None else np.exp(-self.interval / time_constant)
         motion: Array = share * self.interval * velocities
@@ -63,25 +63,25 @@ B = TypeVar("B", bound=Belief)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal(Generic[B]):
-    """Particles of a frame before they are refined, drawn from the belief about the frame before."""
+    """Particles of a frame before refinement, drawn from the belief of the frame before."""
 
     past: B
     ancestors: Indices  # (N,) the pose of `past` that each particle was drawn from
     poses: Array  # (N, D)
-    interval: float  # seconds since the frame that `past` is about
+    interval: float  # seconds since the frame of `past`
     expected: Array | None = field(default=None, kw_only=True)
-    """Where the motion model alone leads them (N, D), if the update needs to know how sure each pose is."""
+    """Their prediction (N, D) by the motion model alone, if the update needs the covariance of each pose."""
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
-        """Whether the workers are asked for the covariance of each refined pose.
+        """Whether the covariance of each refined pose is requested from the workers.
 
-        Not with soft correspondences, which make it unreliable, nor without iterations, when it is the prior.
+        It is unreliable with soft correspondences, and without iterations it is only the prior.
         """
         return self.expected is not None and not rules.is_soft and rules.icp_iterations > 0
 
 
 def normalise(log_weights: Array) -> Array:
-    """Weights (M,) that sum to 1. Where every log weight is -inf, all are equal."""
+    """Weights (M,) that sum to 1. If all log weights are -inf, all weights are equal."""
     if not np.any(np.isfinite(log_weights)):
         return np.full(len(log_weights), 1.0 / len(log_weights))
     weights = np.exp(log_weights - np.max(log_weights))
@@ -90,14 +90,14 @@ def normalise(log_weights: Array) -> Array:
 
 
 def effective_sample_size(weights: Array) -> float:
-    """1 / sum of squares of normalised weights: 1 when one has all, M when all are equal."""
+    """1 / sum of squares of normalised weights: 1 for a single nonzero weight, M for equal weights."""
     return float(1.0 / np.sum(weights**2))
 
 
 def draw_ancestors(weights: Array, count: int, rng: np.random.Generator) -> Indices:
-    """Ancestors (count,), ascending, by systematic resampling: each is drawn w count times, give or take one.
+    """Ancestors (count,), ascending, by systematic resampling: each is drawn about w * count times.
 
-    A hypothesis of zero weight is never drawn.
+    A hypothesis with zero weight is never drawn.
     """
     sums = np.cumsum(weights)
     places = (np.arange(count) + rng.random()) / count * sums[-1]
@@ -107,7 +107,7 @@ def draw_ancestors(weights: Array, count: int, rng: np.random.Generator) -> Indi
 
 
 def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
-    """Weighted mean (D,) of poses (M, D), taken as relative motion about the first; weights sum to 1."""
+    """Weighted mean (D,) of poses (M, D), in relative motion from the first; weights sum to 1."""
     apart = difference(model, np.broadcast_to(poses[:1], poses.shape), poses)
     mean: Array = retract(model, poses[:1], weights[None] @ apart)[0]
     return mean
@@ -116,10 +116,10 @@ def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
 def choose_reported(
     model: BodyModel, last: Array, poses: Array, log_likelihood: Array, interval: float
 ) -> Array:
-    """The pose (D,) of hypotheses (M, D) that is likeliest given a frame (M,) and the pose (D,) before it.
+    """The most likely pose (D,) of hypotheses (M, D), given a frame (M,) and the last reported pose (D,).
 
-    Hypotheses of nearly equal likelihood swap ranks between frames. A penalty on motion breaks such ties and
-    rarely affects others.
+    Hypotheses of nearly equal likelihood can change their order between frames. A penalty on motion breaks
+    such ties and rarely affects other cases.
     """
     joints = joint_positions(model, np.concatenate([last[None], poses]))
     way = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).mean(axis=-1)

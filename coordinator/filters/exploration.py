@@ -1,8 +1,8 @@
-"""Proposals that explore a body limb by limb (preset `default`).
+"""Proposals for single limbs of a body (preset `default`).
 
-Twenty particles cannot fill 24 dimensions. But limbs move, and are lost, one by one. So fixed shares of
-the particles follow the motion model exactly, or are data-driven: one limb of theirs is held so that it comes
-near observed points that nothing explains. The others are spread by the covariance of their hypothesis.
+Twenty particles cannot cover 24 dimensions. But limbs move, and are lost, separately. So fixed shares of the
+particles follow the motion model exactly, or are data-driven: one limb is moved to unexplained observed
+points. The others get noise with the covariance of their hypothesis.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 PREDICTED_SHARE, DATA_DRIVEN_SHARE = 0.15, 0.35  # of the particles
-VERTICES = 400  # of the body, that are compared with the observed points
-NEAR_M = 0.08  # from a vertex, within which a point is explained
+VERTICES = 400  # of the body, for the comparison with observed points
+NEAR_M = 0.08  # largest distance of an explained point from a vertex
 LEAST_UNEXPLAINED = 0.01  # share of the points
-DRAWS = 80  # ways to hold a limb: twice as many take longer and explain no more
+DRAWS = 80  # per limb; twice as many do not explain more points
 
 
 class Limb(NamedTuple):
-    """A branch of the tree that ends in tips."""
+    """A branch of the kinematic tree that includes its ends."""
 
-    group: int  # among all groups of degrees of freedom that move on their own
+    group: int  # index of the group of degrees of freedom
     dofs: Indices  # (d,)
-    low: Array  # (d,) of the values that are drawn
+    low: Array  # (d,) lower limit of the drawn values
     high: Array
 
 
@@ -60,7 +60,7 @@ class Layout(NamedTuple):
 
 
 def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
-    """Which particles (N,) get noise, and which are data-driven; the first follows motion alone."""
+    """Which particles (N,) get noise, and which are data-driven; the first is the prediction."""
     places = rng.permutation(count) / count
     places[0] = 0.0
     data_driven = (places >= PREDICTED_SHARE) & (places < PREDICTED_SHARE + DATA_DRIVEN_SHARE)
@@ -72,9 +72,10 @@ def propose_limbs(
 ) -> list[tuple[Indices, Array]]:
     """`count` proposals: degrees of freedom (d,) of a limb, and values (d,) that explain more points.
 
-    For each limb of pose (D,) joint values are drawn uniformly within its limits. One of all draws is chosen
-    with a probability proportional to the square of the number of points (P, 3) that it newly explains, less
-    those that it explains no longer. Empty if hardly a point is unexplained, or no draw explains more.
+    For each limb of pose (D,) joint values are drawn uniformly within the limits. The gain of a draw is the
+    number of points (P, 3) that become explained minus the number that become unexplained. A draw is chosen
+    with probability proportional to its squared gain. Empty if few points are unexplained, or no draw has a
+    gain.
     """
     layout, transforms = layout_of(model), link_transforms(model, pose[None])
     near = np.array([mark_near(points, part.pose(transforms))[0] for part in layout.parts])
@@ -106,7 +107,7 @@ def mark_near(points: Array, vertices: Array) -> Flags:
 
 @numba.njit(cache=True, nogil=True)
 def fill_near(points: Array, vertices: Array, near: Flags) -> None:
-    """`mark_near` of points (3, P), which come last so that compiled code takes several at once."""
+    """`mark_near` of points (3, P), in this layout for vectorised code."""
     near[:] = False
     for k in range(len(vertices)):
         for v in range(vertices.shape[1]):
@@ -117,7 +118,7 @@ def fill_near(points: Array, vertices: Array, near: Flags) -> None:
 
 
 def find_limbs(model: BodyModel) -> list[Indices]:
-    """Degrees of freedom in groups that move on their own: each branch of the tree, and the trunk."""
+    """Groups of degrees of freedom that move independently: each branch of the tree, and the trunk."""
     children = np.bincount(model.parents[model.parents >= 0], minlength=len(model.parents))
     limb_of = np.empty(len(model.parents), dtype=np.int64)
     for j, parent in enumerate(model.parents):
@@ -128,9 +129,9 @@ def find_limbs(model: BodyModel) -> list[Indices]:
 
 @lru_cache(maxsize=16)
 def layout_of(model: BodyModel) -> Layout:
-    """What of a body is compared: vertices all over it, and limbs: groups that hang on others and turn."""
+    """The vertices and limbs of a body that are compared; a limb is a rotating group below another group."""
     groups = find_limbs(model)
-    group_of_dof = np.zeros(len(model.kinds) + 1, dtype=np.int64)  # the last for what nothing moves
+    group_of_dof = np.zeros(len(model.kinds) + 1, dtype=np.int64)  # the last is for fixed vertices
     for number, dofs in enumerate(groups):
         group_of_dof[dofs] = number
     some = np.arange(0, len(model.vertices), max(1, len(model.vertices) // VERTICES))

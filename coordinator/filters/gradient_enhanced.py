@@ -1,11 +1,11 @@
 """The gradient-enhanced particle filter, steps 1 to 7 of section 4.3.
 
-The paper leaves some points open. Here:
+Decisions that the paper leaves open:
 - Weights are the likelihoods of the merged hypotheses.
 - A hypothesis has the velocity that led from its ancestor to it.
 - A group of one particle keeps the covariance of its ancestor.
 - Occluded limbs follow the motion model (preset `default`, see `motion.hold`).
-- The reported pose is the likeliest hypothesis, given the frame and the motion since the last one.
+- The reported pose is the most likely hypothesis, given the frame and the motion since the last one.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from coordinator.filters.motion import draw_noise, hold
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-REDUCTION = 0.1  # share by which step 7 shrinks every covariance each frame
-FIRST_POSITION_DEVIATION = 0.02  # metres, of where a joint that slides begins
+REDUCTION = 0.1  # share by which step 7 reduces every covariance in each frame
+FIRST_POSITION_DEVIATION = 0.02  # metres, of the initial values of prismatic joints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses(Belief):
-    """What the filter knows after a frame: merged particles and their modes' covariances, likeliest first."""
+    """The belief after a frame: merged particles and covariances of their modes, the most likely first."""
 
     covariances: Array  # (M, D, D) of relative motion
 
 
 def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses:
-    """Step 1: one hypothesis at the initial pose (D,), its standard deviation the merging distance d."""
+    """Step 1: one hypothesis at the initial pose (D,) with the merging distance d as standard deviation."""
     deviation = np.where(
         model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), FIRST_POSITION_DEVIATION
     )
@@ -64,14 +64,14 @@ def propose(
     settings: FilterSettings,
     rng: np.random.Generator,
 ) -> Proposal[Hypotheses]:
-    """Steps 2 and 3: the particles of a frame, whose descent and likelihood are steps 4 and 5."""
+    """Steps 2 and 3: the particles of a frame; steps 4 and 5 refine and weight them."""
     ancestors = draw_ancestors(past.weights, settings.particles, rng)  # 2
     if settings.explore and settings.particles > 1:
         ancestors[0] = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
         return explore(model, past, ancestors, observation, settings, rng)  # 3
     motion = observation.expect(past.velocities, settings.velocity_time_s)
     particles = retract(model, past.poses[ancestors], motion[ancestors])  # 3
-    if settings.particles > 1:  # a lone one has no noise
+    if settings.particles > 1:  # a single particle has no noise
         particles = retract(model, particles, draw_noise(past.covariances, ancestors, rng))
     return Proposal(past, ancestors, particles, observation.interval)
 
@@ -83,7 +83,7 @@ def update(
     settings: FilterSettings,
     rng: np.random.Generator,  # noqa: ARG001 as all methods
 ) -> Hypotheses:
-    """Steps 6 and 7: hypotheses from the proposed particles after their descent."""
+    """Steps 6 and 7: hypotheses from the refined particles."""
     past, answered = proposal.past, after.answered
     ancestors, before, after = proposal.ancestors[answered], proposal.poses[answered], after.take(answered)
     roots = after.covariance_roots

@@ -1,4 +1,4 @@
-"""Refined particles that are one hypothesis, and how far its children are spread (steps 6 and 7)."""
+"""Merging of refined particles into hypotheses, and their covariances (steps 6 and 7)."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from common.kinematics import difference
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-MERGE_VARIANCES = 2.0 / 3.0  # mean squared distance in each degree of freedom, over its variance
+MERGE_VARIANCES = 2.0 / 3.0  # squared Mahalanobis distance per degree of freedom
 
 
 def merge_by_angle(
     model: BodyModel, poses: Array, log_likelihood: Array, angle: float
 ) -> tuple[Indices, Indices]:
-    """Group particles (N, D) that differ by less than `angle` (radians) in every rotation, as the paper does.
+    """Group particles (N, D) that differ by less than `angle` (radians) in every rotation, as in the paper.
 
-    Positions are not compared. Returns as `merge`.
+    Positions are not compared. Returns the same as `merge`.
     """
     turning = model.kinds == ROTATION
     return merge(model, poses, log_likelihood, lambda _, steps: np.abs(steps[:, turning]).max(axis=1) < angle)
@@ -31,11 +31,11 @@ def merge_by_angle(
 def merge_by_covariance(
     model: BodyModel, poses: Array, log_likelihood: Array, roots: Array
 ) -> tuple[Indices, Indices]:
-    """Group particles (N, D) that are near by the Mahalanobis distance of the likelier one.
+    """Group particles (N, D) with a small Mahalanobis distance, by the covariance of the more likely one.
 
-    Directions that a frame does not constrain, such as the twist of a forearm, do not separate particles; in
-    well constrained ones millimetres do. `roots` (N, D, D) are Cholesky factors of covariances. Returns as
-    `merge`.
+    Directions that a frame does not constrain, such as the twist of a forearm, do not separate particles. In
+    well constrained directions millimetres separate them. `roots` (N, D, D) are Cholesky factors of
+    covariances. Returns the same as `merge`.
     """
     rim = MERGE_VARIANCES * poses.shape[1]
     return merge(model, poses, log_likelihood, lambda n, steps: are_within(roots[n], steps, rim))
@@ -43,7 +43,7 @@ def merge_by_covariance(
 
 @numba.njit(cache=True, nogil=True)
 def are_within(root: Array, steps: Array, squared: float) -> NDArray[np.bool_]:
-    """Which steps (K, D) have less than a squared Mahalanobis length, by a Cholesky factor (D, D)."""
+    """Which steps (K, D) have a squared Mahalanobis length below a limit, by a Cholesky factor (D, D)."""
     within = np.empty(len(steps), dtype=np.bool_)
     whitened = np.empty(len(root))
     for k in range(len(steps)):
@@ -64,17 +64,17 @@ def merge(
     log_likelihood: Array,
     is_near: Callable[[int, Array], NDArray[np.bool_]],
 ) -> tuple[Indices, Indices]:
-    """Group refined particles (N, D): each joins the likeliest one (N,) that is near, or stands for a group.
+    """Group refined particles (N, D): each joins the most likely near particle, or starts a group.
 
     Args:
         model: The body.
         poses: The particles.
-        log_likelihood: Of each.
+        log_likelihood: Log likelihoods (N,).
         is_near: Which particles are near the n-th, by the steps (K, D) from it to each of them.
 
     Returns:
-        The representatives (M,) as indices of particles, likeliest first, and for each particle the
-        place (N,) of its representative among them.
+        The representatives (M,) as indices of particles, the most likely first; and for each particle the
+        index (N,) of its representative in this list.
     """
     left = np.argsort(-log_likelihood, kind="stable")
     chosen, group = list[int](), np.empty_like(left)
@@ -93,17 +93,17 @@ def estimate_covariances(
 ) -> Array:
     """Covariances (M, D, D) of relative motion about each merged hypothesis, Eq. 7.
 
-    Taken from the particles *before* their descent, about the hypothesis after it, so that the next ones
-    cover the mode's basin of attraction. A group of one particle keeps its parent's covariance, as Eq. 7
-    would have rank 1. Both are then reduced.
+    They are computed from the particles *before* refinement, about the hypothesis after it, so that the next
+    particles cover the basin of attraction of the mode. A group of one particle keeps the covariance of its
+    ancestor, because Eq. 7 would have rank 1. Both are then reduced.
 
     Args:
         model: The body.
-        before: Particles (N, D) before their descent.
+        before: Particles (N, D) before refinement.
         merged: Hypotheses (M, D) after it.
-        group: For each particle (N,) the hypothesis it merged into.
-        inherited: Covariance (M, D, D) of the hypothesis that each representative was drawn from.
-        reduction: Share by which every covariance shrinks each frame.
+        group: Index (N,) of the hypothesis into which each particle was merged.
+        inherited: Covariances (M, D, D) of the ancestors of the representatives.
+        reduction: Share by which every covariance is reduced in each frame.
     """
     steps = difference(model, merged[group], before)
     covariances = inherited.copy()

@@ -1,7 +1,7 @@
-"""The methods of tracking by name, and the settings that make each of them.
+"""The methods of tracking by name, and the settings that define them.
 
-The command line and the library choose settings here, and the tracker applies them: so a method is the same
-whoever asks for it.
+The command line and the library choose settings here, and the tracker applies them. So a method is the same
+for all callers.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator]
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """The steps of a filter, whose beliefs and proposals are of its own kind, and what makes the method.
+    """The steps of a filter, with its own types of belief and proposal, and the settings that define it.
 
-    `begin` gives the belief at an initial pose (D,). Then, frame by frame: `propose` gives particles,
-    `update` the belief after they were refined, or, where a method needs it, more particles to refine.
+    `begin` returns the belief at an initial pose (D,). Then, frame by frame, `propose` returns particles, and
+    `update` returns the belief after their refinement, or more particles to refine if the method needs them.
     """
 
     begin: Begin
     propose: Propose
     update: Update
-    particles: int | None = None  # unless the user wants another number; None for the preset's
-    lone: bool = False  # follows a single particle, always
-    icp_iterations: int | None = None  # of every particle, always; None for what the settings say
+    particles: int | None = None  # default of the method; None for that of the preset
+    lone: bool = False  # always a single particle
+    icp_iterations: int | None = None  # fixed number; None for that of the settings
 
     @property
     def recovers(self) -> bool:
-        """Whether a body that is lost is looked for: the baselines are what their papers say."""
+        """Whether a lost body is redetected; the baselines do not, as in their papers."""
         return self.descends and not self.lone
 
     @property
     def descends(self) -> bool:
-        """Whether particles are moved by their refinement; else only their likelihood is asked for."""
+        """Whether particles are refined; if not, only their likelihood is computed."""
         return self.icp_iterations != 0
 
 
@@ -58,20 +58,20 @@ _GRADIENT = gradient_enhanced.begin, gradient_enhanced.propose, gradient_enhance
 
 
 def baseline(steps: Condensation | Annealed, particles: int) -> Method:
-    """A method that never descends, with so many particles unless the user wants another number."""
+    """A method without refinement, with this number of particles unless the user gives another."""
     return Method(steps.begin, steps.propose, steps.update, particles, icp_iterations=0)
 
 
 METHODS = {
     "gepf": Method(*_GRADIENT),
-    "gradient": Method(*_GRADIENT, particles=1, lone=True, icp_iterations=6),  # nobody else may be nearer
+    "gradient": Method(*_GRADIENT, particles=1, lone=True, icp_iterations=6),  # compensates for few particles
     "condensation": baseline(Condensation(), particles=1_000),
     "annealed": baseline(Annealed(), particles=100),  # in each layer
 }
 
 
 def find_method(name: str) -> Method:
-    """The method of a name; InputError names the valid ones."""
+    """The method with a name; InputError lists the valid names."""
     check_choice("method", name, tuple(METHODS))
     return METHODS[name]
 
@@ -83,22 +83,22 @@ def settings_for(
     points: int | None = None,
     seed: int = 0,
 ) -> Settings:
-    """A preset's settings for a method, with as many particles and points as the method needs.
+    """The settings of a preset for a method, with the numbers of particles and points that it needs.
 
     Args:
         method: One of METHODS.
         preset_name: One of PRESETS.
-        particles: How many, of `annealed` in each layer; None for the method's own number.
-        points: How many observed points at the most; None for the method's own number.
-        seed: Of all random numbers.
+        particles: Number of particles, of `annealed` per layer; None for the default of the method.
+        points: Largest number of observed points; None for the default of the method.
+        seed: Seed of all random numbers.
 
-    Raises InputError for a name that is unknown or a number that the method cannot have.
+    Raises InputError for an unknown name, or a number that the method does not allow.
     """
     settings, chosen = preset(preset_name), find_method(method)
     if chosen.lone and particles not in (None, 1):
         raise InputError(f"method {method} follows a single particle; leave --particles out")
     if points is None:
-        points = Settings().points if chosen.lone else settings.points  # one particle has time for more
+        points = Settings().points if chosen.lone else settings.points  # one particle can use more
     if particles is None:
         particles = chosen.particles or settings.filter.particles
     of_filter = msgspec.structs.replace(settings.filter, particles=particles)
@@ -107,7 +107,7 @@ def settings_for(
 
 
 def check_choice(what: str, chosen: str, known: tuple[str, ...]) -> None:
-    """InputError if nothing of that kind has this name."""
+    """InputError if the name is not a valid choice of this kind."""
     if chosen not in known:
         raise InputError(f"unknown {what} '{chosen}'; choose from {', '.join(known)}")
 
@@ -115,8 +115,7 @@ def check_choice(what: str, chosen: str, known: tuple[str, ...]) -> None:
 def apply_method(settings: Settings) -> Settings:
     """Override the settings that the method fixes: the iterations of ICP and the number of particles.
 
-    Raises InputError for a method, descent or sensor that is unknown, and for settings without a particle or
-    a point.
+    Raises InputError for an unknown method, descent or sensor, and for settings without particles or points.
     """
     method = find_method(settings.method)
     check_choice("descent", settings.refine.descent, get_args(Descent))
@@ -137,10 +136,10 @@ MOST_PACE = 3.0  # the largest factor on the iterations is MOST_PACE ** pace
 
 
 def pace_iterations(settings: RefineSettings, interval: float, pace: float, most: int) -> RefineSettings:
-    """Scale the iterations of ICP with the interval: as many a second at pace 1, nearly twice as many at 2.
+    """Scale the iterations of ICP with the interval: a constant number per second at pace 1, more at 2.
 
-    A frame of 0.1 s gets three and five times those of a usual one, and one of 0.17 s three and nine times,
-    but `most` at the most, unless the settings ask for more.
+    At pace 1 and 2, an interval of 0.1 s has 3 and 5 times the usual iterations, and one of 0.17 s has 3 and
+    9 times, but not more than `most`, unless the settings have more.
     """
     factor = 1.0 + pace * max(interval / USUAL_INTERVAL - 1.0, 0.0)
     usual = settings.icp_iterations
@@ -149,5 +148,5 @@ def pace_iterations(settings: RefineSettings, interval: float, pace: float, most
 
 
 def keep_up(settings: Settings) -> Settings:
-    """Settings for live input, where a frame that takes long makes the next one come later."""
+    """Settings for live input, in which a slow frame delays the next one."""
     return msgspec.structs.replace(settings, pace_iterations=min(settings.pace_iterations, 1.0))

@@ -1,4 +1,4 @@
-"""Where particles go between frames (step 3): along their velocity, and apart by Gaussian noise."""
+"""The motion model between frames (step 3): velocity and Gaussian noise."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from coordinator.filters.belief import USUAL_INTERVAL
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-UNEXPECTED_TURN = float(np.radians(15.0))  # standard deviation of a joint angle about its prediction
+UNEXPECTED_TURN = float(np.radians(15.0))  # standard deviation of a joint angle around its prediction
 """after a usual interval. Prismatic joints have that of the weak prior."""
 
 
 def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:
-    """Gaussian noise (N, D), each with its ancestor's covariance (M, D, D), drawn in particle order.
+    """Gaussian noise (N, D), each with the covariance (M, D, D) of its ancestor, in the order of particles.
 
-    Covariances may be of any rank: each is the sum of its eigenvectors' squares.
+    Covariances can have any rank, because their eigendecomposition is used.
     """
     variances, directions = np.linalg.eigh(covariances)
     roots = directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]
@@ -32,20 +32,21 @@ def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator)
 
 
 def hold(model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float) -> Array:
-    """The likeliest poses (M, D) given a frame and the motion of so many seconds before it.
+    """The most likely poses (M, D) given a frame and the motion prior.
 
-    Refinement uses one frame. For an occluded limb only the prior of joint angles acts, and pulls it to rest
-    within a few frames. So each hypothesis is moved to the maximum of the posterior of frame and motion:
-    visible limbs follow the frame, occluded limbs the prediction. A refined pose has the covariance
-    S = (L + W)^-1, with the precision L of the frame and W of the weak prior. With the precision P of motion,
-    the step is (I + S (P - W))^-1 S P (predicted - refined): L is not needed. The base is left to the frame.
+    Refinement uses one frame. An occluded limb is determined only by the prior of joint angles, which would
+    pull it to rest within a few frames. So each hypothesis is moved to the maximum of the posterior of frame
+    and motion: visible limbs follow the frame, occluded limbs follow the prediction. A refined pose has the
+    covariance S = (L + W)^-1, with the precision L of the frame and W of the weak prior. With the precision P
+    of motion, the step is (I + S (P - W))^-1 S P (predicted - refined): L is not needed. The pose of the base
+    is determined by the frame alone.
 
     Args:
         model: The body.
-        refined: Hypotheses (M, D) after their descent.
-        covariances: What the descent found of each (M, D, D).
-        expected: Poses (M, D) that the motion model predicts.
-        interval: Seconds since then.
+        refined: Hypotheses (M, D) after refinement.
+        covariances: Their covariances (M, D, D) by the refinement.
+        expected: Poses (M, D) predicted by the motion model.
+        interval: Seconds of the motion.
     """
     weak, moves, base = precisions(model)
     motion: Array = np.where(base, weak, moves / interval)
@@ -58,7 +59,7 @@ def hold(model: BodyModel, refined: Array, covariances: Array, expected: Array, 
 
 @lru_cache(maxsize=16)
 def precisions(model: BodyModel) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Inverse variances (D,) of the weak prior and of a second's motion; which of them place the base."""
+    """Inverse variances (D,) of the weak prior and of the motion in one second; which DOFs place the base."""
     turning = model.kinds == ROTATION
     weak = np.where(turning, WEAK_TURN, WEAK_SLIDE) ** -2.0
     motion = np.where(turning, UNEXPECTED_TURN, WEAK_SLIDE) ** -2.0 * USUAL_INTERVAL

@@ -1,1 +1,1 @@
-"""What a run leaves: its log, its track, its summary, and how good they are."""
+"""The results of a run: log, track and summary; and their errors."""

@@ -1,12 +1,12 @@
-"""The angles of a track and the positions of its sliding joints, and how far each may be off.
+"""The angles of a track, the values of its prismatic joints, and their deviations.
 
-What the tracker reports of a hidden limb, or of the rotation of an arm whose elbow is straight, is arbitrary.
-How far each angle may be off is known frame by frame, and so is how fast people move their joints. A person's
-angles are smoothed accordingly: the likeliest x (F,) minimise
+The reported angles of a hidden limb, and the rotation of an arm with a straight elbow, are arbitrary. The
+deviation of each angle is known for each frame, and so is the speed of human joints. A person's angles are
+smoothed accordingly: the most likely x (F,) minimise
 
     sum_f (x_f - angle_f)^2 / variance_f + sum_f (x_f - x_{f-1})^2 / (SPEED interval_f)^2
 
-Here `variance` is what an angle may be off beyond `ANGLE_MISFIT`: an angle that is known stays as it is.
+Here `variance` is the variance of an angle beyond `ANGLE_MISFIT`, so a visible angle does not change.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ SHOWN_BY = {
 
 
 def with_angles(track: Track, angles: Angles) -> Track:
-    """The track with its body's angles (F, A), a person's smoothed, and how far each may be off."""
+    """The track with the angles (F, A) of its body and their deviations; a person's angles are smoothed."""
     known = filled(track)
     reported = angles.follow(known.pose, known.unknown)
     if is_person(track.dof_names) and len(known.frame) > 1:
@@ -74,9 +74,9 @@ def with_angles(track: Track, angles: Angles) -> Track:
 
 
 def smooth(angle: Array, variance: Array, interval: Array) -> Array:
-    """Angles (F,), those that are not known taken from the frames around; radians.
+    """Smoothed angles (F,), radians; unknown angles follow from the neighbouring frames.
 
-    `variance` (F,) is how far each may be off; `interval` (F - 1,) the seconds between frames.
+    `variance` (F,) is that of each angle; `interval` (F - 1,) the seconds between frames.
     """
     from scipy.linalg import solveh_banded  # slow to load
 
@@ -92,10 +92,10 @@ def smooth(angle: Array, variance: Array, interval: Array) -> Array:
 
 
 def deviations(track: Track, angles: Angles, about: Array, most: float) -> Array:
-    """Expected distance (F, A) of these angles (F, A) from the true ones, one standard deviation, radians.
+    """Standard deviations (F, A) of the errors of angles (F, A), radians.
 
-    Of a robot, whose measures are known, that of the hypotheses alone. A person's rotation of a limb is the
-    less certain the straighter the limb; what nothing shows is off by `most`.
+    For a robot, whose measures are known, they follow from the hypotheses alone. For a person, the rotation
+    of a limb is less certain the straighter the limb is. Unknown angles have the deviation `most`.
     """
     away = hypotheses_near(track, angles, about) - about[:, None]
     spread = UNSEEN * root_mean_square(away, track.hypothesis_weight)
@@ -110,10 +110,10 @@ def deviations(track: Track, angles: Angles, about: Array, most: float) -> Array
 
 
 def root_mean_square(away: Array, weight: Array) -> Array:
-    """Of M hypotheses' distances `away` (F, M, C) from what is reported, by weight (F, M): (F, C).
+    """Weighted root mean square (F, C) of the distances `away` (F, M, C) of hypotheses, by weight (F, M).
 
-    Zero where a frame ended with one hypothesis: it says where else the body may be, not how exactly the
-    reported pose is known. Places without a hypothesis hold NaN.
+    It is zero for a frame with one hypothesis: it measures the ambiguity, not the accuracy of the reported
+    pose. Missing hypotheses are NaN.
     """
     weight = np.nan_to_num(weight)
     squares = np.einsum("fm,fmc->fc", weight, np.nan_to_num(away) ** 2)
@@ -122,7 +122,7 @@ def root_mean_square(away: Array, weight: Array) -> Array:
 
 
 def hypotheses_near(track: Track, angles: Angles, about: Array) -> Array:
-    """The hypotheses' angles (F, M, A), radians, on the turns nearest to `about` (F, A); else NaN."""
+    """Angles (F, M, A) of the hypotheses, radians, shifted by full turns towards `about` (F, A); or NaN."""
     frames, most, dofs = track.hypothesis_pose.shape
     known = np.isfinite(track.hypothesis_weight)
     poses = np.where(known[..., None], track.hypothesis_pose, track.pose[:, None]).reshape(-1, dofs)
@@ -131,7 +131,7 @@ def hypotheses_near(track: Track, angles: Angles, about: Array) -> Array:
 
 
 def deviations_from_joints(track: Track, angles: Angles) -> Array:
-    """Deviations (F, A) of angles by those of the joints that show them, radians; 0 where none are known."""
+    """Deviations (F, A) of angles, radians, from those of the joints that they move; 0 if unknown."""
     off = np.zeros((len(track.frame), len(angles.names)))
     for angle, (end, pivot) in shown_by(angles.names, track.joint_names).items():
         bone = track.joint_positions[:, end] - track.joint_positions[:, pivot]
@@ -142,7 +142,7 @@ def deviations_from_joints(track: Track, angles: Angles) -> Array:
 
 
 def shown_by(angles: Sequence[str], joints: Sequence[str]) -> dict[int, tuple[int, int]]:
-    """Of angles that a joint's position shows: that joint, and the one about which it turns."""
+    """For angles that follow from joint positions: the moved joint, and the joint at the centre."""
     found: dict[int, tuple[int, int]] = {}
     for a, name in enumerate(angles):
         side, _, motion = name.partition("_")
@@ -155,22 +155,22 @@ def shown_by(angles: Sequence[str], joints: Sequence[str]) -> dict[int, tuple[in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slides:
-    """Sliding joints (S) over F frames, metres."""
+    """Prismatic joints (S) over F frames, metres."""
 
     names: tuple[str, ...]
     value: Array  # (F, S) NaN before the body was found
-    deviation: Array  # (F, S) one standard deviation; NaN where it is not known
+    deviation: Array  # (F, S) one standard deviation; NaN if unknown
 
 
 def read_slides(run: Path, track: Track) -> Slides:
-    """Of the body in a run's folder; none where that is missing."""
+    """The prismatic joints of the body in a run's folder; empty if it is missing."""
     if not (run / MODEL_FILE).exists():
         return Slides((), np.empty((len(track.frame), 0)), np.empty((len(track.frame), 0)))
     return slides_of(track, read_tracked_body(run).model)
 
 
 def slides_of(track: Track, model: BodyModel) -> Slides:
-    """The sliding joints of a track, without the root's position; deviations follow from the hypotheses."""
+    """The prismatic joints of a track, without the root; deviations follow from the hypotheses."""
     sliding = np.flatnonzero(model.kinds == TRANSLATION)
     names = tuple(name for j in sliding if (name := model.dof_names[j]) not in ROOT_DOFS)
     at = [track.dof_names.index(name) for name in names]

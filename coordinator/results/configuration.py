@@ -1,4 +1,4 @@
-"""A run's configuration: what decides its results. A run is resumed under the same one only."""
+"""The configuration of a run, which determines its results. A run is resumed only with the same one."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
 
-if TYPE_CHECKING:  # it brings the compiler, which takes long to load
+if TYPE_CHECKING:  # it loads the compiler, which is slow
     from coordinator.bodies.tracked import Bodies
     from coordinator.scene.scope import Scope
 
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
-PEOPLE = "people"  # how many were asked for, where it is not one
-PATH = "path"  # where the sequence was, for later reference; it does not influence results
-GIVEN = "camera_given"  # what the user said of the camera
-AUTOMATIC = "auto"  # a start that is found
+PEOPLE = "people"  # the requested number, if it is not one
+PATH = "path"  # of the sequence, for later reference; it does not affect results
+GIVEN = "camera_given"  # by the user
+AUTOMATIC = "auto"  # the start is detected
 HASH_LETTERS = 12
 
 RunConfiguration = dict[str, Any]
@@ -33,7 +33,7 @@ RunConfiguration = dict[str, Any]
 
 
 def versions() -> dict[str, str]:
-    """Of Python and of the packages that decide results; what is not installed is left out."""
+    """Versions of Python and of the installed packages that affect results."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
@@ -53,29 +53,29 @@ def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Iterator[tupl
 
 
 def digest_frame(frame: DepthFrame) -> str:
-    """A hash of a frame: of its depth and its camera."""
+    """A hash of the depth and camera of a frame."""
     camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
     return digest(camera.encode() + frame.depth.tobytes())
 
 
 def digest(content: bytes) -> str:
-    """A few letters that stand for the content."""
+    """A short hash of the content."""
     return hashlib.sha256(content).hexdigest()[:HASH_LETTERS]
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The request for a run, besides its input."""
+    """The options of a run that affect its results, apart from its input."""
 
     settings: Settings
     bodies: Bodies
     model: str  # as the user named it
     active: Sequence[str] | None
-    start: Mapping[str, float] | None  # None for one that is found
+    start: Mapping[str, float] | None  # None to detect it
     deadline: float | None  # seconds
-    scope: Scope  # what of the scene is tracked
-    joint_states: str | None  # a hash of what encoders say
-    people: int  # at the most
+    scope: Scope
+    joint_states: str | None  # a hash of the encoders' values
+    people: int  # largest number
 
 
 def run_configuration(
@@ -85,7 +85,7 @@ def run_configuration(
     asked: Asked,
     given: CameraOptions = AS_RECORDED,
 ) -> RunConfiguration:
-    """The configuration of a run; who does the work and where the results go is not among them."""
+    """The configuration of a run, without workers and output folder."""
     recording: RunConfiguration = {
         "sequence": sequence.resolve().name,
         PATH: str(sequence.resolve()),
@@ -128,9 +128,9 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
 
 
 def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:
-    """The first that differs from the recorded configuration, by dotted name, and how many more do.
+    """The first difference from the recorded configuration, by dotted name, and the number of others.
 
-    `recorded` may hold more than what is asked for.
+    `recorded` may contain additional entries.
     """
     before, now = dict(flatten(recorded)), dict(flatten(asked))
     found = [

@@ -1,6 +1,6 @@
-"""A track as comma-separated values (`poses.csv`): one line a frame, for spreadsheets and data frames.
+"""A track as comma-separated values (`poses.csv`): one line per frame, for spreadsheets and data frames.
 
-Angles come first, in degrees and with plain names; what the tracker itself moves, in radians, comes last.
+Angles are first, in degrees and with plain names. The pose of the tracker, in radians, is last.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def write_csv(track: Track, file: BinaryIO, more: Columns | None = None) -> None
 
 
 def angle_columns(track: Track) -> Columns:
-    """Angles (F,) in degrees, the shoulders' by the ISB's definition, and how far each angle may be off."""
+    """Angles (F,) in degrees, the ISB's shoulder angles, and the deviations of the angles."""
     angles = named(track.angle_names, track.angle)
     off = named(track.angle_names, track.angle_deviation)
     isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))
@@ -47,12 +47,12 @@ def named(names: tuple[str, ...], values: NDArray[np.float64]) -> Columns:
 
 
 def in_degrees(radians: Columns) -> Columns:
-    """The same columns in degrees, and named so."""
+    """The columns in degrees, with names that say so."""
     return {f"{name}_deg": np.degrees(values) for name, values in radians.items()}
 
 
 def joint_columns(track: Track) -> Columns:
-    """Every joint's x, y, z (F,) and how far it may be off, metres, camera frame; how probably, and seen."""
+    """x, y, z (F,) and deviation of every joint, metres, camera frame; off-probability, visible share."""
     columns: Columns = {}
     for j, name in enumerate(track.joint_names):
         columns |= {f"{name}_{axis}": track.joint_positions[:, j, a] for a, axis in enumerate("xyz")}

@@ -1,8 +1,8 @@
-"""How well a track fits the truth.
+"""Errors of a track against ground truth.
 
-Angles count where track and truth both have the degree of freedom, as the shorter way round; joints count
-where both have the name. Truth that is not finite is not known and does not count. Angles of
-people's limbs are also compared with those of the true joints, which are all that many truths have.
+Angles are compared if track and truth both have the degree of freedom; the error is the smaller of both
+directions. Joints are compared if both have the name. Truth that is not finite is unknown and is not used.
+Angles of people's limbs are also compared with those of the true joints, since many truths have only joints.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from coordinator.results.track import TRACK_FILE, Track
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True joints, and where known poses, of F frames; NaN where not known."""
+    """True joints, and poses if known, of F frames; NaN if unknown."""
 
     frame: NDArray[np.int64]  # (F,)
     joint_names: tuple[str, ...]
     joint_positions: NDArray[np.float64]  # (F, J, 3) metres, camera frame
-    dof_names: tuple[str, ...]  # empty where the pose is not known
+    dof_names: tuple[str, ...]  # empty if the pose is unknown
     pose: NDArray[np.float64]  # (F, D) metres and radians
-    slides: tuple[str, ...] = ROOT_DOFS[:3]  # the degrees of freedom that are no angles
+    slides: tuple[str, ...] = ROOT_DOFS[:3]  # the degrees of freedom that are not angles
 
 
 TRUTH_LAYOUT = {
@@ -44,7 +44,7 @@ TRUTH_LAYOUT = {
 
 
 def read_truth(path: Path) -> Truth:
-    """A truth file; without `frame`, its rows are the frames from 0. InputError if it is not one."""
+    """Read a truth file; without `frame`, its rows are the frames from 0. InputError if it is not one."""
     arrays = read_arrays(path, TRUTH_LAYOUT)
     if "dof_names" in arrays and "pose" not in arrays:
         raise InputError(f"{path} has no 'pose', but dof_names; give both or neither")
@@ -59,7 +59,7 @@ def read_truth(path: Path) -> Truth:
 
 
 def check_truth_of(run: Path, truth: Path) -> None:
-    """InputError where a run would be compared with itself."""
+    """InputError if a run would be compared with itself."""
     own = run / TRACK_FILE
     if own.exists() and truth.exists() and own.samefile(truth):
         raise InputError(f"{truth} is the run's own track; give the truth of its sequence, truth.npz")
@@ -71,41 +71,41 @@ LOST_DEG = 30.0
 
 
 class Evaluation(msgspec.Struct, frozen=True):
-    """Errors over all frames that track and truth share; None where the truth does not say."""
+    """Errors over all frames that track and truth have in common; None if the truth lacks the data."""
 
     frames: int
     mean_angle_error_deg: float | None  # of the reported pose
     mean_angle_error_deg_by_dof: dict[str, float] | None
-    best_hypothesis_angle_error_deg: float | None  # of each frame's hypothesis that is nearest to the truth
+    best_hypothesis_angle_error_deg: float | None  # of the hypothesis nearest to the truth in each frame
     best_hypothesis_angle_error_deg_by_dof: dict[str, float] | None
-    mean_angle_error_deg_by_angle: dict[str, float] | None  # of limbs, against those of the true joints
+    mean_angle_error_deg_by_angle: dict[str, float] | None  # of limbs, compared with those of the true joints
     worst_angle_error_deg_by_angle: dict[str, float] | None
-    mean_slide_error_cm_by_dof: dict[str, float] | None  # of joints that slide
+    mean_slide_error_cm_by_dof: dict[str, float] | None  # of prismatic joints
     mean_joint_error_cm: float | None
     pck10: float | None  # share of joints within 10 cm
-    within_deviation: float | None  # share of joints no farther off than their `joint_deviation`
-    within_two_deviations: float | None  # or than twice of it; a sound tracker has about 0.68 and 0.95
+    within_deviation: float | None  # share of joints with an error below `joint_deviation`
+    within_two_deviations: float | None  # or below twice of it; 0.68 and 0.95 are expected
     lost_from_frame: int | None  # from here to the end the mean error stays above 30 degrees or 30 cm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Errors:
-    """Errors of F frames; NaN where the truth is not known."""
+    """Errors of F frames; NaN if the truth is unknown."""
 
     frame: NDArray[np.int64]  # (F,)
-    dof_names: tuple[str, ...]  # (A,) the angles that count
+    dof_names: tuple[str, ...]  # (A,) the compared angles
     angle_deg: NDArray[np.float64]  # (F, A) of the reported pose
     best_angle_deg: NDArray[np.float64]  # (F, A) of the best hypothesis
     joint_m: NDArray[np.float64]  # (F, J)
     joint_deviation_m: NDArray[np.float64] = field(
         default_factory=lambda: np.empty((0, 0))
     )  # as joint_m, expected
-    slide_names: tuple[str, ...] = ()  # (S,) joints that slide, but for the root
+    slide_names: tuple[str, ...] = ()  # (S,) prismatic joints, without the root
     slide_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # (F, S)
 
 
 def evaluate(track: Track, truth: Truth) -> Evaluation:
-    """Score a track; InputError where it shares no frame, or neither angle nor joint, with the truth."""
+    """Score a track; InputError if it has no frame, or no angle and no joint, in common with the truth."""
     errors, limbs = compare(track, truth), errors_by_angle(track, truth)
     off = errors.joint_m / errors.joint_deviation_m
     return Evaluation(
@@ -126,7 +126,7 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
 
 
 def compare(track: Track, truth: Truth) -> Errors:
-    """Errors frame by frame, for angles and joints known to both sides."""
+    """Errors of each frame, for angles and joints that both have."""
     frame, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     if not len(frame):
         raise InputError(
@@ -155,9 +155,9 @@ def compare(track: Track, truth: Truth) -> Errors:
 
 
 def errors_by_angle(track: Track, truth: Truth) -> dict[str, NDArray[np.float64]]:
-    """Errors (K,) in degrees of each angle of a person's limbs, of the frames in which both sides know it.
+    """Errors (K,) in degrees of each angle of a person's limbs, over the frames in which both are known.
 
-    The truth's follow from its joints; angles whose joints it lacks are left out.
+    The true angles follow from the true joints; angles without these joints are omitted.
     """
     _, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     true = angles_from_joints(truth.joint_names, truth.joint_positions[theirs])
@@ -167,7 +167,7 @@ def errors_by_angle(track: Track, truth: Truth) -> dict[str, NDArray[np.float64]
 
 
 def best_hypothesis(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Errors (F, A) in degrees of each frame's hypothesis, of poses (F, M, A), nearest to truth (F, A)."""
+    """Errors (F, A) in degrees of the hypothesis of poses (F, M, A) nearest to truth (F, A) in each frame."""
     errors = angle_error_deg(poses, truth[:, None])  # (F, M, A)
     if not errors.size:
         return np.full(truth.shape, np.nan)
@@ -177,32 +177,32 @@ def best_hypothesis(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> N
 
 
 def angle_error_deg(angles: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Absolute difference in degrees, the shorter way round: 0 to 180."""
+    """Absolute difference of angles in degrees, 0 to 180."""
     return np.abs((np.rad2deg(angles - truth) + 180.0) % 360.0 - 180.0)
 
 
 def lost_from(errors: Errors) -> int | None:
-    """First frame of those at the end in which all tracking is lost; unknown frames do not count."""
+    """First frame from which tracking is lost until the end; unknown frames are ignored."""
     angle, joint = known_mean(errors.angle_deg, axis=1), known_mean(errors.joint_m, axis=1)
     known = ~(np.isnan(angle) & np.isnan(joint))
     return to_the_end(errors.frame[known], ((angle > LOST_DEG) | (joint > LOST_M))[known])
 
 
 def to_the_end(frames: NDArray[np.int64], lost: NDArray[np.bool_]) -> int | None:
-    """First of the frames (F,) at the end that are all lost (F,); None if the last is not."""
+    """First frame of (F,) from which all frames are lost (F,); None if the last frame is not."""
     kept = np.flatnonzero(~lost)
     first = kept[-1] + 1 if len(kept) else 0
     return int(frames[first]) if first < len(lost) else None
 
 
 def overall(errors: NDArray[np.float64]) -> float | None:
-    """Mean of what is known."""
+    """Mean of the known values."""
     known = errors[~np.isnan(errors)]
     return float(known.mean()) if len(known) else None
 
 
 def by_dof(names: tuple[str, ...], errors: NDArray[np.float64]) -> dict[str, float] | None:
-    """Mean error of each angle that is known anywhere."""
+    """Mean error of each angle that is known in any frame."""
     means = {name: overall(errors[:, a]) for a, name in enumerate(names)}
     return {name: mean for name, mean in means.items() if mean is not None} or None
 
@@ -214,16 +214,16 @@ def share_within(errors: NDArray[np.float64], limit: float) -> float | None:
 
 
 def known_mean(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-    """Mean along an axis of what is known; NaN where nothing is."""
+    """Mean of the known values along an axis; NaN if there are none."""
     mean: NDArray[np.float64] = np.ma.masked_invalid(values).mean(axis=axis).filled(np.nan)
     return mean
 
 
 def positions(names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
-    """Where each wanted name stands."""
+    """Index of each wanted name."""
     return [names.index(name) for name in wanted]
 
 
 def span(frames: NDArray[np.int64]) -> str:
-    """First and last frame, for people."""
+    """First and last frame, as text."""
     return f"frames {frames.min()} to {frames.max()}" if len(frames) else "no frames"

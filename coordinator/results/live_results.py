@@ -1,6 +1,6 @@
-"""What is known of a frame, published while the run goes on: docs/live.md has the message.
+"""Publishes the result of each frame during the run; docs/live.md describes the message.
 
-Each message says all of itself, names and values, so a receiver needs no earlier one.
+Each message contains all names and values, so a receiver needs no earlier message.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ KIND, END = "estimate", "estimates-end"
 
 
 class Outlet(Protocol):
-    """Where messages go."""
+    """A destination of messages."""
 
     def put(self, payload: bytes) -> None:
-        """Publish a message, if the link can take it."""
+        """Publish a message; it may be dropped."""
         ...
 
     def put_surely(self, payload: bytes) -> None:
-        """Publish a message that waits for its turn."""
+        """Publish a message that is not dropped."""
         ...
 
 
 class LiveResults:
-    """Publishes estimates as MessagePack, or as JSON; angles do not leap by a turn from frame to frame."""
+    """Publishes estimates as MessagePack or JSON; angles do not jump by full turns between frames."""
 
     def __init__(
         self, outlet: Outlet, *, as_json: bool = False, clock: Callable[[], float] = time.time
@@ -46,7 +46,7 @@ class LiveResults:
         self._last: NDArray[np.float64] | None = None
 
     def put(self, estimate: Estimate, model: BodyModel, held: Mapping[str, float]) -> None:
-        """Publish what is known of a frame."""
+        """Publish the estimate of a frame."""
         estimated_at = self._clock()
         angles = angles_of(model, held)
         track = assemble(model, [estimate], held=held)
@@ -74,7 +74,7 @@ class LiveResults:
         )
 
     def _follow(self, angles: Angles, track: Track) -> NDArray[np.float64]:
-        """The only frame's angles (A,), on the turns nearest to the last that were known; NaN before."""
+        """The angles (A,) of the frame, shifted by full turns towards the last known angles; NaN before."""
         if not track.placed[0]:
             return np.full(len(angles.names), np.nan)
         measured = angles.measure(track.pose)
@@ -86,12 +86,12 @@ class LiveResults:
         return near
 
     def end(self) -> None:
-        """Say that no more will come."""
+        """Publish that there are no more messages."""
         self._outlet.put_surely(self._encode({"kind": END, "version": VERSION}))
 
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-    """Values (N,) or points (N, 3) by name; null for what is not known."""
+    """Values (N,) or points (N, 3) by name; null if unknown."""
     return {
         name: value.tolist() if np.isfinite(value).all() else None
         for name, value in zip(names, values, strict=True)

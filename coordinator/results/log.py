@@ -1,8 +1,8 @@
-"""Results as they come, in a file that is only ever appended to.
+"""The log of results, to which each frame is appended.
 
-A record is its length and checksum (two little-endian uint32) and then msgpack. Whenever the
-process dies, the records before the last are whole, and a torn last one is recognised and ignored.
-A frame's record holds its results and all that the next frame continues from.
+A record is its length and checksum (two little-endian uint32), followed by msgpack. If the process dies, only
+the last record can be incomplete; this is detected, and the record is ignored. The record of a frame contains
+its results and the state after it.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ FORM = 10
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
-    """The run begins, or goes on after an early end; its configuration as JSON would hold it."""
+    """The start or continuation of a run, with its configuration as JSON values."""
 
     configuration: dict[str, Any]
     form: int = FORM
 
 
 class Entry(msgspec.Struct, frozen=True, tag="frame"):
-    """One frame of all people, and the run until then. A start is recorded when it changes, else None."""
+    """One frame of all people, and the run until then. A start is None if it did not change."""
 
     starts: list[Start | None]
     checkpoints: list[Checkpoint]
@@ -58,22 +58,22 @@ Record = Opening | Entry
 
 
 def append_records(descriptor: int, records: Sequence[Record]) -> None:
-    """Write records at the file's end: there for every reader, and safe from the end of this process."""
+    """Append records to the file: readers see them, and they survive the end of this process."""
     rest = memoryview(b"".join(map(frame_record, records)))
     while rest:
         rest = rest[os.write(descriptor, rest) :]
 
 
 def frame_record(record: Record) -> bytes:
-    """A record's bytes after their length and checksum."""
+    """The bytes of a record with its length and checksum."""
     payload = msgspec.msgpack.encode(record, enc_hook=_pack_array)
     return HEAD.pack(len(payload), zlib.crc32(payload)) + payload
 
 
 def read_records(file: BinaryIO) -> Iterator[tuple[Record, int]]:
-    """The whole records of a log and where each ends, up to a torn one.
+    """The complete records of a log, up to an incomplete one, and the position after each.
 
-    Raises InputError if it is of another form.
+    Raises InputError if it has another format.
     """
     decoder = msgspec.msgpack.Decoder(Record, dec_hook=_unpack_array)
     size, end = os.fstat(file.fileno()).st_size, 0
@@ -117,29 +117,29 @@ class RecordedPerson:
 
     @property
     def found(self) -> bool:
-        """Whether the person was there at any time."""
+        """Whether the person was found in any frame."""
         return self.state.start.found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recorded:
-    """One frame or more, and the run until the last of them."""
+    """At least one frame, and the run until the last of them."""
 
     configuration: RunConfiguration
     people: list[RecordedPerson]
     statistics: PoolStatistics
     seconds: float
     resumes: int
-    end: int  # bytes of the log; what follows is torn
+    end: int  # bytes of complete records
 
     @property
     def frames(self) -> int:
-        """How many there are."""
+        """Number of frames."""
         return len(self.people[0].estimates)
 
 
 def read_log(path: Path) -> Recorded | None:
-    """What a log holds; None if that is no frame. Raises InputError if it is of another form."""
+    """Read a log; None if it has no frame. Raises InputError if it has another format."""
     openings: list[Opening] = []
     last: Entry | None = None
     starts: list[Start | None] = []
@@ -170,7 +170,7 @@ def read_log(path: Path) -> Recorded | None:
 
 
 def floor_up(scene: SceneChange) -> NDArray[np.float64] | None:
-    """Up (3,) from the floor of the last frame; None where no floor is seen."""
+    """Up direction (3,) from the floor of the last frame; None without a floor."""
     return Planes(scene.planes, scene.has_floor).up if scene.has_floor else None
 
 
@@ -182,10 +182,10 @@ def assemble(
     timed: bool = False,
     up: NDArray[np.float64] | None = None,
 ) -> Track:
-    """The track of a run's estimates, in their order; with a deadline (`timed`) also who was in time.
+    """The track of a run's estimates, in their order; with a deadline (`timed`) also the answered particles.
 
-    `held` are the values of degrees of freedom that do not move, by name; zero where there is none. `up` (3,)
-    leads away from the ground, camera frame; None where that is not known.
+    `held` are the values of held degrees of freedom by name; zero if missing. `up` (3,) is the direction away
+    from the ground, camera frame; None if unknown.
     """
     dofs, joints = len(model.dof_names), len(model.joint_names)
     most = max((len(e.hypothesis_weight) for e in estimates), default=0)
@@ -219,5 +219,5 @@ def assemble(
 
 
 def certainty_of(model: BodyModel, estimate: Estimate) -> Certainty:
-    """How sure each joint (J,) of an estimate is; NaN where it is not known."""
+    """The certainty of each joint (J,) of an estimate; NaN if unknown."""
     return estimate.certainty or unknown_certainty(len(model.joint_names))

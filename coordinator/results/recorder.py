@@ -1,4 +1,4 @@
-"""A run's folder: results recorded frame by frame, and its final files written whole at the end."""
+"""The folder of a run: results are recorded frame by frame, and the final files are written at the end."""
 
 from __future__ import annotations
 
@@ -56,15 +56,15 @@ ELSEWHERE = "choose another --out or delete what is there"
 
 
 class Recorder:
-    """Owns a run's folder from the first frame to the last; a context manager.
+    """Owns the folder of a run; a context manager.
 
-    While it is open, `frames.log` grows and is locked against a second run. It goes away when a complete
-    run is closed without an error. If no frame is recorded, the folder is left as it was found.
+    While it is open, `frames.log` grows and is locked against a second run. It is deleted when a complete run
+    is closed without an error. If no frame is recorded, the folder is not changed.
 
     Args:
-        run: The run's folder.
-        configuration: Of the run, with the number of people where that is not one.
-        resume: Continue what is there; if that is nothing, begin.
+        run: The folder of the run.
+        configuration: Configuration of the run, with the number of people if it is not one.
+        resume: Continue the run in the folder, if there is one.
 
     Raises:
         InputError: The folder is in use, cannot be written, or holds a run that cannot be continued.
@@ -100,7 +100,7 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Release the folder; without a frame, leave no trace of the run."""
+        """Release the folder; without a frame, remove all files of the run."""
         self._disk.shutdown()
         empty = os.fstat(self._log).st_size == 0
         try:
@@ -113,15 +113,16 @@ class Recorder:
 
     @property
     def states(self) -> list[TrackerState] | None:
-        """What was known of each person when the run ended early; None where it begins."""
+        """The state of each person at the end of the interrupted run; None for a new run."""
         return [person.state for person in self.past.people] if self.past else None
 
     def append(self, tracked: Sequence[Tracked], statistics: PoolStatistics, seconds: float) -> None:
-        """Write one frame's results, and what the tracker knew after it of each person.
+        """Write the results of one frame, and the state of the tracker after it for each person.
 
-        They are there for readers, and survive this process, when this returns. They survive a loss of power
-        some milliseconds later, and surely when the next frame is appended or the results are read; so the
-        disk works while the workers do. `statistics` and `seconds` are those since this recorder was opened.
+        When this returns, readers see them, and they survive the end of this process. They survive a loss of
+        power some milliseconds later, at the latest when the next frame is appended or the results are read.
+        So the disk writes while the workers refine. `statistics` and `seconds` are those since this recorder
+        was opened.
         """
         if self.past:
             statistics, seconds = statistics.after(self.past.statistics), seconds + self.past.seconds
@@ -140,10 +141,10 @@ class Recorder:
         self.frames += 1
 
     def finish(self, facts: Mapping[str, object], rate: float) -> dict[int, RecordedPerson]:
-        """Write all files but pictures of those who were found, and of the first; gives these by number.
+        """Write all files except pictures for each person found, and for the first; returns them by number.
 
-        Each summary begins with `facts`, whether all is complete among them, and the frame rate, frames
-        a second; 0 where no frame was tracked now. Nothing is written before the first frame. An incomplete
+        Each summary starts with `facts`, including whether the run is complete, and the frame rate in frames
+        per second; 0 if no frame was tracked now. Nothing is written before the first frame. An incomplete
         run keeps its log.
         """
         self._syncing.result()
@@ -173,7 +174,7 @@ class Recorder:
 
 
 def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object]) -> None:
-    """Write all files of one person but pictures; the folder is made where it is not there."""
+    """Write all files of one person except pictures; the folder is created if it is missing."""
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
     write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
@@ -182,7 +183,7 @@ def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[
 
 
 def is_complete(run: Path, configuration: RunConfiguration) -> bool:
-    """Whether a folder holds a whole run; InputError if it was made under another configuration."""
+    """Whether a folder holds a complete run; InputError if its configuration differs."""
     summary = find_summary(run)
     if summary is None or (run / LOG_FILE).exists():
         return False
@@ -191,7 +192,7 @@ def is_complete(run: Path, configuration: RunConfiguration) -> bool:
 
 
 def check_configuration(folder: Path, recorded: Mapping[str, Any], asked: RunConfiguration) -> None:
-    """InputError that names what differs."""
+    """InputError that names the differences, if there are any."""
     found = differences(recorded, asked)
     if found:
         raise InputError(
@@ -200,7 +201,7 @@ def check_configuration(folder: Path, recorded: Mapping[str, Any], asked: RunCon
 
 
 def open_log(path: Path) -> int:
-    """A descriptor of the log, locked; InputError if a run is still going on."""
+    """A locked descriptor of the log; InputError if another run uses it."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -209,14 +210,14 @@ def open_log(path: Path) -> int:
         raise InputError(
             f"{path.parent} is in use by a run that is still going on; choose another --out"
         ) from None
-    if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # that run ended just now
+    if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # the other run just ended
         os.close(descriptor)
         raise InputError(f"{path.parent} was in use until now; {ELSEWHERE}")
     return descriptor
 
 
 def claim(folder: Path, configuration: RunConfiguration, *, resume: bool) -> Recorded | None:
-    """What there is to continue; InputError if anything is there that is not to be continued."""
+    """The run to continue; InputError if the folder holds something that cannot be continued."""
     past = read_log(folder / LOG_FILE)
     if past is not None:
         if not resume:
@@ -239,7 +240,7 @@ def _remove_empty(folders: Sequence[Path]) -> None:
 
 
 def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) -> None:
-    """Write the results of a run that was made from Python. InputError if there are any."""
+    """Write the results of a run from Python. InputError if the folder already has results."""
     present = [name for name in (*RESULTS, MODEL_FILE) if (folder / name).exists()]
     if present:
         raise InputError(f"{folder} holds a run already ({present[0]}); choose another folder")

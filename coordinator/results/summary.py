@@ -1,4 +1,4 @@
-"""What `summary.json` says about a run: everything that was decided, and how it went."""
+"""The content of `summary.json`: all settings of a run, and its outcome."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from common.errors import InputError
 from coordinator.results.configuration import versions
 from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 
-if TYPE_CHECKING:  # it brings the compiler, which takes long to load
+if TYPE_CHECKING:  # it loads the compiler, which is slow
     from coordinator.results.log import Recorded, RecordedPerson
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
-PERSON = "person"  # in it: which of several people this is
-FOUND = "found"  # in the summary of several: one entry for each person who was found
-OF_ONE = ("doubts", "rotate_deg", "noise_m")  # what differs from person to person
+PERSON = "person"  # key in the summary: number of the person
+FOUND = "found"  # key in the summary of several people: one entry per person
+OF_ONE = ("doubts", "rotate_deg", "noise_m")  # differs between people
 
 
 def folder_of(run: Path, people: int, number: int) -> Path:
-    """Where a person's results are; people count from 1. One person alone has the run's folder."""
+    """The folder of a person's results; numbers start at 1. A single person has the folder of the run."""
     return run if people == 1 else run / f"{PERSON}{number}"
 
 
 def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
-    """Configuration, versions, body, workers, frames and the time each stage took in all, in seconds."""
+    """Configuration, versions, body, workers, frames, and the total time of each stage in seconds."""
     configuration, start, statistics = recorded.configuration, person.state.start, recorded.statistics
     settings = configuration["settings"]
     particles = settings["filter"]["particles"]
@@ -72,7 +72,7 @@ def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
 
 
 def summarise_all(recorded: Recorded, found: Mapping[int, RecordedPerson]) -> dict[str, object]:
-    """What the runs of those who were found, by number, have in common, and who they are."""
+    """The common part of the summaries of several people, and an entry for each, by number."""
     common = summarise(recorded, recorded.people[0])
     return {
         **{name: value for name, value in common.items() if name not in OF_ONE},
@@ -103,7 +103,7 @@ def count_status(statuses: Iterable[str]) -> dict[str, int]:
 
 
 def count_doubts(estimates: Iterable[Estimate]) -> dict[str, int]:
-    """What speaks against the poses of frames that are not tracked, and of how many, most first."""
+    """Reasons to doubt frames that are not tracked, with the number of frames, the most frequent first."""
     counts = Counter[str](e.why for e in estimates if e.why and e.status != "tracked")
     return dict(counts.most_common())
 
@@ -114,19 +114,19 @@ def mostly_tracked(estimates: Sequence[Estimate]) -> bool:
 
 
 def describe_status(statuses: Iterable[str]) -> str:
-    """How many frames have each status that occurs, in words."""
+    """Number of frames of each status that occurs, as text."""
     return ", ".join(f"{n} {status}" for status, n in count_status(statuses).items() if n)
 
 
 def describe_failure(estimates: Sequence[Estimate]) -> str:
-    """What to say of a run of which most frames are not tracked, and why, where that is known."""
+    """Message about a run in which most frames are not tracked, with the reason if it is known."""
     doubts = count_doubts(estimates)
     why = f": {next(iter(doubts))}" if doubts else ""
     return f"most frames are not tracked ({describe_status(e.status for e in estimates)}){why}"
 
 
 def find_summary(run: Path) -> dict[str, Any] | None:
-    """What `gepf track` wrote beside the track; None if it is missing or damaged."""
+    """The summary of a run; None if it is missing or damaged."""
     try:
         return msgspec.json.decode((run / SUMMARY_FILE).read_bytes(), type=dict[str, Any])
     except (OSError, msgspec.MsgspecError):
@@ -134,7 +134,7 @@ def find_summary(run: Path) -> dict[str, Any] | None:
 
 
 def read_summary(run: Path) -> dict[str, Any]:
-    """What `gepf track` wrote beside the track; InputError if it is missing or damaged."""
+    """The summary of a run; InputError if it is missing or damaged."""
     summary = find_summary(run)
     if summary is None:
         raise InputError(
@@ -144,5 +144,5 @@ def read_summary(run: Path) -> dict[str, Any]:
 
 
 def people_in(run: Path) -> list[Path]:
-    """The folders of the people who were found in a run; none where it is of a single person."""
+    """The folders of the people who were found in a run; empty for a run of a single person."""
     return [run / each["folder"] for each in (find_summary(run) or {}).get(FOUND, [])]

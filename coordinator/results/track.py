@@ -1,4 +1,4 @@
-"""The result of a run: what `track.npz` and `model.npz` hold."""
+"""The result of a run: the contents of `track.npz` and `model.npz`."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ TRACK_LAYOUT = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """What `track.npz` holds, see `TRACK_LAYOUT`: F frames, D degrees of freedom, J joints, A angles.
+    """The content of `track.npz`, see `TRACK_LAYOUT`: F frames, D degrees of freedom, J joints, A angles.
 
-    Metres and radians, camera frame. Frames have up to M hypotheses; where there are fewer, the rest is NaN.
+    Metres and radians, camera frame. Frames have up to M hypotheses; missing ones are NaN.
     """
 
     frame: NDArray[np.int64]
@@ -62,26 +62,26 @@ class Track:
     hypothesis_weight: Array
     status: NDArray[np.str_]  # tracked, ambiguous, lost, searching or absent
     joint_deviation: Array  # one standard deviation; NaN where unknown
-    joint_off_probability: Array  # of more than 15 cm; NaN where unknown
-    joint_seen: Array  # share of its surface; NaN where unknown
+    joint_off_probability: Array  # of an error above 15 cm; NaN if unknown
+    joint_seen: Array  # visible share of its surface; NaN if unknown
     angle_names: tuple[str, ...]
     angle: Array  # continuous from frame to frame
     angle_deviation: Array  # one standard deviation; NaN where unknown
-    particles_answered: NDArray[np.int64] | None = None  # when the frame was due; None if never
-    up: Array | None = None  # unit vector away from the ground; None where it is not known
+    particles_answered: NDArray[np.int64] | None = None  # before the deadline; None without one
+    up: Array | None = None  # unit vector away from the ground; None if unknown
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
-        """Frames (F,) whose pose is not known: the body is lost, searched for, or not there."""
+        """Frames (F,) without a known pose: the body is lost, searched for, or absent."""
         return np.asarray(np.isin(self.status, UNKNOWN))
 
     @property
     def placed(self) -> NDArray[np.bool_]:
-        """Frames (F,) that have a pose, even a guessed one: all but those before the body was found."""
+        """Frames (F,) with a pose, also a guessed one: all after the body was found."""
         return np.asarray(np.isfinite(self.pose).all(axis=1))
 
     def stretches(self) -> list[tuple[str, int, int]]:
-        """All stretches of frames of one status, in order: the status, first and last position."""
+        """All intervals of successive frames of one status: status, first and last index."""
         found, first = [], 0
         for status, members in groupby(self.status.tolist()):
             count = len(list(members))
@@ -91,7 +91,7 @@ class Track:
 
 
 def filled(track: Track) -> Track:
-    """The track with the first pose that was found in the frames before it; zeros where none ever was."""
+    """The track with the first found pose also in the frames before it; zeros if there is none."""
     if track.placed.all():
         return track
     first = int(np.argmax(track.placed))
@@ -99,12 +99,12 @@ def filled(track: Track) -> Track:
 
 
 def emptied(track: Track, placed: NDArray[np.bool_]) -> Track:
-    """The track with NaN for pose, joints and angles of the frames (F,) that are not `placed`."""
+    """The track with NaN for pose, joints and angles in frames (F,) that are not `placed`."""
     return where_missing(track, ~placed, lambda _: np.nan)
 
 
 def where_missing(track: Track, missing: NDArray[np.bool_], value: Callable[[Array], Array | float]) -> Track:
-    """The track with another pose, joints and angles in some frames (F,): what `value` makes of the field."""
+    """The track with pose, joints and angles replaced by `value` of the field in some frames (F,)."""
     changed = {name: getattr(track, name).copy() for name in ("pose", "joint_positions", "angle")}
     for name, values in changed.items():
         values[missing] = value(getattr(track, name))
@@ -112,14 +112,14 @@ def where_missing(track: Track, missing: NDArray[np.bool_], value: Callable[[Arr
 
 
 def write_track(track: Track, file: BinaryIO) -> None:
-    """Write the `.npz` form; equal tracks give equal bytes (nothing compressed, no dates)."""
+    """Write a track as `.npz`; equal tracks give equal bytes (no compression, no dates)."""
     values: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
     arrays = {name: np.asarray(value) for name, value in values.items() if value is not None}
     np.savez(file, allow_pickle=False, **arrays)
 
 
 def read_track(folder: Path) -> Track:
-    """The track of a run's folder; InputError if there is none or it is damaged."""
+    """Read the track in the folder of a run; InputError if it is missing or damaged."""
     if not folder.is_dir():
         raise InputError(f"no such folder: {folder}; give the --out folder of a finished gepf track")
     if (folder / LOG_FILE).exists():
@@ -151,9 +151,9 @@ HASH, HELD_NAMES, HELD_VALUES = "hash", "held_names", "held_values"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedBody:
-    """A body with its active degrees of freedom, and where those that do not move are held.
+    """A body with its active degrees of freedom, and the values of the held ones.
 
-    `held` is by name, in radians and metres; what neither moves nor is named is zero.
+    `held` is by name, in radians and metres; missing values are zero.
     """
 
     model: BodyModel
@@ -161,7 +161,7 @@ class TrackedBody:
 
 
 def write_tracked_body(body: TrackedBody, file: BinaryIO) -> None:
-    """Write the `.npz` form: the fields of `BodyModel` by name. Equal bodies give equal bytes."""
+    """Write a body as `.npz`: the fields of `BodyModel` by name. Equal bodies give equal bytes."""
     values: dict[str, Any] = {f.name: np.asarray(getattr(body.model, f.name)) for f in fields(BodyModel)}
     held = {
         HELD_NAMES: np.array(list(body.held), dtype=np.str_),
@@ -171,7 +171,7 @@ def write_tracked_body(body: TrackedBody, file: BinaryIO) -> None:
 
 
 def read_tracked_body(folder: Path) -> TrackedBody:
-    """The body of a run's folder; InputError if there is none or it is damaged."""
+    """Read the body in the folder of a run; InputError if it is missing or damaged."""
     path = folder / MODEL_FILE
     if not path.exists():
         raise InputError(f"{folder} holds no {MODEL_FILE}; track the sequence again with this version")

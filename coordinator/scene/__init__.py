@@ -1,1 +1,1 @@
-"""The scene that a static camera sees: floor, walls, background, and whoever stands before them."""
+"""The scene of a fixed camera: floor, walls, background, and the people in front of them."""

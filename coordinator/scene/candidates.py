@@ -1,7 +1,7 @@
-"""Who may be a person in a frame, before anything is known of a body.
+"""Candidates for people in a frame, before a body is known.
 
-Connected components of what is no part of floor, walls or background, with a person's extent and area, and
-not flat as furniture is.
+A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
+furniture, is not flat.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from coordinator.scene.planes import FLAT_SHARE, Array, extents, share_on_plane,
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, Mask, SceneView
 from coordinator.scene.segmentation import label_parts
 
-AREA_M2 = (0.1, 1.6)  # that are seen of a person
-LEAST_PART_M2, SAME_SPOT_M = 0.008, 0.35  # of what else may be a part of a person, hidden in between
-SAMPLED = 800  # points that extents and planes are taken from
+AREA_M2 = (0.1, 1.6)  # visible area of a person
+LEAST_PART_M2, SAME_SPOT_M = 0.008, 0.35  # of a further part of a person, with an occluder between
+SAMPLED = 800  # points for extents and planes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A person, perhaps.
+    """A candidate for a person.
 
-    mask: (H, W) the pixels. points: (P, 3) the same in the camera frame, metres. score: from 0 to 1.
-    why: its measures in words.
+    mask: (H, W) its pixels. points: (P, 3) their points in the camera frame, metres. score: from 0 to 1.
+    why: its measures as text.
     """
 
     mask: Mask
@@ -37,14 +37,14 @@ class Candidate:
 
 
 def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
-    """Who may be a person, best first; without pixels (H, W) of which it is known whose they are."""
+    """Candidates for people, best first; pixels (H, W) of known people are excluded."""
     free = view.marks() == FOREGROUND
     if known is not None:
         free &= ~known
     labels = label_parts(view.depth, free, view.growth)
     pixel_areas = (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel()
     areas = np.bincount(labels.ravel(), pixel_areas)
-    areas[0] = 0.0  # the rest
+    areas[0] = 0.0  # label 0 is the rest
     large = np.flatnonzero((areas >= AREA_M2[0]) & (areas <= AREA_M2[1]))
     windows = find_objects(labels)
     found = [judge(view, labels == n, windows[n - 1], float(areas[n])) for n in large.tolist()]
@@ -54,7 +54,7 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
 
 
 def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Mask]) -> Candidate:
-    """The candidate with the parts (H, W) that stand on the same spot, where something nearer is between."""
+    """Join the candidate with parts (H, W) at the same place if something nearer is between them."""
     turn, mask = level_from_camera(view.planes.up).T, person.mask
     for part in parts:
         if (part & mask).any():
@@ -73,9 +73,9 @@ def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Mask]) -> Ca
 
 
 def judge(view: SceneView, mask: Mask, window: tuple[slice, slice], area: float) -> Candidate | None:
-    """A part of the frame (H, W) of this area, square metres; None if no person is so long or so flat.
+    """The candidate of a part (H, W) with this area, square metres; None if it is too long or flat.
 
-    The score is the higher, the nearer it is to the middle of the picture and to a metre in height.
+    The score increases towards the middle of the image and with the height up to one metre.
     """
     rows, columns = window
     camera = view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)

@@ -1,4 +1,4 @@
-"""How far depth may be off at each distance, so that the room is not taken for a person."""
+"""The noise of depth by distance, by which the room and a person are distinguished."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 
-LEAST = 0.001  # metres at any distance
-GROWTH = (0.0003, 0.03)  # metres for each square metre of distance: the least and the most
-USUAL_GROWTH = 0.0015  # of depth cameras
-DEVIATIONS = 4.0  # standard deviations that are noise
-ONE_DEVIATION = 68.3  # per cent of a Gaussian
+LEAST = 0.001  # metres, at any distance
+GROWTH = (0.0003, 0.03)  # metres per square metre of distance: smallest and largest
+USUAL_GROWTH = 0.0015  # of usual depth cameras
+DEVIATIONS = 4.0  # standard deviations; smaller differences are noise
+ONE_DEVIATION = 68.3  # per cent of a Gaussian within one standard deviation
 
 
 def sigma(z: NDArray[np.float64], growth: float) -> NDArray[np.float64]:
@@ -21,15 +21,15 @@ def sigma(z: NDArray[np.float64], growth: float) -> NDArray[np.float64]:
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def margin_at(z: float, growth: float) -> float:
-    """How far two things must be apart along the line of sight to be told apart at a depth, metres."""
+    """Least difference in depth, metres, by which two surfaces can be distinguished at a depth."""
     return DEVIATIONS * (LEAST + growth * z * z)
 
 
 def fit_noise(depth_m: NDArray[np.floating]) -> float:
-    """The growth of the noise of a depth image (H, W) in metres, 0 where nothing was measured.
+    """The growth of the noise of a depth image (H, W) in metres, with 0 for no depth.
 
-    From the second differences of three pixels in a row, in which surfaces nearly vanish. Not by their
-    median: where a camera rounds coarsely, more than half of them are zero.
+    It is estimated from second differences of three successive pixels, in which smooth surfaces nearly
+    cancel. The median is not usable: with coarse rounding, more than half of the differences are zero.
     """
     left, middle, right = depth_m[:, :-2], depth_m[:, 1:-1], depth_m[:, 2:]
     measured = (left > 0.0) & (middle > 0.0) & (right > 0.0)

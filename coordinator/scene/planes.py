@@ -1,7 +1,7 @@
-"""Planes: floor and walls, which all the rest of the picture lies above or before, and how flat a thing is.
+"""Planes: floor and walls, which are behind everything else in the image; and the flatness of objects.
 
-A plane is linear in the picture when depth is inverted, 1 / z = a x/z + b y/z + c. So planes are fitted to
-rays (N, 4): x/z, y/z, 1/z, and by how much 1/z may be off.
+The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. So planes are fitted to rays
+(N, 4): x/z, y/z, 1/z, and the standard deviation of 1/z.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from coordinator.scene.noise import DEVIATIONS, sigma
 
 Array = NDArray[np.float64]
 
-SAMPLED_ACROSS = 80  # points in a row of the picture, to which planes are fitted
-DRAWN_PLANES = 2_000  # by RANSAC, through three points each
-REFINED_PLANES = 40  # of these, before the best is chosen
+SAMPLED_ACROSS = 80  # points per row of the image for fitting planes
+DRAWN_PLANES = 2_000  # samples of RANSAC, three points each
+REFINED_PLANES = 40  # best samples that are refined
 LEAST_POINTS = 30  # on a plane
-MOST_BEYOND = 0.01  # share of the points that may lie behind a wall or below a floor
-LEVEL = np.cos(np.radians(50.0))  # of a floor: the camera is not tilted more
-UPRIGHT = np.sin(np.radians(20.0))  # of a wall at the most
-LEAST_FLOOR = (0.2, 0.3)  # metres in the narrower direction, square metres
+MOST_BEYOND = 0.01  # largest share of points behind a wall or below a floor
+LEVEL = np.cos(np.radians(50.0))  # largest tilt of the camera to a floor
+UPRIGHT = np.sin(np.radians(20.0))  # largest tilt of a wall
+LEAST_FLOOR = (0.2, 0.3)  # smallest width in metres, and area in square metres
 LEAST_WALL = (0.7, 1.5)
-FLAT_SHARE = 0.8  # of a thing's points in one plane: a board, a curtain, no person
-EXTREMES = (1.0, 99.0)  # per cent of the points, between which an extent is taken
+FLAT_SHARE = 0.8  # of points in one plane, above which an object is flat and not a person
+EXTREMES = (1.0, 99.0)  # percentiles of the points that define an extent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planes:
     """Planes as (P, 3) coefficients a, b, c of 1 / z = a x/z + b y/z + c; the floor is the first.
 
-    What lies on one of them or beyond belongs to the room.
+    Points on a plane or beyond it belong to the room.
     """
 
     coefficients: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
     sky: Array = field(
         default_factory=lambda: np.array([0.0, -1.0, 0.0])
-    )  # (3,) up, as far as known without a floor
+    )  # (3,) approximate up direction without a floor
 
     @property
     def up(self) -> Array:
@@ -51,17 +51,17 @@ class Planes:
 
     @property
     def camera_height(self) -> float:
-        """Of the camera over the floor, metres; 0 without a floor."""
+        """Height of the camera above the floor, metres; 0 without a floor."""
         return float(1.0 / np.linalg.norm(self.coefficients[0])) if self.has_floor else 0.0
 
     def above(self, points: Array) -> Array:
-        """Heights (...) of points (..., 3) over the floor; over the camera without one."""
+        """Heights (...) of points (..., 3) above the floor; without a floor, above the camera."""
         heights: Array = points @ self.up + self.camera_height
         return heights
 
 
 def sample_rays(depth_m: NDArray[np.floating], camera: Intrinsics, growth: float) -> Array:
-    """Rays (N, 4) of a grid of pixels with SAMPLED_ACROSS in a row, for a noise."""
+    """Rays (N, 4) of a grid of pixels with SAMPLED_ACROSS per row, with a growth of the noise."""
     stride = max(1, camera.width // SAMPLED_ACROSS)
     v, u = np.nonzero(depth_m[::stride, ::stride])
     z = depth_m[::stride, ::stride][v, u].astype(np.float64)
@@ -70,7 +70,7 @@ def sample_rays(depth_m: NDArray[np.floating], camera: Intrinsics, growth: float
 
 
 def to_rays(points: Array, growth: float) -> Array:
-    """Rays (N, 4) of points (N, 3), metres, for a noise."""
+    """Rays (N, 4) of points (N, 3), metres, with a growth of the noise."""
     z = points[:, 2:]
     return np.hstack([points[:, :2] / z, 1.0 / z, DEVIATIONS * sigma(z, growth) / (z * z)])
 
@@ -81,14 +81,14 @@ def to_points(rays: Array) -> Array:
 
 
 def extents(points: Array) -> Array:
-    """How far points (N, K) extend in each coordinate (K,), without the outermost."""
+    """Extents (K,) of points (N, K) in each coordinate, without outliers."""
     low, high = np.percentile(points, EXTREMES, axis=0)
     extent: Array = high - low
     return extent
 
 
 def find_planes(rays: Array, sky: Array) -> Planes:
-    """Floor and walls among rays (N, 4), by RANSAC; `sky` (3,) is up, as far as that is known."""
+    """Floor and walls among rays (N, 4), by RANSAC; `sky` (3,) is the approximate up direction."""
     drawn, rest, found = draw_planes(rays), rays, list[Array]()
     drawn = drawn[count_points(drawn, rays)[:, 2] <= MOST_BEYOND * len(rays)]
     while len(drawn):
@@ -109,26 +109,26 @@ def find_planes(rays: Array, sky: Array) -> Planes:
 
 
 def support(planes: Array, rays: Array) -> NDArray[np.int64]:
-    """How many more rays (N, 4) are close to each plane (M, 3) than if it cut through things by chance."""
+    """Number of rays (N, 4) close to each plane (M, 3), minus the number expected for a random cut."""
     counts = count_points(planes, rays)
     more: NDArray[np.int64] = 2 * counts[:, 0] - counts[:, 1]
     return more
 
 
 def level(plane: Array, up: Array) -> float:
-    """Cosine between a direction (3,) and the side of a plane on which the camera is."""
+    """Cosine between a direction (3,) and the normal of a plane towards the camera."""
     return float(-plane @ up / np.linalg.norm(plane))
 
 
 def share_on_plane(rays: Array) -> float:
-    """The share of rays (N, 4) on the plane that holds the most of them."""
+    """Largest share of rays (N, 4) that are on one plane."""
     return float(count_points(draw_planes(rays), rays)[:, 0].max()) / len(rays)
 
 
 def draw_planes(rays: Array) -> Array:
-    """Coefficients (M, 3) of planes through three of the rays (N, 4) each, from near each other to far.
+    """Coefficients (M, 3) of planes through three of the rays (N, 4) each, at small to large distances.
 
-    Three from anywhere in the picture hardly ever lie on a floor of which only patches are seen.
+    If only patches of a floor are visible, three random rays are rarely all on it.
     """
     random, tree = np.random.default_rng(0), cKDTree(rays[:, :2])
     first = rays[random.integers(len(rays), size=DRAWN_PLANES)]
@@ -138,7 +138,7 @@ def draw_planes(rays: Array) -> Array:
         for _ in range(2)
     )
     normal = np.cross(second, third)
-    plain = np.abs(normal[:, 2]) > np.finfo(float).eps  # the others hold the camera: no surface looks so
+    plain = np.abs(normal[:, 2]) > np.finfo(float).eps  # other planes contain the camera and are not visible
     normal, first = normal[plain], first[plain]
     slopes = -normal[:, :2] / normal[:, 2:]
     return np.column_stack([slopes, first[:, 2] - np.sum(slopes * first[:, :2], axis=1)])
@@ -146,7 +146,7 @@ def draw_planes(rays: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def count_points(planes: Array, rays: Array) -> NDArray[np.int64]:
-    """How many rays (N, 4) each plane (M, 3) has within half the noise, within the noise, and beyond it."""
+    """Number of rays (N, 4) within half the noise of each plane (M, 3), within the noise, and beyond it."""
     counts = np.zeros((len(planes), 3), dtype=np.int64)
     for m in range(len(planes)):
         a, b, c = planes[m]
@@ -159,26 +159,26 @@ def count_points(planes: Array, rays: Array) -> NDArray[np.int64]:
 
 
 def follow_planes(planes: Planes, rays: Array) -> Planes:
-    """The same planes as they are in the next frame of a camera that stands still or moves slowly."""
+    """Update the planes in the next frame of a camera that is fixed or moves slowly."""
     return replace(planes, coefficients=np.array([refit(each, rays) for each in planes.coefficients]))
 
 
 def refit(plane: Array, rays: Array) -> Array:
-    """A plane's coefficients (3,) by least squares over the rays (N, 4) within the noise, then half of it."""
+    """Fit a plane (3,) by least squares to the rays (N, 4) within the noise, then within half of it."""
     for margins in (1.0, 0.5):
         moments = np.zeros((3, 4))
         if add_moments(plane, rays, margins, moments) < LEAST_POINTS:
             return plane
-        least = np.finfo(float).eps * np.trace(moments[:, :3])  # for points in a line
+        least = np.finfo(float).eps * np.trace(moments[:, :3])  # for collinear points
         plane = np.linalg.solve(moments[:, :3] + least * np.eye(3), moments[:, 3])
     return plane
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_moments(plane: Array, rays: Array, within: float, moments: Array) -> int:
-    """Add to moments (3, 4) x x^T and x / z of x = (x/z, y/z, 1), for the rays (N, 4) that are on a plane.
+    """Add x x^T and x / z of x = (x/z, y/z, 1) to moments (3, 4), for the rays (N, 4) that are on a plane.
 
-    They are on it within so many times the noise; gives how many they are.
+    A ray is on it within the given multiple of the noise. Returns the number of these rays.
     """
     count = 0
     x = np.ones(3)
@@ -202,7 +202,7 @@ def lie_on(plane: Array, rays: Array) -> NDArray[np.bool_]:
 
 
 def is_large(plane: Array, rays: Array, least: tuple[float, float]) -> bool:
-    """Whether the rays (N, 4) on a plane extend over so many metres across, and so many square metres."""
+    """Whether the rays (N, 4) on a plane extend over at least this width, metres, and area, square metres."""
     points = to_points(rays[lie_on(plane, rays)])
     across = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:2].T
     extent = extents(points @ across)

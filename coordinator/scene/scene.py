@@ -1,7 +1,7 @@
-"""The scene that a camera sees: its noise, its planes, and its background, learned pixel by pixel.
+"""The scene of a camera: noise, planes, and background, which is learned pixel by pixel.
 
-The background is the farthest that was measured at a pixel where no person may be. What is nearer and stays
-for a second replaces it: a chair was moved.
+The background of a pixel is the farthest depth measured there while no person was near. Something nearer that
+stays for a second replaces it, such as a chair that was moved.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ Mask = NDArray[np.bool_]
 Marks = NDArray[np.uint8]
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
-PERSON_LENGTH_M = (0.6, 2.5)  # of a person's greatest extent
-SETTLED_FRAMES = 30  # that something nearer is still until it is background; between searches for planes
+PERSON_LENGTH_M = (0.6, 2.5)  # largest extent of a person
+SETTLED_FRAMES = 30  # until something nearer becomes background; also between searches for planes
 NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneView:
-    """One frame with what is known of its scene.
+    """One frame and the known scene.
 
-    depth: (H, W) metres, 0 where nothing was measured, or nothing that counts.
+    depth: (H, W) metres, 0 for pixels without depth or outside the user's scope.
     growth: of the depth's noise.
-    background: (H, W) metres, what is seen where nobody is; 0 where that is not known.
-    furnished: more than one person alone is measured; else, what is not measured is empty.
-    left_out: (H, W) pixels that do not count, as the user says; they say nothing of anybody.
+    background: (H, W) metres, depth without people; 0 if unknown.
+    furnished: the frame shows more than one person alone; if not, pixels without depth are empty.
+    left_out: (H, W) pixels excluded by the user; they are unknown.
     """
 
     number: int
@@ -64,7 +64,7 @@ class SceneView:
     def marks(self, planes: Array | None = None) -> Marks:
         """NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3), all if None.
 
-        What is deeper than the background is foreground: a person may come through a door.
+        Depth beyond the background is foreground: a person may come through a door.
         """
         coefficients = self.planes.coefficients if planes is None else planes
         return mark_pixels(self.depth, self.background, self.lens, coefficients, self.growth)
@@ -72,7 +72,7 @@ class SceneView:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def mark_pixels(depth: Depth, background: Depth, lens: Lens, planes: Array, growth: float) -> Marks:
-    """Marks (H, W) of a window as `SceneView.marks` says; the lens is that of the window."""
+    """Marks (H, W) of a window as in `SceneView.marks`; the lens is that of the window."""
     fx, fy, cx, cy = lens
     marks = np.empty(depth.shape, dtype=np.uint8)
     for v in range(depth.shape[0]):
@@ -96,11 +96,11 @@ def mark_pixels(depth: Depth, background: Depth, lens: Lens, planes: Array, grow
 
 
 class Learned(NamedTuple):
-    """What one frame changed in the background: flat indices (N,) of pixels, and what holds there."""
+    """The change of the background by one frame: flat indices (N,) of pixels, and their new values."""
 
     pixels: NDArray[np.uint32]
     depth: Depth  # (N,) metres
-    nearer: Marks  # (N,) frames in which something nearer was measured
+    nearer: Marks  # (N,) number of frames with something nearer
 
 
 NOTHING = Learned(np.empty(0, np.uint32), np.empty(0, np.float32), np.empty(0, np.uint8))
@@ -108,27 +108,27 @@ NOTHING = Learned(np.empty(0, np.uint32), np.empty(0, np.float32), np.empty(0, n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneChange:
-    """What a frame changed in what is known of a scene: of the background its pixels, of the rest all."""
+    """The change of a scene by one frame: the changed pixels of the background, and all of the rest."""
 
-    seen: int = 0  # frames that show something
-    growth: float = 0.0  # of the depth's noise; 0 before anything was measured
+    seen: int = 0  # frames with depth
+    growth: float = 0.0  # of the depth's noise; 0 before the first depth
     planes: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
     furnished: bool = False
-    size: tuple[int, int] = (0, 0)  # rows and columns of the background; none are known in the beginning
+    size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
     learned: Learned = NOTHING
 
 
 class Scene:
-    """What is known of a scene so far.
+    """The known scene.
 
-    Each frame is given to `see`, and then to `learn`. From the same frames and people's pixels the same
-    follows, bit for bit; `recall` does it from the changes alone. A frame of another size than those before,
-    or than the background, is from another camera: the scene starts anew with it.
+    Each frame is given to `see` and then to `learn`. The same frames and people's pixels give the same scene,
+    bit for bit; `recall` restores it from the changes alone. If the size of a frame differs from the size of
+    the frames before, or of the background, it is from another camera, and the scene starts again.
 
     Args:
-        background: Depth (H, W) in metres where nobody is, 0 where that is not known; None to learn it all.
-        up: Up (3,), as far as it is known, camera frame; None for a camera that is held as usual.
+        background: Depth (H, W) in metres without people, 0 if unknown; None to learn all of it.
+        up: Approximate up direction (3,), camera frame; None for a camera in its usual orientation.
     """
 
     def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
@@ -139,7 +139,7 @@ class Scene:
         self._furnished = background is not None
 
     def see(self, frame: DepthFrame, left_out: Mask | None = None) -> SceneView:
-        """A frame with what is known of its scene; `left_out` (H, W) are pixels that do not count."""
+        """A frame with the known scene; `left_out` (H, W) are excluded pixels."""
         depth = frame.metres()
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
@@ -157,11 +157,11 @@ class Scene:
         )
 
     def learn(self, view: SceneView, people: Mask | None = None) -> SceneChange:
-        """Learn from the frame that was seen last, and give what it changed.
+        """Learn from the last frame given to `see`, and return the change.
 
         Args:
-            view: The frame, as it was seen.
-            people: Pixels (H, W) that are a person's, or may be: they are not learned.
+            view: The frame, as returned by `see`.
+            people: Pixels (H, W) of people or possible people; they are not learned.
         """
         if not self._furnished:
             return self._change(NOTHING.pixels)
@@ -169,7 +169,7 @@ class Scene:
         known, growth = self._background > 0.0, self._growth or USUAL_GROWTH
         pixels = learn_pixels(view.depth, growth, outside, self._background, self._nearer)
         moved = np.count_nonzero(known.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
-        if moved:  # as most is not as it was, the camera was moved
+        if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
             learn_pixels(view.depth, growth, outside, self._background, self._nearer)
         if moved or self._seen <= 1:
@@ -177,7 +177,7 @@ class Scene:
         return self._change(pixels)
 
     def recall(self, change: SceneChange) -> None:
-        """Know what was known after the frame that made this change, if all before it were recalled, too."""
+        """Restore the scene after a frame from its change; the changes of the frames before come first."""
         if self._background.shape != change.size:
             self._begin(np.zeros(change.size, np.float32))
         self._seen, self._furnished, self._growth = change.seen, change.furnished, change.growth
@@ -186,7 +186,7 @@ class Scene:
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
 
     def all(self) -> SceneChange:
-        """The change that leads from nothing to what is known now."""
+        """The change from an empty scene to the present one."""
         return self._change(np.arange(self._background.size, dtype=np.uint32))
 
     def _begin(self, background: Depth) -> None:
@@ -224,7 +224,7 @@ class Scene:
 def learn_pixels(
     depth: Depth, growth: float, people: Mask, background: Depth, nearer: Marks
 ) -> NDArray[np.uint32]:
-    """Learn a depth image (H, W) in place; gives the flat indices (N,) of the pixels that changed."""
+    """Learn a depth image (H, W) in place; returns the flat indices (N,) of the changed pixels."""
     pixels = np.empty(depth.size, dtype=np.uint32)
     count = 0
     for v in range(depth.shape[0]):

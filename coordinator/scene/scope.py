@@ -1,4 +1,4 @@
-"""What of a scene is tracked: what counts, who is meant, and what is known of the room before."""
+"""The scope of tracking: the part of the scene, the person who is meant, and the known room."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from common.frame import DepthFrame
 from coordinator.scene.candidates import Candidate
 from coordinator.scene.scene import SceneView
 
-MOVED_SHARE = 0.2  # of a person's pixels: at least so many are before a known background where it moved
+MOVED_SHARE = 0.2  # of a person's pixels; least share with a known background if the person moved
 WAYS = ("best", "nearest", "largest", "moving")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scope:
-    """What of the frames counts, which of several people is meant, and the room without people.
+    """The part of the frames that is used, the person who is meant, and the room without people.
 
     near, far: metres; None for no limit.
     region: left, top, right and bottom in pixels, half-open; None for the whole image.
-    person: One of WAYS, or a pixel at which the person is seen, column and row.
-    background: depth (H, W) in metres, 0 where that is not known; None to learn it all.
-    up: Unit vector (3,) away from the ground, camera frame, where the recording or the user says so.
+    person: One of WAYS, or a pixel of the person, column and row.
+    background: depth (H, W) in metres, 0 if unknown; None to learn all of it.
+    up: Unit vector (3,) away from the ground, camera frame, if the recording or the user gives it.
     """
 
     near: float | None = None
@@ -36,9 +36,9 @@ class Scope:
     up: NDArray[np.float64] | None = None
 
     def limit(self, frame: DepthFrame) -> tuple[DepthFrame, NDArray[np.bool_] | None]:
-        """The frame in which only what counts was measured; pixels (H, W) that do not count, measured or not.
+        """The frame with depth within the limits only; the excluded pixels (H, W), with or without depth.
 
-        Without limits it is the same frame, and None.
+        Without limits: the same frame, and None.
         """
         if self.near is None and self.far is None and self.region is None:
             return frame, None
@@ -54,7 +54,7 @@ class Scope:
         return replace(frame, depth=np.where(left_out, np.uint16(0), frame.depth)), left_out
 
     def choose(self, view: SceneView, found: Sequence[Candidate]) -> list[Candidate]:
-        """The candidates who may be meant, the likeliest first."""
+        """The candidates who may be meant, the most likely first."""
 
         def moved(candidate: Candidate) -> float:
             return float(np.mean(view.background[candidate.mask] > 0.0))
@@ -75,7 +75,7 @@ class Scope:
         return sorted(possible, key=order[self.person])
 
     def describe(self) -> dict[str, object]:
-        """All of it by name, as JSON can hold it; of the background a hash."""
+        """All fields by name as JSON values; the background as a hash."""
         empty = self.background
         return {
             "person": self.person if isinstance(self.person, str) else list(self.person),

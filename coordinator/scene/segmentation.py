@@ -1,7 +1,7 @@
-"""The pixels of a frame labelled for one body: its own, empty, hidden, or unknown.
+"""Labels the pixels of a frame for one body: subject, empty, hidden, unmeasured or unknown.
 
-What is near the posed body and no part of the room, and what continues it in depth, is the subject. Where
-several bodies are near each other, a pixel belongs to the nearest body.
+The subject is the foreground near the posed body, and the foreground connected to it in depth. If several
+bodies are near each other, a pixel belongs to the nearest body.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from coordinator.scene.scene import (
 Labels = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
 
-NEAR_M = 0.12  # to a posed surface: what is no part of the room is the subject there, and nothing is learned
-CELL_M = 0.04  # of the grid of distances; where body and room are nearer, they cannot be told apart
-REACH_CELLS = 7  # from the surface to what may be the subject: what continues it in depth
+NEAR_M = 0.12  # to a posed surface; foreground within it is the subject, and no background is learned
+CELL_M = 0.04  # of the distance field; body and room cannot be distinguished at smaller distances
+REACH_CELLS = 7  # largest distance of the subject from the surface
 REACH_M = CELL_M * REACH_CELLS
-STEP_M = 0.03  # between neighbouring pixels of one surface, the noise aside
+STEP_M = 0.03  # largest difference between neighbouring pixels of one surface, without noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segmentation:
     """The labels of a window of the frame.
 
-    window: Left, top, right and bottom. labels: (H, W) of its pixels: SUBJECT; EMPTY, where something farther
-    was measured; HIDDEN, where something nearer was; UNMEASURED; UNKNOWN.
+    window: Left, top, right and bottom. labels: (H, W) of its pixels: SUBJECT; EMPTY: something farther was
+    measured; HIDDEN: something nearer was measured; UNMEASURED; UNKNOWN.
     """
 
     window: Window
@@ -57,15 +57,15 @@ class Segmentation:
 
 
 def slices(window: Window) -> tuple[slice, slice]:
-    """Its rows and columns."""
+    """Rows and columns of a window."""
     left, top, right, bottom = window
     return slice(top, bottom), slice(left, right)
 
 
 def measure_distances(view: SceneView, surface: Array) -> Depth:
-    """Metres (H, W) from what each pixel shows to the points (V, 3) of a surface; infinite beyond REACH_M.
+    """Distances (H, W) in metres of the pixels' points from a surface (V, 3); infinite beyond REACH_M.
 
-    By a grid of cells around the surface, in which distances spread along one axis after another.
+    They come from a distance field: a grid of cells around the surface, filled along one axis after another.
     """
     margin = REACH_M + CELL_M
     low = surface.min(axis=0) - margin
@@ -74,7 +74,7 @@ def measure_distances(view: SceneView, surface: Array) -> Depth:
     squares = np.full(shape, far, dtype=np.uint8)
     squares[tuple(((surface - low) / CELL_M).astype(np.int64).T)] = 0
     flat = squares.ravel()
-    for stride in (1, shape[2], shape[1] * shape[2]):  # the margin keeps lines of the grid apart
+    for stride in (1, shape[2], shape[1] * shape[2]):  # the margin separates lines of the grid
         before = flat.copy()
         for step in range(1, REACH_CELLS + 1):
             shift, more = step * stride, np.uint8(step * step)
@@ -97,7 +97,7 @@ def look_up(
     metres: Depth,
     found: Depth,
 ) -> None:
-    """Fill found (H, W) in a window with metres by square, in a grid of squares that begins at `low` (3,)."""
+    """Fill found (H, W) in a window with distances, from a grid of squares with origin `low` (3,)."""
     fx, fy, cx, cy = lens
     left, top, right, bottom = window
     nearest, farthest = low[2], low[2] + CELL_M * squares.shape[2]
@@ -126,8 +126,8 @@ def segment_body(
     Args:
         view: The frame in its scene.
         surface: The points.
-        distances: Metres (H, W) from them.
-        others: Pixels (H, W) that are other people's, or may be: they say nothing of this one.
+        distances: Distances (H, W) from them, metres.
+        others: Pixels (H, W) of other people, or possible people; they are unknown for this one.
     """
     window = window_of(view, surface)
     depth, near = view.depth[slices(window)], distances[slices(window)]
@@ -152,9 +152,9 @@ def segment_body(
 
 
 def segment_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Segmentation:
-    """The same of a person whose pixels (H, W) are known, of whom there is no posed body yet."""
+    """Label the pixels for a person with known pixels (H, W), but without a posed body."""
     points = back_project(view.depth, view.camera)[mask]
-    behind = points * (1.0 + REACH_M / points[:, 2:])  # a person is about as thick
+    behind = points * (1.0 + REACH_M / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
     found = segment_body(view, surface, measure_distances(view, surface), others)
     labels = np.where(found.labels == SUBJECT, np.uint8(UNKNOWN), found.labels)
@@ -163,7 +163,7 @@ def segment_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Seg
 
 
 def window_of(view: SceneView, surface: Array) -> Window:
-    """The pixels in which something within REACH_M of the points (V, 3) can be seen."""
+    """The window of pixels that can show something within REACH_M of the points (V, 3)."""
     width, height = view.camera.width, view.camera.height
     nearest = surface[:, 2] - REACH_M
     if nearest.min() <= 0.0:
@@ -177,7 +177,7 @@ def window_of(view: SceneView, surface: Array) -> Window:
 
 
 def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> bool:
-    """Whether most of the points (V, 3) of a posed body are where the picture is empty."""
+    """Whether most of the points (V, 3) of a posed body project to empty pixels."""
     fx, fy, cx, cy = view.lens
     left, top, _, _ = segmentation.window
     x, y, z = surface[surface[:, 2] > 0.0].T
@@ -189,7 +189,7 @@ def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> b
 
 
 def assign_pixels(distances: Sequence[Depth]) -> list[Mask | None]:
-    """For each of several bodies the pixels (H, W) that are nearer to another; None for one alone."""
+    """For each body the pixels (H, W) that are nearer to another body; None for a single body."""
     if len(distances) < 2:
         return [None] * len(distances)
     nearest = np.min(distances, axis=0)
@@ -199,7 +199,7 @@ def assign_pixels(distances: Sequence[Depth]) -> list[Mask | None]:
 def label_parts(depth: Depth, inside: Mask, growth: float) -> NDArray[np.int32]:
     """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
 
-    Neighbouring pixels are connected where they are no farther apart than one surface and its noise allow.
+    Neighbouring pixels are connected if their difference in depth is possible on one surface with noise.
     """
     labels = np.zeros(depth.shape, dtype=np.int32)
     label_pixels(depth, inside, growth, labels)
@@ -208,7 +208,7 @@ def label_parts(depth: Depth, inside: Mask, growth: float) -> NDArray[np.int32]:
 
 @numba.njit(cache=True, nogil=True)
 def label_pixels(depth: Depth, inside: Mask, growth: float, labels: NDArray[np.int32]) -> None:
-    """Fill labels (H, W), 0 before, as `label_parts` says."""
+    """Fill labels (H, W), initially 0, as in `label_parts`."""
     rows, columns = depth.shape
     stack = np.empty(rows * columns, dtype=np.int64)
     last = 0

@@ -50,7 +50,7 @@ def describe(points: Any, cell: float, image: Image, middle: Array) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def splat(points: Any, cell: float, middle: Array, image: Image) -> int:
-    """Fill image with the nearest depth in each cell around middle (3,); returns the number of filled."""
+    """Fill image with the nearest depth in each cell around middle (3,); returns how many are filled."""
     image[:] = EMPTY
     count = 0
     for i in range(len(points)):

@@ -78,7 +78,7 @@ class Candidates:
         )
 
     def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
-        """Up to `count` distinct candidates, and the most likely that faces the other way, if none of them does."""
+        """Up to `count` distinct candidates, and the best that faces the other way, if none of them does."""
         kept = keep_distinct(self.joints, count)
         turned = faces_away(names, self.joints, self.joints[0])
         if not turned[kept].any():

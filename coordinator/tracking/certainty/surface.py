@@ -54,7 +54,7 @@ def add_areas(
     stretch: float,
     areas: Array,
 ) -> None:
-    """Add the area that faces the camera, and its visible part, to areas (2, J), weighted by regions (T, J)."""
+    """Add the area that faces the camera and its visible part to areas (2, J), with weights (T, J)."""
     middle, normal = np.empty(3), np.empty(3)
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
