@@ -101,13 +101,13 @@ def regions_of(model: BodyModel) -> Array:
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
     carried = np.unique(links)
     above = np.array([link_above(model, link, carried) for link in range(len(model.link_names))])
-    weights = np.zeros((len(joints), len(links)))
+    weights = np.zeros((len(links), len(joints)))
     for j, link in enumerate(model.joint_links):
         meet = (links == link) | (links == above[link]) | (above[links] == link)
-        squares = np.sum((middles - joints[j]) ** 2, axis=1)
-        nearest = squares[meet].min() if meet.any() else squares.min()
-        weights[j] = np.exp(-0.5 * (squares - nearest) / REGION_M**2) * (meet | ~meet.any())
-    return np.ascontiguousarray(weights.T)
+        near = np.flatnonzero(meet | ~meet.any())
+        squares = np.sum((middles[near] - joints[j]) ** 2, axis=1)
+        weights[near, j] = np.exp(-0.5 * (squares - squares.min()) / REGION_M**2)
+    return weights
 
 
 def link_above(model: BodyModel, link: int, carried: NDArray[np.integer]) -> int:
