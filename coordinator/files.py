@@ -1,4 +1,4 @@
-"""Files that are whole or not there, what is read from files is checked, and names of files."""
+"""Atomic writing of files, and checked reading."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Let `write` fill a file beside `path`, make it durable, and put it in `path`'s place."""
+    """Let `write` fill a temporary file, sync it, and rename it to `path`."""
     draft = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with draft.open("wb") as file:
@@ -41,13 +41,13 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write JSON that people can read."""
+    """Write indented JSON."""
     text = msgspec.json.format(msgspec.json.encode(content), indent=2)
     write_atomically(path, lambda file: file.write(text + b"\n"))
 
 
 def sync_folder(folder: Path) -> None:
-    """Make durable which files a folder holds."""
+    """Sync the entries of a folder."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -62,11 +62,11 @@ READ_AS = {"whole numbers": np.int64, "numbers": np.float64}
 
 
 def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str, NDArray[Any]]:
-    """The arrays of an `.npz` file by name; of a file with a layout those that it lists, each checked.
+    """The arrays of an `.npz` file by name; with a layout, only those that it lists, each checked.
 
-    A layout says for each name what the values are, and the array's shape: `numbers (F, J, 3)`. A letter
-    stands for a length, the same wherever it occurs. An array may be missing where this begins with `?`.
-    Names are distinct. Nothing is unpickled. InputError if the file is missing, damaged or otherwise.
+    A layout has for each name the type of the values and the shape: `numbers (F, J, 3)`. A letter is a
+    length, which must be the same in all arrays. An array is optional if the entry starts with `?`. Names are
+    distinct. Nothing is unpickled. InputError if the file is missing or damaged, or does not have the layout.
     """
     try:
         with path.open("rb") as opened:
@@ -94,9 +94,9 @@ def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str
 
 
 def check_array(array: NDArray[Any], form: str, lengths: dict[str, int], what: str) -> NDArray[Any]:
-    """The array, of numbers that are not raw as float64 or int64. Its lengths are noted in `lengths`.
+    """The checked array; numbers are converted to float64 or int64, except raw ones. Adds to `lengths`.
 
-    Raises InputError, which begins with `what`, if it does not have this form.
+    Raises InputError, which starts with `what`, if it does not have this form.
     """
     kind, _, shape = form.rstrip(")").partition(" (")
     if array.dtype.kind not in KINDS[kind] and not (kind == "names" and not array.size):
@@ -117,8 +117,8 @@ def check_array(array: NDArray[Any], form: str, lengths: dict[str, int], what: s
 def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:
     """The numbers of a file by name.
 
-    Raises InputError for a file that cannot be read, which ends in `remedy`, and for what is no object of
-    numbers; `entry` says how one entry is written, such as "degree of freedom: number".
+    Raises InputError for an unreadable file, with `remedy` at its end, and for anything but an object of
+    numbers; `entry` describes one entry, such as "degree of freedom: number".
     """
     try:
         content = json.loads(path.read_bytes())
@@ -134,14 +134,14 @@ def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:
 
 
 def require_number(value: object, name: str, path: Path) -> float:
-    """The value as a finite number; InputError that names it otherwise."""
+    """The value as a finite number; otherwise InputError with its name."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{path}: {name} is {json.dumps(value)[:40]}; give a finite number")
     return float(value)
 
 
 def require_new(path: Path, *, force: bool) -> None:
-    """InputError where a file is there that was not said to be replaced, or where its folder is not."""
+    """InputError if a file exists and must not be replaced, or if its folder is missing."""
     if path.exists() and not force:
         raise InputError(f"{path} is there already; replace it with --force, or choose another name")
     if path.is_dir() or not path.absolute().parent.is_dir():

@@ -1,4 +1,4 @@
-"""A run on a time line, in the rerun viewer."""
+"""A run on a timeline, in the rerun viewer."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from coordinator.tracking.segmenter import PosedBody, Segmenter
 
 Array = NDArray[np.float64]
 
-SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # the points are seen through it
-LARGEST_RESIDUAL_M = 0.1  # at which the colours end
+SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # transparent, so that the points are visible
+LARGEST_RESIDUAL_M = 0.1  # end of the colour scale
 
 
 def layout(track: Track) -> rrb.Blueprint:
@@ -44,7 +44,7 @@ def layout(track: Track) -> rrb.Blueprint:
         look_target=np.nanmean(track.joint_positions[:1], axis=(0, 1)),
         eye_up=level @ [0.0, -1.0, 0.0],
     )
-    seen = ["+ /**", "- /camera/**"]  # the depth image would hang in the air as a second cloud
+    seen = ["+ /**", "- /camera/**"]  # the depth image would be shown as a second cloud
     scene = rrb.Spatial3DView(origin="/", contents=seen, name="scene", eye_controls=eye)
     side = rrb.Vertical(depth, curves, rrb.TextLogView(origin="/status", name="status"))
     return rrb.Blueprint(rrb.Horizontal(scene, side), rrb.TimePanel(timeline="frame"), collapse_panels=True)
@@ -57,7 +57,7 @@ def log_run(
     source: Source | None,
     advance: Callable[[int, int], None],
 ) -> None:
-    """Write all frames; without a source, what was tracked alone."""
+    """Log all frames; without a source, only the results."""
     to.log("/", rr.ViewCoordinates.RDF, static=True)
     if source is not None:
         camera = source.intrinsics
@@ -97,7 +97,7 @@ def log_pose(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) -> 
 
 
 def skeletons(model: BodyModel, joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:
-    """Lines between joints (M, J, 3), the fainter the less their strength (M,) from 0 to 1."""
+    """Lines between joints (M, J, 3), with opacity by strength (M,) from 0 to 1."""
     pairs = np.array(bones(model.joint_names), dtype=np.int64).reshape(-1, 2)
     strips = joints[:, pairs].reshape(-1, 2, 3)
     alpha = np.repeat(255 * np.sqrt(strength), len(pairs))
@@ -106,7 +106,7 @@ def skeletons(model: BodyModel, joints: Array, strength: Array, colour: Colour) 
 
 
 def log_numbers(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) -> None:
-    """Angles in degrees, the root, the number of hypotheses, and the status where it changes."""
+    """Log angles in degrees, the root, the number of hypotheses, and changes of the status."""
     for d, name in enumerate(track.dof_names):
         turns = model.kinds[d] == ROTATION
         value = float(np.rad2deg(track.pose[f, d]) if turns else track.pose[f, d])
@@ -120,7 +120,7 @@ def log_numbers(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) 
 def observe(segmenter: Segmenter, frame: DepthFrame, body: PosedBody) -> tuple[Array, Array] | None:
     """Points (P, 3) of the subject near a body in the next frame, and their distances (P,) from its vertices.
 
-    None where nothing of it was seen. Camera frame, metres.
+    None if nothing of it is visible. Camera frame, metres.
     """
     subject = segmenter.segment(frame, [body]).subjects[0]
     if subject is None:

@@ -1,8 +1,8 @@
 """The command `gepf`.
 
-What another program would read goes to stdout, all else to stderr. Exit codes: 0 done, 2 the user's input
-is at fault (one line on stderr), 3 done, but most frames were not tracked, 130 interrupted, 1 anything
-else. What takes long to load is imported by the command that needs it.
+Output for programs goes to stdout, everything else to stderr. Exit codes: 0 done, 2 wrong input of the user
+(one line on stderr), 3 done, but most frames were not tracked, 130 interrupted, 1 any other error. Modules
+that are slow to load are imported by the commands that need them.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The command `gepf`.
 
-What another program would read goes to stdout, all else to stderr. Exit codes: 0 done, 2 the user's input
-is at fault (one line on stderr), 3 done, but most frames were not tracked, 130 interrupted, 1 anything
-else. What takes long to load is imported by the command that needs it.
+Output for programs goes to stdout, everything else to stderr. Exit codes: 0 done, 2 wrong input of the user
+(one line on stderr), 3 done, but most frames were not tracked, 130 interrupted, 1 any other error. Modules
+that are slow to load are imported by the commands that need them.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ app.add_typer(commands)
 
 
 def main(arguments: Sequence[str] | None = None, connect: Connect | None = None) -> int:
-    """Run a command line and return its exit code. `connect` opens another pool than that of workers."""
+    """Run a command line and return its exit code. `connect` opens a pool in place of the usual one."""
     logging.basicConfig(format="gepf: %(message)s", level=logging.WARNING)
 
     def work() -> int:
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None, connect: Connect | None = None)
 
 
 def describe_misuse(error: typer.TyperException) -> str:
-    """The fault in one line; with what the missing thing is, or the commands that there are."""
+    """The error in one line, with a description of what is missing, or the list of commands."""
     fault = error.format_message().rstrip(".")
     parameter, context = getattr(error, "param", None), getattr(error, "ctx", None)
     if parameter is not None and parameter.help:
@@ -79,9 +79,9 @@ def gepf(
     ] = False,
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
 ) -> None:
-    """Track a body through depth images, following many pose hypotheses at once.
+    """Track a body through depth images with many pose hypotheses.
 
-    `gepf demo` shows what it does; `gepf track SEQ --out DIR` does it with your recording.
+    `gepf demo` tracks a rendered example; `gepf track SEQ --out DIR` tracks your recording.
     """
     if debug:
         os.environ[DEBUG] = "1"

@@ -1,4 +1,4 @@
-"""The commands of `gepf`: their options, and what each does with them."""
+"""The commands of `gepf` and their options."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ model_app = typer.Typer()
 
 
 def on_stderr(*, quiet: bool = False) -> Show:
-    """Progress for people, unless they want none."""
+    """Progress on stderr, unless the user wants none."""
     from rich.console import Console
 
     from coordinator.commands.progress import Show
@@ -55,7 +55,7 @@ def demo(
     *,
     quiet: Quiet = False,
 ) -> None:
-    """Track rendered sequences with one particle and with many: a table of errors, and pictures."""
+    """Track rendered sequences with one particle and with many; show errors and draw pictures."""
     show = on_stderr(quiet=quiet)
     show.say("rendering a scene and tracking it in two ways; loading")
     with loading():
@@ -91,7 +91,7 @@ def info(
         Path | None, typer.Option(metavar="FILE", help="Draw floor, walls and people that are found as PNG.")
     ] = None,
 ) -> None:
-    """Show what a sequence is, and what would be found in it: camera, depth, floor, walls, people."""
+    """Show facts about a sequence and its scene: camera, depth, floor, walls, people."""
     from coordinator.commands.info import run_info
 
     run_info(sequence, camera, thumbnail, picture, as_json=as_json)
@@ -100,7 +100,7 @@ def info(
 @app.command(rich_help_panel=SEQUENCES)
 @grouped
 def synth(options: SynthOptions, quiet: Quiet = False) -> None:
-    """Render a sequence with truth and the start it is meant to be tracked from."""
+    """Render a sequence with ground truth and a start pose."""
     from coordinator.synthesis.sequence import synthesise
 
     with on_stderr(quiet=quiet).steps("rendering frame") as advance:
@@ -152,7 +152,7 @@ def dofs(model: Model = "human") -> None:
 def publish(
     options: PublishOptions, camera: CameraOptions, security: SecurityOptions, quiet: Quiet = False
 ) -> None:
-    """Publish a recorded sequence in real time, as a camera would: input for gepf track zenoh:KEY."""
+    """Publish a recorded sequence in real time, as input for gepf track zenoh:KEY."""
     from coordinator.commands.publish import run_publish
 
     run_publish(options, camera, security, on_stderr(quiet=quiet))
@@ -172,7 +172,7 @@ def certificates(
         Path | None, typer.Option(metavar="DIR", help="Where a router in a container sees the folder.")
     ] = None,
 ) -> None:
-    """Make certificates for a trial: an authority, coordinator, router and workers."""
+    """Create certificates for an authority, coordinator, router and workers."""
     from coordinator.security.access import choose_names
     from coordinator.security.certificates import make_certificates
 
@@ -189,7 +189,7 @@ def router(
     security: SecurityOptions,
     connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Another router to join.")] = None,
 ) -> None:
-    """Let coordinators and workers meet, until stopped."""
+    """Run a router between coordinators and workers until it is stopped."""
     import signal
 
     from common.transport.opening import open_router
@@ -217,7 +217,7 @@ def evaluate(
         bool, typer.Option("--csv", help="One line a run, with commas; several runs need this.")
     ] = False,
 ) -> None:
-    """Compare runs with the truth; prints one JSON object, or with --csv a table."""
+    """Compare runs with ground truth; prints one JSON object, or with --csv a table."""
     from coordinator.commands.evaluate import run_evaluate
 
     run_evaluate(runs, truth, as_csv=csv)
@@ -237,7 +237,7 @@ def export(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a run's angles and poses for other programs."""
+    """Write the angles and poses of a run for other programs."""
     from coordinator.exports import export_run
 
     track = export_run(run, form, out, smooth_hz=smooth, force=force).track
@@ -252,7 +252,7 @@ def export(
 @app.command(rich_help_panel=FINISHED)
 @grouped
 def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
-    """Draw a run's pictures anew, into its folder."""
+    """Draw the pictures of a run again, into its folder."""
     with loading():
         from coordinator.commands.finished import run_pictures
     run_pictures(options, on_stderr(quiet=quiet))
@@ -261,7 +261,7 @@ def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
 @app.command(rich_help_panel=FINISHED)
 @grouped
 def view(options: ViewOptions, quiet: Quiet = False) -> None:
-    """Show a run on a time line: points, model, hypotheses, residuals, angles, status."""
+    """Show a run on a timeline: points, model, hypotheses, residuals, angles, status."""
     from coordinator.commands.view import run_view
 
     run_view(options, on_stderr(quiet=quiet))
@@ -276,7 +276,7 @@ def report(
     *,
     quiet: Quiet = False,
 ) -> None:
-    """Write one HTML page about a run: animation, angles and how sure they are, timings, settings."""
+    """Write one HTML page about a run: animation, angles with deviations, timings, settings."""
     from coordinator.commands.finished import run_report
 
     run_report(run, out, on_stderr(quiet=quiet))

@@ -1,4 +1,4 @@
-"""`gepf.toml`: options of any command, one table a command, for which the command line stays the master."""
+"""`gepf.toml`: options of any command, one table per command; the command line has priority."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ Command = Any
 def use_config(context: Context, given: Path | None) -> None:
     """Make the options of a file the defaults of all commands below `context`.
 
-    The file is `given`, else `gepf.toml` in the working folder, if there is one. Raises InputError for a file
-    that cannot be read, and for names that no command knows.
+    The file is `given`, else `gepf.toml` in the working folder, if there is one. Raises InputError for an
+    unreadable file, and for unknown names.
     """
     if given is None and not CONFIG_FILE.is_file():
         return
@@ -44,7 +44,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def defaults_of(command: Command, table: Mapping[str, Any], place: str) -> dict[str, Any]:
-    """Values by the names of parameters, nested as the commands are. `place` is where the table stands."""
+    """Values by parameter, nested like the commands. `place` is the position of the table."""
     if isinstance(command, TyperGroup):
         known: dict[str, Any] = dict(command.commands)
         what = "command"

@@ -1,4 +1,4 @@
-"""Poses out, one file a format."""
+"""Exports of poses, one module per format."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def export_run(
     """Write a run in the format named `form` and return what was written.
 
     Args:
-        folder: The run's.
-        form: One of `EXPORTS`; InputError names them all.
+        folder: Folder of the run.
+        form: One of `EXPORTS`; InputError lists them.
         path: File to write.
-        smooth_hz: Cut-off of a low pass, Hz; None for the values as they were tracked.
-        force: Whether a file that is there may be replaced; else InputError.
+        smooth_hz: Cut-off frequency of a low-pass filter, Hz; None for the tracked values.
+        force: Whether an existing file may be replaced; otherwise InputError.
     """
     if form not in EXPORTS:
         raise InputError(f"unknown format '{form}'; choose from {', '.join(EXPORTS)}")

@@ -1,9 +1,9 @@
-"""A body as other programs know one: a tree of bones, each turning about its own origin.
+"""A body in the form of other programs: a tree of bones, each of which rotates about its origin.
 
-Bones follow the body's links; degrees of freedom between two links become the motion of one bone in
-another. All bones have the axes of the rest pose, turned so that y is up. A named joint of the body is the
-bone whose origin it is, or a bone of its own that never moves in its parent. A joint that lies a little
-beside the point about which its bone turns, as a person's shoulder does, is that bone's origin, which slides.
+Bones follow the links of the body; the degrees of freedom between two links become the motion of one bone in
+another. All bones have the axes of the rest pose, rotated so that y is up. A named joint is the bone with
+this origin, or a separate bone that is fixed in its parent. If a joint is near but not at the centre of
+rotation of its bone, like a person's shoulder, it is the origin of the bone, which then also translates.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from coordinator.exports.recorded import CAMERA_TO_Y_UP
 Array = NDArray[np.float64]
 
 WORLD = "world"
-LARGEST_OFFSET_M = 0.05  # of a joint from the point about which the bone of its name turns
+LARGEST_OFFSET_M = 0.05  # of a joint from the centre of rotation of its bone
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bone:
     """One bone.
 
-    parent: index of the bone that it hangs from, -1 for the first. dof: last degree of freedom that moves it,
-    -1 for none. moves: whether any moves it in its parent. origin (3,): rest pose, metres, y up.
+    parent: index of the parent bone, -1 for the first. dof: last degree of freedom that moves it, -1 for
+    none. moves: whether any degree of freedom moves it in its parent. origin (3,): rest pose, metres, y up.
     """
 
     name: str
@@ -66,7 +66,7 @@ def jointed_dofs(model: BodyModel) -> list[int]:
 
 
 def ancestor(model: BodyModel, dof: int, among: list[int]) -> int:
-    """The nearest degree of freedom above `dof` that is one of `among`, -1 where there is none."""
+    """The nearest ancestor of `dof` in `among`; -1 if there is none."""
     above = int(model.parents[dof]) if dof >= 0 else -1
     while above >= 0 and above not in among:
         above = int(model.parents[above])
@@ -74,7 +74,7 @@ def ancestor(model: BodyModel, dof: int, among: list[int]) -> int:
 
 
 def pivot(model: BodyModel, above: int, dof: int) -> Array:
-    """The point (3,) about which `dof` turns in `above`: of the last rotation between, or of what slides."""
+    """The centre (3,) of rotation of `dof` in `above`: that of the last rotation or translation between."""
     point = model.points[dof]
     while dof not in (above, -1):
         if model.kinds[dof] == ROTATION:
@@ -84,7 +84,7 @@ def pivot(model: BodyModel, above: int, dof: int) -> Array:
 
 
 def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
-    """The bones with the body's joint names and in their places, and one more for each joint near no bone."""
+    """The bones with the names and positions of joints, and one more per joint that is near no bone."""
     places = model.joint_points @ CAMERA_TO_Y_UP.T
     of_joint = [[bone.dof for bone in bones].index(dof) for dof in model.link_dofs[model.joint_links]]
     left = set(range(len(places)))
@@ -107,9 +107,9 @@ def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
 def motion_of(
     model: BodyModel, bones: tuple[Bone, ...], poses: Array, to_y_up: Array = CAMERA_TO_Y_UP
 ) -> tuple[Array, Array]:
-    """Rotations (F, B, 3, 3) and origins (F, B, 3) of each bone in its parent, the first's in the world.
+    """Rotations (F, B, 3, 3) and origins (F, B, 3) of each bone in its parent; of the first in the world.
 
-    `to_y_up` (3, 3) leads from the camera's axes to the world's.
+    `to_y_up` (3, 3) rotates the camera's axes to the world's.
     """
     t_dofs = dof_transforms(model, poses)  # (F, D, 3, 4)
     rotations = np.empty((len(poses), len(bones), 3, 3))
@@ -126,7 +126,7 @@ def motion_of(
 
 
 def in_parents(bones: tuple[Bone, ...], rotations: Array, places: Array) -> tuple[Array, Array]:
-    """Motion in the world, in the parent's axes and from the parent's origin."""
+    """Convert motion in the world to the axes and origin of the parent."""
     local_turns, local_places = rotations.copy(), places.copy()
     for b, bone in enumerate(bones):
         if bone.parent >= 0:
@@ -137,15 +137,15 @@ def in_parents(bones: tuple[Bone, ...], rotations: Array, places: Array) -> tupl
 
 
 def children(bones: tuple[Bone, ...], b: int) -> list[int]:
-    """The bones that hang from one."""
+    """The children of a bone."""
     return [c for c, bone in enumerate(bones) if bone.parent == b]
 
 
 def offset(bones: tuple[Bone, ...], bone: Bone) -> Array:
-    """From the parent's origin to the bone's (3,), in the rest pose."""
+    """Offset (3,) from the parent's origin to the bone's, in the rest pose."""
     return bone.origin - bones[bone.parent].origin if bone.parent >= 0 else bone.origin
 
 
 def slides(bones: tuple[Bone, ...], bone: Bone, places: Array) -> bool:
-    """Whether a bone's origin in its parent (F, 3) is elsewhere than in the rest pose, but for rounding."""
+    """Whether the origin (F, 3) of a bone in its parent differs from the rest pose by more than rounding."""
     return bool(np.any(np.abs(places - offset(bones, bone)) > 1e-6))

@@ -1,8 +1,8 @@
 """Biovision hierarchy: the skeleton with its motion, for animation programs.
 
-Centimetres and degrees, y up, a person who faces the camera looks along +z; the origin is the camera's.
-Angles go Z, X, Y. Joints that slide have positions too, and then an offset of zero, since readers differ
-in whether positions add to it. Lost frames hold what the tracker reported.
+Centimetres and degrees, y up; a person who faces the camera looks along +z; the origin is the camera. Angles
+are in the order Z, X, Y. Prismatic joints also have positions and an offset of zero, because readers differ
+in whether positions are added to the offset. Lost frames have the reported pose.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb 
 
 
 def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
-    """The skeleton in its rest pose, and every frame's motion."""
+    """Write the skeleton in its rest pose, and the motion of every frame."""
     model = run.body().model
     bones = bones_of(model)
     turns, places = motion_of(model, bones, run.track.pose, run.to_y_up)
@@ -44,14 +44,14 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
 
 
 def walk(bones: tuple[Bone, ...], b: int) -> Iterator[int]:
-    """Bones in the order in which the file names them."""
+    """Bones in the order of the file."""
     yield b
     for child in children(bones, b):
         yield from walk(bones, child)
 
 
 def hierarchy(bones: tuple[Bone, ...], positioned: Sequence[bool], b: int, depth: int) -> Iterator[str]:
-    """Lines of a bone and all that hangs from it; positions of those that are `positioned` are channels."""
+    """Lines of a bone and its descendants; `positioned` bones have positions as channels."""
     bone, indent = bones[b], "\t" * depth
     place = np.zeros(3) if positioned[b] else 100.0 * offset(bones, bone)
     yield f"{indent}{'JOINT' if depth else 'ROOT'} {bone.name}\n{indent}{{\n"
@@ -67,7 +67,7 @@ def hierarchy(bones: tuple[Bone, ...], positioned: Sequence[bool], b: int, depth
 
 
 def angles_of(turns: Array) -> Array:
-    """Angles (F, 3) of rotations (F, 3, 3), degrees, without jumps of a turn."""
+    """Angles (F, 3) of rotations (F, 3, 3), degrees, without jumps by full turns."""
     # at 90 degrees one angle of three is free, and any will do
     angles = Rotation.from_matrix(turns).as_euler(ORDER, degrees=True, suppress_warnings=True)
     return np.unwrap(angles, period=360.0, axis=0)

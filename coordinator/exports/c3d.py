@@ -1,9 +1,9 @@
 """C3D: joints as points and angles beside them, for motion capture programs. Written by ezc3d.
 
-Points are in millimetres, OpenSim's axes (x forward, y up, z to the person's right), and carry how far each
-may be off, one standard deviation in millimetres, as their residual. Angles, in degrees, follow the custom of
-the format: a point for each joint with flexion, abduction and rotation as its three values, listed under
-ANGLES. The format has one frame rate: frames that are missing in between, or lost, have no values.
+Points are in millimetres and OpenSim's axes (x forward, y up, z to the person's right). Their residual is
+their standard deviation in millimetres. Angles, in degrees, follow the convention of the format: one point
+per joint with flexion, abduction and rotation as its values, listed under ANGLES. The format has a constant
+frame rate: missing and lost frames have no values.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
 
 
 def even_slots(run: RecordedRun) -> tuple[NDArray[np.int64], int]:
-    """Which of the evenly spaced frames each kept one is, and how many there are."""
+    """Index of each frame among evenly spaced frames, and the number of these."""
     times = run.track.time_s - run.track.time_s[0]
     slots = np.rint(times * run.rate).astype(np.int64)
     return slots[~run.track.unknown], int(slots[-1]) + 1
 
 
 def angle_points(run: RecordedRun) -> tuple[list[str], Array]:
-    """Names, and values (F, N, 3) in degrees: all three of a ball joint; one and zeros of a hinge."""
+    """Names and values (F, N, 3) in degrees: three per spherical joint; one and zeros per revolute joint."""
     body, values = run.body(), np.degrees(run.track.angle)
     angles = angles_of(body.model, body.held, run.track.up)
     first = 3 * len(angles.spherical)

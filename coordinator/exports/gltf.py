@@ -1,9 +1,9 @@
 """glTF 2.0: the body's surface with its skin, and the motion of its bones, for viewers and game engines.
 
-Metres and radians (quaternions), y up, a person who faces the camera looks along +z; the origin is the
-camera's. The skin is blended linearly with the body's own weights, so the animated surface is the one that
-was tracked. Time starts at 0 with the first frame. Lost frames hold what the tracker reported; every frame's
-number and status stand in the animation's `extras`.
+Metres and radians (quaternions), y up; a person who faces the camera looks along +z; the origin is the
+camera. The surface uses linear blend skinning with the weights of the body, so it is the tracked surface.
+Time starts at 0 with the first frame. Lost frames have the reported pose. The `extras` of the animation have
+the number and status of every frame.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def scene_of(run: RecordedRun) -> GLTF2:
         Node(name=bone.name, translation=offset(bones, bone).tolist(), children=children(bones, b) or None)
         for b, bone in enumerate(bones)
     ]
-    if bones[0].dof < 0:  # what stands still is turned once, here
+    if bones[0].dof < 0:  # the fixed root is rotated here, once
         level = run.to_y_up @ CAMERA_TO_Y_UP
         gltf.nodes[0].rotation = quaternions(level[None])[0].tolist()
         gltf.nodes[0].translation = (level @ bones[0].origin).tolist()
@@ -98,7 +98,7 @@ class Arrays:
     def add(
         self, array: NDArray[np.generic], form: str, target: int | None = None, limits: bool = False
     ) -> int:
-        """The number of the accessor to an array whose rows are of a form such as VEC3."""
+        """Add an array with rows of a type such as VEC3; returns the index of its accessor."""
         kind = COMPONENT_TYPES[array.dtype.str[1:]]
         data = np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes()
         self._gltf.bufferViews.append(
@@ -136,7 +136,7 @@ def add_surface(gltf: GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone
 
 
 def skinned_bones(model: BodyModel, bones: tuple[Bone, ...]) -> list[int]:
-    """Bones that carry skin, one for each link's last degree of freedom."""
+    """Bones with skin, one for the last degree of freedom of each link."""
     carrying = {int(dof) for dof in model.link_dofs[model.skin_links[model.skin_weights > 0]]}
     first = {bone.dof: b for b, bone in reversed(list(enumerate(bones)))}
     return sorted(first[dof] for dof in carrying)
@@ -149,7 +149,7 @@ def skin_of(
     place = {bones[b].dof: i for i, b in enumerate(moving)}
     of_link = np.array([place.get(int(dof), 0) for dof in model.link_dofs])
     links, weights = merge_weights(of_link[model.skin_links], model.skin_weights)
-    spare = max(0, 4 - links.shape[1])  # glTF has four to a vertex
+    spare = max(0, 4 - links.shape[1])  # glTF has four links per vertex
     links = np.pad(links, ((0, 0), (0, spare)))[:, :4]
     weights = np.pad(weights, ((0, 0), (0, spare)))[:, :4]
     shares = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
@@ -157,7 +157,7 @@ def skin_of(
 
 
 def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> Animation:
-    """Turns of every bone that turns, places of every bone that slides, at the frames' times."""
+    """Rotations of rotating bones and positions of translating bones, at the times of the frames."""
     track = run.track
     turns, places = motion_of(model, bones, track.pose, run.to_y_up)
     seconds = (track.time_s - track.time_s[:1]).astype(np.float32)

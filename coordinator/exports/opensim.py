@@ -1,14 +1,14 @@
 """OpenSim's files: angles over time (`.mot`), and joints as markers (`.trc`).
 
-A motion file has first the angles with their plain names, which mean what `docs/formats.md` says, and
-sliding joints in metres. Then, for people, the coordinates of the full-body model of Rajagopal et al. (2016),
-so that the motion plays on that model: rotations in the order Z, X, Y of the child in its parent, OpenSim's
-axes (x forward, y up, z to the right). Those are Euler angles, so an arm's may jump where it is abducted by
-about 90 degrees. Lost frames are left out.
+A motion file first has the angles of `docs/formats.md` with their plain names, and prismatic joints in
+metres. For people it also has the coordinates of the full-body model of Rajagopal et al. (2016), so that the
+motion can be played on that model: rotations in the order Z, X, Y of the child in its parent, in OpenSim's
+axes (x forward, y up, z to the right). These are Euler angles, which may jump for an arm that is abducted by
+about 90 degrees. Lost frames are omitted.
 
 A marker file (track row column) is in millimetres and the same axes: a person who faces the camera looks
-along +x, their right at +z; the origin is the camera's. Lost frames keep their time and have no coordinates,
-which means missing markers.
+along +x, and their right is +z; the origin is the camera. Lost frames keep their time and have no
+coordinates, which means missing markers.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 
 
 def write_mot(run: RecordedRun, file: BinaryIO) -> None:
-    """One line a frame: time, the angles, and OpenSim's coordinates."""
+    """Write one line per frame: time, the angles, and OpenSim's coordinates."""
     track, kept = run.track, ~run.track.unknown
     slides = read_slides(run.folder, track)
     columns = dict(zip(track.angle_names, np.degrees(track.angle).T, strict=True))
@@ -64,7 +64,7 @@ def write_mot(run: RecordedRun, file: BinaryIO) -> None:
 
 
 def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
-    """Coordinates (F,) of Rajagopal's model by name: degrees, and metres for the pelvis' place."""
+    """Coordinates (F,) of Rajagopal's model by name: degrees, and metres for the position of the pelvis."""
     track = run.track
     angles = person_angles(track.dof_names, run.body().held, track.up)
     columns: dict[str, Array] = {}
@@ -78,7 +78,7 @@ def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
 
 
 def hinge_coordinates(dof_names: tuple[str, ...], poses: Array) -> Iterator[tuple[str, Array]]:
-    """The same of joints of one degree of freedom."""
+    """Coordinates of joints with one degree of freedom."""
     for d, name in enumerate(dof_names):
         side, _, motion = name.partition("_")
         if side in ("l", "r") and motion in HINGES:
@@ -86,7 +86,7 @@ def hinge_coordinates(dof_names: tuple[str, ...], poses: Array) -> Iterator[tupl
 
 
 def turned_zxy(angles: Angles, ball: SphericalJoint, poses: Array) -> Array:
-    """Rotations (F, 3) about Z, X and Y of a joint, of a left one those of its mirror image; radians."""
+    """Rotations (F, 3) of a joint about Z, X and Y, radians; for left joints those of the mirror image."""
     rotations = angles.rotation(ball, poses) * Rotation.from_rotvec(hanging(ball))
     if not ball.upward:
         rotations = Rotation.from_rotvec(rotations.as_rotvec() * MIRROR)
@@ -95,7 +95,7 @@ def turned_zxy(angles: Angles, ball: SphericalJoint, poses: Array) -> Array:
 
 
 def without_leaps(euler: Array) -> Array:
-    """The same rotations (F, 3), each on the branch nearest to the frame before."""
+    """The rotations (F, 3), each on the branch nearest to the frame before."""
     chosen = euler.copy()
     for f in range(1, len(chosen)):
         other = euler[f] * [1.0, -1.0, 1.0] + np.pi
@@ -109,7 +109,7 @@ HEAD = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataR
 
 
 def write_trc(run: RecordedRun, file: BinaryIO) -> None:
-    """One line a frame: its number from 1, its time in seconds, and x, y, z of every joint."""
+    """Write one line per frame: number from 1, time in seconds, and x, y, z of every joint."""
     names, frames, rate = run.track.joint_names, len(run.track.frame), f"{run.rate:.6g}"
     values = [rate, rate, str(frames), str(len(names)), "mm", rate, "1", str(frames)]
     axes = [f"{axis}{j}" for j in range(1, len(names) + 1) for axis in "XYZ"]

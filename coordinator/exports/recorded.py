@@ -1,4 +1,4 @@
-"""What an export has to work with: a run's poses, and the body that took them."""
+"""The input of an export: poses and body of a run."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CAMERA_TO_OPENSIM = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedRun:
-    """A run: its name, its track, low-passed or not, and its body, read when an export asks for it."""
+    """A run: name, track, low-pass filtered or not, and body, which is read when it is needed."""
 
     name: str
     track: Track
@@ -39,30 +39,30 @@ class RecordedRun:
 
     @property
     def told(self) -> Track:
-        """The track for readers of values: NaN in frames before the body was found."""
+        """The track for formats with values: NaN in frames before the body was found."""
         return emptied(self.track, self.placed)
 
     @property
     def remark(self) -> str:
-        """Where the values come from, for formats that have room to say so."""
+        """The origin of the values, for formats with comments."""
         how = f"low pass {self.smoothed_hz:g} Hz, no delay" if self.smoothed_hz else "as tracked"
         up = "the camera's" if self.track.up is None else "against gravity"
         return f"gepf; {how}; camera at the origin; up is {up}"
 
     @property
     def to_y_up(self) -> NDArray[np.float64]:
-        """From the camera's axes to those with y up (3, 3): against gravity, where that is known."""
+        """Rotation (3, 3) from the camera's axes to axes with y up: against gravity, if it is known."""
         turned: NDArray[np.float64] = CAMERA_TO_Y_UP @ level_from_camera(self.track.up)
         return turned
 
     @property
     def to_opensim(self) -> NDArray[np.float64]:
-        """From the camera's axes to OpenSim's (3, 3), as upright."""
+        """Rotation (3, 3) from the camera's axes to OpenSim's, with the same up direction."""
         turned: NDArray[np.float64] = CAMERA_TO_OPENSIM @ level_from_camera(self.track.up)
         return turned
 
     def body(self) -> TrackedBody:
-        """The body that was tracked; InputError if the run's folder does not hold it."""
+        """The tracked body; InputError if the folder of the run does not hold it."""
         return read_tracked_body(self.folder)
 
     @property
@@ -74,7 +74,7 @@ class RecordedRun:
 
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
-    """The run in a folder, low-passed if wanted; InputError if there is none or it is damaged."""
+    """The run in a folder, low-pass filtered if requested; InputError if it is missing or damaged."""
     found = read_track(folder)
     track = filled(found)
     shown = track if smooth_hz is None else smoothed(track, folder, smooth_hz)
@@ -82,7 +82,7 @@ def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
 
 
 def smoothed(track: Track, folder: Path, cutoff_hz: float) -> Track:
-    """The track low-passed; the filters are loaded here, since they take longer than all else."""
+    """The low-pass filtered track; the filters are imported here because they load slowly."""
     from coordinator.exports.smoothing import smooth_track
 
     return smooth_track(track, read_tracked_body(folder).model, cutoff_hz)

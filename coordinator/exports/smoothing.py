@@ -1,9 +1,9 @@
-"""A run without its tremor: a low pass that shifts nothing in time.
+"""Smoothing of a run: a low-pass filter without delay.
 
-A Butterworth filter of second order, run forward and backward, as movement laboratories use it (Winter,
-"Biomechanics and Motor Control of Human Movement"): of fourth order in effect, with half the power left at
-the cut-off. Frames whose pose is not known (lost, searching, absent) do not count: they are bridged first,
-and so are frames that are missing.
+It is a Butterworth filter of second order, applied forward and backward, as is usual in biomechanics (Winter,
+"Biomechanics and Motor Control of Human Movement"). The effective order is four, with half the power at the
+cut-off frequency. Frames without a known pose (lost, searching, absent) and missing frames are interpolated
+first.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 
 
 def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
-    """The track with angles, joints and pose low-passed; deviations, hypotheses and status stay.
+    """The track with low-pass filtered angles, joints and pose; deviations, hypotheses and status stay.
 
-    InputError for a cut-off that the frame rate cannot have, and for tracks that are too short.
+    InputError for a cut-off frequency that is too high for the frame rate, and for tracks that are too short.
     """
     low_pass = LowPass(track, cutoff_hz)
     frames, known = np.arange(len(track.frame)), ~track.unknown
@@ -41,7 +41,7 @@ def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
 
 
 class LowPass:
-    """Smooths values of a track's frames; they are taken at its rate, and given back at its times."""
+    """Filters values of a track's frames, resampled to its rate and back to its times."""
 
     def __init__(self, track: Track, cutoff_hz: float) -> None:
         kept = ~track.unknown
@@ -63,7 +63,7 @@ class LowPass:
         self._filter = butter(2, np.arctan(warped) / np.pi * rate, fs=rate)
 
     def __call__(self, values: Array) -> Array:
-        """Values (F, ...) low-passed over the frames."""
+        """Low-pass filter values (F, ...) over the frames."""
         columns = values.reshape(len(values), -1)
         times, kept = self._times[self._kept], columns[self._kept]
         even = np.stack([np.interp(self._even, times, column) for column in kept.T], axis=1)
@@ -74,7 +74,7 @@ class LowPass:
 
 
 def smooth_pose(model: BodyModel, poses: Array, low_pass: LowPass) -> Array:
-    """Poses (F, D) low-passed: balls as quaternions, all else value by value, angles without their jumps."""
+    """Filter poses (F, D): spherical joints as quaternions, other values separately, angles unwrapped."""
     turned = np.unwrap(poses, axis=0)
     turned[:, model.kinds == 0] = poses[:, model.kinds == 0]
     smooth = low_pass(turned)
@@ -85,7 +85,7 @@ def smooth_pose(model: BodyModel, poses: Array, low_pass: LowPass) -> Array:
 
 
 def smooth_ball(axes: Array, angles: Array, low_pass: LowPass) -> Array:
-    """Angles (F, 3) about a ball's axes (3, 3), low-passed by way of quaternions that keep their side."""
+    """Filter angles (F, 3) about the axes (3, 3) of a spherical joint, as quaternions of continuous sign."""
     turns = [Rotation.from_rotvec(angles[:, a, None] * axis) for a, axis in enumerate(axes)]
     quaternions = (turns[0] * turns[1] * turns[2]).as_quat()
     flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0))
@@ -94,7 +94,7 @@ def smooth_ball(axes: Array, angles: Array, low_pass: LowPass) -> Array:
 
 
 def angles_about(axes: Array, rotations: Rotation, near: Array) -> Array:
-    """Angles (F, 3) about a ball's axes of rotations (F,), on the branch nearest to `near` (F, 3)."""
+    """Angles (F, 3) of rotations (F,) about a joint's axes (3, 3), on the branch nearest to `near` (F, 3)."""
     handed = np.sign(np.linalg.det(axes))
     inside = handed * axes @ rotations.as_matrix() @ (handed * axes).T
     one = handed * Rotation.from_matrix(inside).as_euler("XYZ", suppress_warnings=True)

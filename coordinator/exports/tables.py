@@ -1,4 +1,4 @@
-"""Values as text for spreadsheets and programs: CSV, with one line a frame, and JSON."""
+"""Values as text for spreadsheets and programs: CSV, with one line per frame, and JSON."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from coordinator.results.track import Track, emptied
 
 
 def export_csv(run: RecordedRun, file: BinaryIO) -> None:
-    """A run's CSV; of a low-passed one also the angles as they were tracked, in columns `..._raw_deg`."""
+    """Write the CSV of a run; if it is filtered, also the tracked angles, in columns `..._raw_deg`."""
     raw_track = emptied(run.raw, run.placed)
     raw = {f"{name}_raw": values for name, values in named(raw_track.angle_names, raw_track.angle).items()}
     write_csv(run.told, file, in_degrees(raw) if run.smoothed_hz else {})
 
 
 def export_json(run: RecordedRun, file: BinaryIO) -> None:
-    """One object with the keys of `track.npz`, null for padding; that of a low-passed run says so."""
+    """Write one object with the keys of `track.npz`, null for padding, and whether the run is filtered."""
     content: dict[str, object] = {
         field.name: np.asarray(getattr(run.told, field.name)).tolist() for field in fields(Track)
     }

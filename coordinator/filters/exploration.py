@@ -39,7 +39,7 @@ class Limb(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Some vertices (V, 3) of a body at rest that one group moves, with their skin (V, K)."""
+    """Some vertices (V, 3) of a body at rest that one group moves, with their skinning (V, K)."""
 
     vertices: Array
     links: Indices
@@ -53,7 +53,7 @@ class Part(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """What of a body is compared with the observed points: a part of each group, and the limbs."""
+    """The parts of a body that are compared with the observed points, one per group, and the limbs."""
 
     parts: tuple[Part, ...]
     limbs: tuple[Limb, ...]

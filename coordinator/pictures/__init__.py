@@ -1,1 +1,1 @@
-"""Pictures by which a person can judge a run; each is loaded where it is drawn."""
+"""Pictures of a run; each module is loaded when it is needed."""

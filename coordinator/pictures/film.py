@@ -1,4 +1,4 @@
-"""Pictures of a run put together: a film in real time, and a contact sheet."""
+"""A film in real time and a contact sheet from the pictures of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TICK_S = Fraction(1, 1000)
 def write_film(
     pictures: Iterable[Image.Image], size: tuple[int, int], times_s: NDArray[np.float64], file: Path
 ) -> None:
-    """Write pictures of one even size (width, height), each shown from its time (F,) until the next one's."""
+    """Write pictures of one even size (width, height), each shown from its time (F,) to the next."""
     encoded = io.BytesIO()
     with av.open(encoded, "w", format="mp4") as film:
         stream = film.add_stream("libx264", options={"preset": "veryfast"})
@@ -36,12 +36,12 @@ def write_film(
 
 
 def spread(count: int, wanted: int) -> list[int]:
-    """At most `wanted` positions out of `count`, evenly spread, the first and the last among them."""
+    """At most `wanted` positions out of `count`, evenly distributed, with the first and the last."""
     return sorted(set(np.rint(np.linspace(0, count - 1, min(count, wanted))).astype(int).tolist()))
 
 
 def tile(pictures: list[Image.Image]) -> Image.Image:
-    """Pictures of one size in three rows, row by row; less than five in one."""
+    """Pictures of one size in three rows, row by row; fewer than five in one row."""
     width, height = pictures[0].size
     columns = -(-len(pictures) // 3) if len(pictures) > 4 else len(pictures)
     sheet = Image.new("RGB", (columns * width, -(-len(pictures) // columns) * height))

@@ -32,7 +32,7 @@ class View:
     camera: Intrinsics  # of the whole image
     left: float
     top: float
-    scale: float  # pixels of the picture for one of the image
+    scale: float  # pixels of the picture per pixel of the image
     width: int  # of the picture
     height: int
 
@@ -44,7 +44,7 @@ class View:
         return Intrinsics(self.width, self.height, whole.fx * s, whole.fy * s, cx, cy)
 
     def cut(self, image: Image.Image) -> Image.Image:
-        """The window of the camera's image, which may come in another resolution, as a picture."""
+        """The window of an image of the camera, in any resolution, as a picture."""
         x, y = image.width / self.camera.width, image.height / self.camera.height
         right, bottom = self.left + self.width / self.scale, self.top + self.height / self.scale
         box = (self.left * x, self.top * y, min(right * x, image.width), min(bottom * y, image.height))
@@ -54,9 +54,9 @@ class View:
 def view_around(track: Track, camera: Intrinsics, width: int, height: int) -> View:
     """The view that shows all joints of all frames, and fits into width x height pixels.
 
-    Its picture, which is `FINER` times smaller, has an even size, as films must.
+    Its picture, which is `FINER` times smaller, has an even size, as films need.
 
-    Frames whose pose is not known do not count, unless there is no other.
+    Frames without a known pose are ignored, unless there are no others.
     """
     kept = ~track.unknown
     points = track.joint_positions[kept if kept.any() else ...].reshape(-1, 3)
@@ -86,7 +86,7 @@ LINES = (*TRUNK, *((a.format(side), b.format(side)) for side in ("right", "left"
 
 
 def bones(joint_names: tuple[str, ...]) -> list[tuple[int, int]]:
-    """Pairs of joint indices to join by a line; joints that no line of a person's names stay dots."""
+    """Pairs of joint indices to connect by lines; other joints are drawn as dots."""
     at = {name: j for j, name in enumerate(joint_names)}
     return [(at[a], at[b]) for a, b in LINES if a in at and b in at]
 
@@ -94,15 +94,15 @@ def bones(joint_names: tuple[str, ...]) -> list[tuple[int, int]]:
 def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int) -> Image.Image:
     """The picture, RGB, of frame number `f` of a track over its depth or colour image.
 
-    Nothing is drawn before the body was found, and while it is absent. Hypotheses are the fainter the less
-    their weight. Joints that may well be off are hollow.
+    Nothing is drawn before the body is found and while it is absent. Hypotheses with less weight are more
+    transparent. Joints that are probably wrong are hollow.
     """
     picture, camera, status = view.cut(image), view.intrinsics, str(track.status[f])
     if track.placed[f] and status != "absent":
         picture = draw_body(picture, model, track.pose[f], camera, opacity=0.5)
         draw, width = ImageDraw.Draw(picture, "RGBA"), max(FINER, picture.height // 160)
         weights = track.hypothesis_weight[f]
-        order = np.argsort(weights)[: np.isfinite(weights).sum()]  # the likely over the unlikely
+        order = np.argsort(weights)[: np.isfinite(weights).sum()]  # the most likely are drawn last
         skeletons = project_joints(model, track.hypothesis_pose[f, order], camera)
         strengths = np.sqrt(weights[order] / weights[order].max(initial=np.finfo(float).tiny))
         for pixels, strength in zip(skeletons, strengths, strict=True):
@@ -117,7 +117,7 @@ def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int
 
 
 def project_joints(model: BodyModel, poses: Array, camera: Intrinsics) -> Array:
-    """Pixels (N, J, 2) of the joints in poses (N, D); far outside the picture, at its edges' distance."""
+    """Pixels (N, J, 2) of the joints in poses (N, D); limited to the surroundings of the picture."""
     joints = joint_positions(model, poses)
     joints[..., 2] = np.maximum(joints[..., 2], MARGIN_M)
     size = np.array([camera.width, camera.height])

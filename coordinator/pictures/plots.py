@@ -1,4 +1,4 @@
-"""Plots over time: angles, sliding joints, the hypotheses about them, and errors where the truth is known."""
+"""Plots over time: angles, prismatic joints, their hypotheses, and errors if the truth is known."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ STATUS = {
     "absent": "#969696",
 }
 SIDES = ("right_", "left_")
-FAINT = 0.25  # opacity of what lies behind a curve
+FAINT = 0.25  # opacity behind a curve
 MOST_ANGLES = 6  # whose hypotheses are shown
 
 STYLE: Mapping[str, Any] = {
@@ -51,23 +51,23 @@ STYLE: Mapping[str, Any] = {
 
 
 def styled() -> Any:
-    """Context in which figures have this look, and are saved with it."""
+    """Context in which figures are drawn and saved in this style."""
     return mpl.rc_context(cast("Any", STYLE))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """What one plot shows over F frames: an angle in degrees, or a sliding joint in centimetres."""
+    """The data of one plot over F frames: an angle in degrees, or a prismatic joint in centimetres."""
 
     name: str
     unit: str  # as it follows a number
     reported: Array  # (F,)
     deviation: Array | None = None  # (F,) one standard deviation
     hypotheses: Array | None = None  # (F, M)
-    true: Array | None = None  # (F,) NaN where it is not known
+    true: Array | None = None  # (F,) NaN if unknown
 
     def draw(self, axes: Axes, track: Track) -> None:
-        """Draw what there is: a line, a band for the deviation, dots for hypotheses, dashes for the truth."""
+        """Draw a line, a band for the deviation, dots for hypotheses, dashes for the truth."""
         time_s = track.time_s
         if self.deviation is not None:
             low, high = self.reported - self.deviation, self.reported + self.deviation
@@ -86,7 +86,7 @@ class Curve:
 
 
 def shade_status(axes: Axes, track: Track) -> None:
-    """Colour the background of the frames that are not plainly tracked."""
+    """Colour the background of frames that are not `tracked`."""
     half = 0.5 * float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else 0.5
     for status, first, last in track.stretches():
         if status != "tracked":
@@ -95,7 +95,7 @@ def shade_status(axes: Axes, track: Track) -> None:
 
 
 def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
-    """A figure with a plot for each angle, in degrees; right and left stand side by side, on one scale."""
+    """A figure with one plot per angle, in degrees; right and left are side by side with one scale."""
     at = [track.angle_names.index(name) for name in names]
     value, deviation = np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
     curves = [Curve(*each) for each in zip(names, "°" * len(names), value.T, deviation.T, strict=True)]
@@ -104,13 +104,13 @@ def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
 
 
 def plot_slides(track: Track, slides: Slides) -> Figure:
-    """The same for sliding joints, in centimetres."""
+    """A figure with one plot per prismatic joint, in centimetres."""
     values = zip(slides.names, 100.0 * slides.value.T, 100.0 * slides.deviation.T, strict=True)
     return plot_curves(track, [Curve(name, " cm", *each) for name, *each in values], 3)
 
 
 def plot_curves(track: Track, curves: Sequence[Curve], columns: int, *, paired: bool = False) -> Figure:
-    """A figure with a plot for each curve; `paired`: those of a row on one scale."""
+    """A figure with one plot per curve; `paired`: the plots of a row have one scale."""
     columns = max(1, min(columns, len(curves)))
     rows = max(1, -(-len(curves) // columns))
     with styled():
@@ -128,7 +128,7 @@ def plot_curves(track: Track, curves: Sequence[Curve], columns: int, *, paired: 
 
 
 def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: Path) -> None:
-    """Write a PNG: the angles that vary most and the sliding joints, with all hypotheses."""
+    """Write a PNG: the angles that vary most and the prismatic joints, with all hypotheses."""
     figure = plot_curves(track, curves_of(track, body, truth), 1)
     name_colours(figure, track)
     with styled():
@@ -136,7 +136,7 @@ def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: 
 
 
 def name_colours(figure: Figure, track: Track) -> None:
-    """Say below a figure what its lines, its dots and the colours behind them are."""
+    """Add a legend of lines, dots and background colours below a figure."""
     handles = [*figure.axes[0].get_legend_handles_labels()[0]]
     seen = set(track.status.tolist()) - {"tracked"}
     handles += [Patch(color=STATUS[name], alpha=FAINT, label=name) for name in STATUS if name in seen]
@@ -144,9 +144,9 @@ def name_colours(figure: Figure, track: Track) -> None:
 
 
 def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curve]:
-    """The angles that vary most, in the body's order and without the whole body's turn; the sliding joints.
+    """The angles that vary most, in the body's order and without the root; the prismatic joints.
 
-    The truth is shown where it has all degrees of freedom of the track.
+    The truth is shown if it has all degrees of freedom of the track.
     """
     angles = angles_of(body.model, body.held, track.up)
     reported, true_pose = track.angle, true_poses(track, truth)
@@ -169,7 +169,7 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
 
 
 def true_poses(track: Track, truth: Truth | None) -> Array:
-    """True poses (F, D) of the track's frames; NaN where they are not known."""
+    """True poses (F, D) of the track's frames; NaN if unknown."""
     poses = np.full(track.pose.shape, np.nan)
     if truth is not None and set(track.dof_names) <= set(truth.dof_names):
         _, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
@@ -178,7 +178,7 @@ def true_poses(track: Track, truth: Truth | None) -> Array:
 
 
 def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with the errors of joints, angles and sliding joints: their mean, and each by its name."""
+    """Write a PNG with the errors of joints, angles and prismatic joints: the mean, and each one."""
     errors = compare(track, truth)
     joints = tuple(name for name in track.joint_names if name in truth.joint_names)
     time_s = track.time_s[np.isin(track.frame, errors.frame)]

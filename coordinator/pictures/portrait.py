@@ -21,14 +21,14 @@ TURNS_DEG = (0, 40, 90)
 
 
 def draw_portrait(model: BodyModel, file: Path) -> None:
-    """Write a PNG: the body from the front, half from the side and from the side, joints as dots."""
+    """Write a PNG: the body from the front, obliquely and from the side, with joints as dots."""
     sheet = tile([paint(model, turn) for turn in TURNS_DEG])
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda opened: sheet.save(opened, "PNG"))
 
 
 def paint(model: BodyModel, turn_deg: float) -> Image.Image:
-    """The body turned about the vertical; named joints are dots, those of a person joined by lines."""
+    """The body rotated about the vertical; named joints are dots, connected by lines for a person."""
     pose = np.clip(np.zeros(len(model.dof_names)), *model.limits.T)
     pose[model.dof("root_ry")] = np.radians(turn_deg)
     pose[:3] = fit_in_view(pose_vertices(model, pose[None])[0], CAMERA)

@@ -1,4 +1,4 @@
-"""All pictures of a run, into its folder."""
+"""Draws all pictures of a run into its folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 
 LARGEST_PX = 480  # width and height of a picture
-FILM_FRAMES = 200  # of a longer run evenly spread ones, in real time all the same
+FILM_FRAMES = 200  # evenly distributed in a longer run, which is also shown in real time
 SHEET_FRAMES = 15
 
 logger = logging.getLogger(__name__)
@@ -39,8 +39,8 @@ def draw_run(
 
     A run in which no body was found has only the first two.
 
-    `body` is what was tracked, with the track's degrees of freedom. With `colours`, film and sheet are drawn
-    over these. `advance` is called with the steps that are done and their number.
+    `body` is the tracked body with the degrees of freedom of the track. With `colours`, film and sheet are
+    drawn over these images. `advance` is called with the number of steps done and their total.
     """
     filmed = spread(len(track.frame), FILM_FRAMES)
     on_sheet = {filmed[i] for i in spread(len(filmed), SHEET_FRAMES)}

@@ -1,4 +1,4 @@
-"""A picture of what is found in a scene: floor, walls and possible people."""
+"""A picture of a scene: floor, walls and candidates for people."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OUTLINES: tuple[Colour, ...] = ((255, 200, 60), (255, 120, 60), (200, 90, 200)) 
 
 
 def draw_scene(view: SceneView, found: Sequence[Candidate]) -> Image.Image:
-    """A frame with the floor green, walls blue, and candidates outlined and numbered, the best first."""
+    """A frame with green floor, blue walls, and outlined and numbered candidates, the best first."""
     picture = np.array(shade_depth(view.depth, view.camera))
     planes = view.planes.coefficients
     for n in range(len(planes)):

@@ -17,18 +17,18 @@ Colour = tuple[int, int, int]
 BACKGROUND: Colour = (19, 23, 31)
 DEPTH_COLOUR: Colour = (225, 230, 238)
 MODEL_COLOUR: Colour = (255, 122, 28)
-SMOOTHING_PX = 1.5  # standard deviation, so that noise of depth is no relief
+SMOOTHING_PX = 1.5  # standard deviation, against the noise of depth
 LIGHT = LightSource()
 
 
 def shade_depth(depth_m: NDArray[np.float32], camera: Intrinsics) -> Image.Image:
-    """A picture of observed depth (H, W); where nothing was measured it has the background's colour."""
+    """A picture of observed depth (H, W); pixels without depth have the background colour."""
     seen = depth_m > 0.0
     near, distance = np.percentile(depth_m[seen], [2, 50]) if seen.any() else (1.0, 1.0)
     weight = gaussian_filter(seen.astype(np.float32), SMOOTHING_PX)
     smooth = np.where(seen, gaussian_filter(depth_m, SMOOTHING_PX) / np.maximum(weight, 1e-6), distance)
     light = LIGHT.hillshade(-smooth, dx=distance / camera.fx, dy=distance / camera.fy)
-    light *= np.sqrt(np.minimum(near / smooth, 1.0))  # far things are darker
+    light *= np.sqrt(np.minimum(near / smooth, 1.0))  # distant surfaces are darker
     colours = np.where(seen[..., None], light[..., None] * DEPTH_COLOUR, BACKGROUND)
     return Image.fromarray(colours.astype(np.uint8))
 
@@ -36,10 +36,10 @@ def shade_depth(depth_m: NDArray[np.float32], camera: Intrinsics) -> Image.Image
 def draw_body(
     picture: Image.Image, model: BodyModel, pose: NDArray[np.float64], camera: Intrinsics, opacity: float
 ) -> Image.Image:
-    """The picture with the body's surface in a pose (D,) laid over it, and a line around what is nearer.
+    """The picture with the body's surface in a pose (D,) over it, and lines around nearer parts.
 
-    Triangles that face the camera are drawn from far to near; an edge is a line where the triangle beyond it
-    faces away.
+    Triangles that face the camera are drawn from far to near. An edge is drawn as a line if the neighbouring
+    triangle faces away.
     """
     corners = pose_vertices(model, pose[None])[0][model.triangles]  # (T, 3, 3)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,4 +1,4 @@
-"""One page with all about a run."""
+"""The report: one page about a run."""
 
 from __future__ import annotations
 

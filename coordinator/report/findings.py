@@ -1,4 +1,4 @@
-"""What a report says about a run, in words and numbers: what happened, how far angles went, what to doubt."""
+"""The findings of a report: what happened, the ranges of angles, and doubtful frames and joints."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from coordinator.tracking.certainty.certainty import FLAGGED
 Array = NDArray[np.float64]
 Summary = dict[str, Any]
 
-TRUSTED_SHARE = 0.9  # of frames that are tracked; below, a run is trusted in parts, below a half not at all
+TRUSTED_SHARE = 0.9  # of tracked frames; below it a run is reliable in part, below 0.5 not at all
 
 SIDES = ("right_", "left_")
 
 
 def describe_run(track: Track, summary: Summary) -> list[tuple[str, str]]:
-    """What a reader wants to know first: names and values."""
+    """The main facts about a run: names and values."""
     model = summary.get("model", {})
     stature = f", {model['stature_m']:.2f} m tall" if model.get("stature_m") else ""
     method, preset, particles = (summary.get(key) for key in ("method", "preset", "particles"))
@@ -41,7 +41,7 @@ def describe_run(track: Track, summary: Summary) -> list[tuple[str, str]]:
 
 
 def group_angles(names: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
-    """Angles of the trunk, or of a robot; then those of a person's limbs, right beside left."""
+    """Angles of the trunk, or of a robot; then those of a person's limbs, right and left together."""
     motions = dict.fromkeys(name.partition("_")[2] for name in names if name.startswith(SIDES))
     limbs = tuple(name for motion in motions for side in SIDES if (name := side + motion) in names)
     others = tuple(name for name in names if name not in limbs)
@@ -50,19 +50,19 @@ def group_angles(names: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """How far an angle or a sliding joint went, in degrees or centimetres."""
+    """The range of an angle or a prismatic joint, in degrees or centimetres."""
 
     name: str
     unit: str
     form: str  # of a number
     least: float
     greatest: float
-    fastest: float  # a second
+    fastest: float  # per second
     deviation: float  # one standard deviation, the median
 
 
 def list_ranges(track: Track, slides: Slides) -> Iterator[Range]:
-    """Of every angle, in the order of the plots, and of sliding joints, over the frames that are known."""
+    """Ranges of all angles, in the order of the plots, and of prismatic joints, over the known frames."""
     known, names = ~track.unknown, track.angle_names
     if not known.any():
         return
@@ -82,10 +82,10 @@ def list_ranges(track: Track, slides: Slides) -> Iterator[Range]:
 
 
 def find_doubts(track: Track) -> Iterator[tuple[str, str]]:
-    """Where to look twice: the status that colours it, and a text.
+    """Doubtful frames and joints: a status, which gives the colour, and a text.
 
-    All frames that are not plainly tracked, in order; then joints that may well be more than 15 cm off in
-    some frame, the most often flagged first.
+    First all frames that are not `tracked`, in order; then joints with a probable error above 15 cm in some
+    frames, the most often flagged first.
     """
     for status, first, last in track.stretches():
         if status != "tracked":
@@ -105,7 +105,7 @@ def find_doubts(track: Track) -> Iterator[tuple[str, str]]:
 
 
 def find_banner(track: Track, summary: Summary) -> tuple[str, str] | None:
-    """A warning where a run cannot be trusted, whole or in part, and the status that colours it."""
+    """A warning if a run is not reliable, completely or in part, and the status that gives its colour."""
     share = float(np.mean(track.status == "tracked")) if len(track.status) else 0.0
     if share < 0.5:
         why = f": {next(iter(summary['doubts']))}" if summary.get("doubts") else ""

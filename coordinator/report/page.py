@@ -1,4 +1,4 @@
-"""A run as one HTML file that needs nothing else."""
+"""A run as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MEDIA = {".png": "image/png", ".mp4": "video/mp4"}
 
 
 def write_report(run: Path, out: Path) -> None:
-    """Write the page about the run in this folder, of each person in turn where there are several.
+    """Write the page about the run in this folder, with a section per person.
 
     InputError if it holds no finished run, or the page cannot be written.
     """
@@ -55,7 +55,7 @@ def write_report(run: Path, out: Path) -> None:
 
 
 def describe_person(folder: Path) -> dict[str, Any]:
-    """What the page shows of one person's results."""
+    """The data of the page for one person."""
     track, summary = read_track(folder), read_summary(folder)
     slides = read_slides(folder, track)
     return {
@@ -72,7 +72,7 @@ def describe_person(folder: Path) -> dict[str, Any]:
 
 
 def plot(track: Track, slides: Slides) -> Iterator[tuple[str, Markup]]:
-    """A drawing of the angles of each part of the body, with its name, and one of the sliding joints."""
+    """Drawings of the angles of each part of the body, with its name, and of the prismatic joints."""
     for group, members in group_angles(track.angle_names):
         yield group, as_svg(plot_angles(track, members))
     if slides.names:
@@ -80,7 +80,7 @@ def plot(track: Track, slides: Slides) -> Iterator[tuple[str, Markup]]:
 
 
 def as_svg(figure: Figure) -> Markup:
-    """A figure as an element of a page."""
+    """A figure as an SVG element."""
     text = io.StringIO()
     with styled():
         figure.savefig(text, format="svg", metadata={"Date": None})
@@ -88,7 +88,7 @@ def as_svg(figure: Figure) -> Markup:
 
 
 def embed(picture: Path) -> str | None:
-    """A picture as an address that holds all of it; None where there is none."""
+    """A picture as a data URL; None if there is none."""
     if not picture.is_file():
         return None
     return f"data:{MEDIA[picture.suffix]};base64,{base64.b64encode(picture.read_bytes()).decode()}"

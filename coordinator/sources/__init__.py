@@ -1,4 +1,4 @@
-"""Depth sequences in: a function for each format gives a `Source`; the path decides the format."""
+"""Readers of depth sequences: a function per format returns a `Source`; the path determines the format."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["ArraySource", "Format", "Source", "find_format", "open_source"]
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A kind of recording: its name, how to know it, and how to open it."""
+    """A format of recordings: its name, a test for a path, and a function that opens it."""
 
     name: str
     fits: Callable[[Path], bool]
@@ -28,7 +28,7 @@ class Format:
 
 
 def open_azure_kinect(path: Path, options: CameraOptions) -> Source:
-    """An `.mkv`, by PyAV, which takes a while to load."""
+    """Open an `.mkv` with PyAV, which is slow to load."""
     from coordinator.sources.azure_kinect import read_azure_kinect
 
     return read_azure_kinect(path, options)
@@ -54,7 +54,7 @@ FORMATS = (
     Format("numpy .npy", has_suffix(".npy"), read_npy),
     Format("UTD-MHAD .mat", has_suffix(".mat"), read_utd_mhad),
 )
-"""In the order in which they are tried."""
+"""In the order of the tests."""
 
 
 DEPTH_PNG = (
@@ -76,17 +76,17 @@ CONVERSIONS = {
 
 
 def open_source(path: Path | str, options: CameraOptions = AS_RECORDED) -> Source:
-    """The sequence at `path`, whatever its format; with the camera and units of `options`, if any.
+    """Open the sequence at `path`, in any format; `options` can replace its camera and units.
 
-    Reads what is needed to know the camera and the frames' numbers. Raises InputError where there is no
-    sequence, or where its description is damaged.
+    Reads only the camera and the numbers of the frames. Raises InputError if there is no sequence, or if its
+    description is damaged.
     """
     path = Path(path)
     return find_format(path).open(path, options)
 
 
 def find_format(path: Path) -> Format:
-    """The format of what is at `path`; InputError names all that are read."""
+    """The format of the recording at `path`; InputError lists all formats."""
     known = ", ".join(form.name for form in FORMATS)
     try:
         path.stat()
@@ -104,15 +104,15 @@ def find_format(path: Path) -> Format:
 
 
 def within(folder: Path) -> str:
-    """A hint at the first recording in a folder that is not one itself; empty where there is none.
+    """A hint at the first recording within a folder that is not a recording itself; empty if there is none.
 
-    A `.npz` may be a truth or a track, and is not proposed.
+    A `.npz` may be a truth or a track, so it is not proposed.
     """
     inside = sorted(folder.iterdir()) if folder.is_dir() else []
     for path in inside:
         try:
             if path.suffix.lower() != ".npz" and any(form.fits(path) for form in FORMATS):
                 return f"{path}, or "
-        except OSError:  # it cannot be looked at
+        except OSError:  # it is not accessible
             continue
     return ""

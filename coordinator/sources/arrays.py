@@ -1,4 +1,4 @@
-"""Depth in numpy arrays: in memory when used as a library, or as an `.npz` or `.npy` file."""
+"""Depth in numpy arrays: in memory, or as an `.npz` or `.npy` file."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ class ArraySource(Source):
     """Frames of an array.
 
     Args:
-        depth: (F, H, W), either whole numbers in units of `depth_scale`, or metres; 0 or NaN where nothing
-            was measured.
-        matrix: The camera's (3, 3): fx 0 cx, 0 fy cy, 0 0 1, in pixels.
-        depth_scale: Units per metre; needed for whole numbers only.
+        depth: (F, H, W), integers in units of `depth_scale`, or metres as floats; 0 or NaN for no depth.
+        matrix: Camera matrix (3, 3): fx 0 cx, 0 fy cy, 0 0 1, in pixels.
+        depth_scale: Units per metre; needed only for integers.
         fps: Frames per second.
-        name: What the sequence is called.
+        name: Name of the sequence.
 
-    Raises InputError where shapes or numbers make no sense.
+    Raises InputError for invalid shapes or numbers.
     """
 
     def __init__(
@@ -51,7 +50,7 @@ class ArraySource(Source):
 
 
 def read_npz(path: Path, options: CameraOptions) -> Source:
-    """An `.npz` file: `depth`, `intrinsics` (3, 3), for whole numbers `depth_scale`; optional `fps`."""
+    """Read an `.npz` file: `depth`, `intrinsics` (3, 3), for integers `depth_scale`; optional `fps`."""
     layout = {"depth": "raw numbers (F, H, W)", "depth_scale": "?numbers", "fps": "?numbers"}
     if options.intrinsics is None:
         layout["intrinsics"] = "numbers (3, 3)"
@@ -62,7 +61,7 @@ def read_npz(path: Path, options: CameraOptions) -> Source:
 
 
 def read_npy(path: Path, options: CameraOptions) -> Source:
-    """An `.npy` file of depth (F, H, W), whose camera the user gives; whole numbers are millimetres."""
+    """Read an `.npy` file of depth (F, H, W), whose camera the user gives; integers are millimetres."""
     try:
         depth = np.load(path, allow_pickle=False, mmap_mode="r")
     except (OSError, ValueError, EOFError) as error:
@@ -74,9 +73,9 @@ def read_npy(path: Path, options: CameraOptions) -> Source:
 def whole_depth(
     array: NDArray[np.generic], depth_scale: float | None, name: str
 ) -> tuple[NDArray[np.uint16], float]:
-    """Depth in whole units, and units per metre.
+    """Depth as integers, and units per metre.
 
-    Floats are metres, or where half of these would be too far away, millimetres.
+    Floats are metres; if more than half of them would be too far away, they are millimetres.
     """
     if array.dtype.kind == "f":
         values = array.astype(np.float64)

@@ -1,9 +1,9 @@
-"""An `.mkv` of Azure Kinect's recorder, or of an Orbbec camera's in its place, read by PyAV.
+"""An `.mkv` of the recorder of Azure Kinect or of an Orbbec camera, read by PyAV.
 
-Depth is a stream of 16-bit grey pictures in millimetres. The factory's calibration is attached as JSON: a
-lens in units of a sensor of 1024 x 1024, of which each depth mode shows a part, halved or not (Azure Kinect
-Sensor SDK, `mode_specific_calibration.c`). The lens' distortion is undone. The accelerometer's samples,
-turned into the depth camera's axes, give the direction of gravity.
+Depth is a stream of 16-bit grey images in millimetres. The factory calibration is attached as JSON. Its lens
+is in units of a sensor of 1024 x 1024, of which each depth mode uses a part, with or without 2 x 2 binning
+(Azure Kinect Sensor SDK, `mode_specific_calibration.c`). Lens distortion is corrected. The accelerometer
+samples, rotated to the axes of the depth camera, give the direction of gravity.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 MODES = {
-    # depth mode: the sensor's size after binning, then left and top of what is shown
+    # depth mode: size of the sensor after binning, then left and top of the used part
     "NFOV_UNBINNED": (1024, 192, 180),
     "NFOV_2X2BINNED": (512, 96, 90),
     "WFOV_UNBINNED": (1024, 0, 0),
@@ -38,12 +38,12 @@ IMU_SAMPLE = np.dtype([("acc_ns", "<u8"), ("acc", "<f4", 3), ("gyro_ns", "<u8"),
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """The depth camera's lens over the sensor's size, and the accelerometer's axes.
+    """The lens of the depth camera in units of the sensor, and the axes of the accelerometer.
 
     Args:
-        lens: cx, cy, fx, fy, radial k1 to k6, two that are not used, tangential p2, p1.
-        radius: Of the field of view, in units of the focal length.
-        turn: (9,) row by row, from the depth camera's axes to those of the accelerometer.
+        lens: cx, cy, fx, fy, radial k1 to k6, two unused values, tangential p2, p1.
+        radius: Radius of the field of view, in units of the focal length.
+        turn: Rotation (9,) by rows, from the axes of the depth camera to those of the accelerometer.
     """
 
     lens: list[float]
@@ -52,7 +52,7 @@ class Calibration:
 
 
 def read_azure_kinect(path: Path, options: CameraOptions) -> Source:
-    """The depth frames of one `.mkv`, numbered from 0; times are the recording's, from the first frame."""
+    """Read the depth frames of an `.mkv`, numbered from 0; times are relative to the first frame."""
     container = opened(path)
     stream = depth_stream(container, path)
     stamps, samples = scan(container, stream, path)
@@ -71,7 +71,7 @@ def read_azure_kinect(path: Path, options: CameraOptions) -> Source:
 
 
 class Frames:
-    """Decoded and undistorted depth of a stream. Frames in order are read fastest."""
+    """Decoded and undistorted depth of a stream. Reading is fastest in order."""
 
     def __init__(
         self, path: Path, container: Any, stream: Any, stamps: list[float], pixels: Indices | None
@@ -91,7 +91,7 @@ class Frames:
         return depth if self._pixels is None else undistorted(depth, self._pixels)
 
     def _decode(self, place: int) -> Iterator[NDArray[np.uint16]]:
-        """Depth of the frames from the n-th on; they end where the file is damaged."""
+        """Depth of the frames from the n-th on, up to the end or a damaged part of the file."""
         base = float(self._stream.time_base)
         self._container.seek(round(self._stamps[place] / base), stream=self._stream)
         try:
@@ -103,7 +103,7 @@ class Frames:
 
 
 def opened(path: Path) -> Any:
-    """The container; InputError if it is none."""
+    """Open the container; InputError if it is not one."""
     try:
         return av.open(str(path))
     except (av.error.FFmpegError, OSError) as error:
@@ -111,7 +111,7 @@ def opened(path: Path) -> Any:
 
 
 def depth_stream(container: Any, path: Path) -> Any:
-    """The stream with depth; InputError where there is none."""
+    """The stream with depth; InputError if there is none."""
     for stream in container.streams.video:
         named = "DEPTH" in stream.metadata.get("title", "").upper() or "K4A_DEPTH_MODE" in stream.metadata
         if named and stream.codec_context.pix_fmt in ("gray16be", "gray16le"):
@@ -122,7 +122,7 @@ def depth_stream(container: Any, path: Path) -> Any:
 
 
 def scan(container: Any, stream: Any, path: Path) -> tuple[list[float], Array]:
-    """Times of the depth frames, seconds, and measured accelerations (N, 3)."""
+    """Times of the depth frames in seconds, and measured accelerations (N, 3)."""
     times: list[float] = []
     samples: list[Array] = []
     inertial = [s for s in container.streams if s.metadata.get("title") == "IMU"]
@@ -141,7 +141,7 @@ def scan(container: Any, stream: Any, path: Path) -> tuple[list[float], Array]:
 
 
 def read_calibration(container: Any, path: Path) -> Calibration | None:
-    """The attached calibration; None where there is none, InputError where it is damaged."""
+    """The attached calibration; None if there is none, InputError if it is damaged."""
     for stream in container.streams:
         if stream.type == "attachment" and "K4A_CALIBRATION_FILE" in stream.metadata:
             try:
@@ -165,12 +165,12 @@ def read_calibration(container: Any, path: Path) -> Calibration | None:
 
 
 def find_entry(entries: list[dict[str, Any]], key: str, value: str) -> dict[str, Any]:
-    """The first entry of a list that has this value under a key; empty where there is none."""
+    """The first entry of a list with this value for a key; empty if there is none."""
     return next((entry for entry in entries if entry[key] == value), {})
 
 
 def depth_camera(calibration: Calibration, stream: Any, path: Path) -> Intrinsics:
-    """The pinhole camera of the stream's depth mode, pixel centres at whole numbers."""
+    """The pinhole camera of the depth mode of the stream, with pixel centres at integers."""
     mode = stream.metadata.get("K4A_DEPTH_MODE", "")
     if mode not in MODES or len(calibration.lens) < 14:
         raise InputError(
@@ -184,7 +184,7 @@ def depth_camera(calibration: Calibration, stream: Any, path: Path) -> Intrinsic
 
 
 def lens_pixels(calibration: Calibration, camera: Intrinsics) -> Indices:
-    """The flat index (H, W) of the lens' pixel that shows what each pixel of the camera sees; -1 for none."""
+    """Flat index (H, W) of the distorted pixel for each pixel of the pinhole camera; -1 for none."""
     k1, k2, k3, k4, k5, k6, _, _, p2, p1 = calibration.lens[4:14]
     v, u = np.indices((camera.height, camera.width), dtype=np.float64)
     x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
@@ -200,14 +200,14 @@ def lens_pixels(calibration: Calibration, camera: Intrinsics) -> Indices:
 
 
 def undistorted(depth: NDArray[np.uint16], pixels: Indices) -> NDArray[np.uint16]:
-    """A depth image (H, W) whose pixels are taken from elsewhere; 0 where the lens saw nothing."""
+    """The undistorted depth image (H, W); 0 for pixels outside the distorted image."""
     return np.where(pixels >= 0, depth.ravel()[pixels], 0).astype(np.uint16)
 
 
 def gravity_of(calibration: Calibration | None, samples: Array) -> Array | None:
-    """Unit vector (3,) along which things fall, in the depth camera's axes; None if not measured."""
+    """Direction of gravity (3,) as a unit vector in the axes of the depth camera; None if not measured."""
     if calibration is None or calibration.turn is None or len(calibration.turn) != 9 or not samples.any():
         return None
-    upward = np.median(samples, axis=0)  # an accelerometer at rest measures the ground's push
+    upward = np.median(samples, axis=0)  # an accelerometer at rest measures the upward force
     downward: Array = -np.reshape(calibration.turn, (3, 3)).T @ upward
     return downward / np.linalg.norm(downward)

@@ -1,4 +1,4 @@
-"""Cameras of recordings, as a file or the user describes them."""
+"""Cameras of recordings, from a file or from the user."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Size = Annotated[int, Meta(ge=1, le=32_768)]
 
 
 class CameraFile(msgspec.Struct):
-    """`camera_intrinsic.json`; keys that other programs add are passed over."""
+    """The content of `camera_intrinsic.json`; other keys are ignored."""
 
     width: Size
     height: Size
@@ -36,7 +36,7 @@ class CameraFile(msgspec.Struct):
 
 
 def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
-    """Intrinsics, units of depth per metre and frames per second of a camera file; InputError if damaged."""
+    """Read intrinsics, units of depth per metre and frames per second; InputError if damaged."""
     try:
         camera = msgspec.json.decode(path.read_bytes(), type=CameraFile)
     except FileNotFoundError:
@@ -54,7 +54,7 @@ def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
 
 
 def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics:
-    """Intrinsics from a matrix (3, 3); InputError unless it is one of a pinhole camera without skew."""
+    """Intrinsics from a matrix (3, 3); InputError if it is not that of a pinhole camera without skew."""
     values = np.asarray(matrix)
     if values.shape != (3, 3) or values.dtype.kind not in "iuf" or min(width, height) < 1:
         raise InputError(f"{name}: intrinsics are not a 3 x 3 matrix; give fx 0 cx, 0 fy cy, 0 0 1")
@@ -69,13 +69,13 @@ def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics
 
 @dataclass(frozen=True, slots=True)
 class CameraOptions:
-    """The user's intrinsics fx, fy, cx, cy, pixels, and units per metre; None for what the recording says."""
+    """The user's fx, fy, cx, cy in pixels, and units per metre; None for those of the recording."""
 
     intrinsics: tuple[float, float, float, float] | None = None
     depth_scale: float | None = None
 
     def matrix(self, path: Path) -> list[list[float]]:
-        """The user's camera matrix (3, 3); InputError where the recording at `path` needs one."""
+        """The user's camera matrix (3, 3); InputError if the recording at `path` needs one."""
         if self.intrinsics is None:
             raise InputError(
                 f"{path} does not say its camera; add --intrinsics fx,fy,cx,cy (pixels), or write "
@@ -93,7 +93,7 @@ AS_RECORDED = CameraOptions()
 
 
 def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> CameraOptions:
-    """From the words of the command line; InputError where they make no sense."""
+    """Parse the values of the command line; InputError if they are invalid."""
     if depth_scale is not None and not 0.0 < depth_scale < np.inf:
         raise InputError(
             f"--depth-scale {depth_scale:g} is no number of units per metre; millimetres have 1000"
@@ -116,7 +116,7 @@ NEAREST_IN_A_ROOM_M, FARTHEST_IN_A_ROOM_M = 0.4, 10.0
 
 
 def doubt_range(near: float | None, far: float | None) -> str | None:
-    """What is odd about the nearest and farthest depth, metres; None where nothing is."""
+    """A warning about implausible nearest and farthest depth, metres; None if they are plausible."""
     scale = "is it in other units? --depth-scale N says how many are a metre"
     if near is None or far is None:
         return f"the frames that were looked at show no depth; {scale}"
@@ -126,7 +126,7 @@ def doubt_range(near: float | None, far: float | None) -> str | None:
 
 
 def doubt_camera(camera: Intrinsics) -> str | None:
-    """What is odd about a camera's matrix; None where nothing is."""
+    """A warning about an implausible camera matrix; None if it is plausible."""
     if 0.0 <= camera.cx <= camera.width and 0.0 <= camera.cy <= camera.height:
         return None
     return (

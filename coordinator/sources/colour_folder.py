@@ -1,4 +1,4 @@
-"""Colour frames that go with a depth sequence, to be drawn on: any pictures, numbered in their names."""
+"""Colour frames of a depth sequence, for drawing: any images with numbers in their names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 class ColourFolder:
-    """Colour frames seen by the depth camera, or registered to it, of its size or scaled.
+    """Colour frames of the depth camera, or registered to it, of its size or scaled.
 
     Raises InputError unless there is one for each of `numbers`, all of the camera's shape.
     """
@@ -38,7 +38,7 @@ class ColourFolder:
                 pass
 
     def frame(self, number: int) -> Image.Image:
-        """One frame, RGB, whole; InputError if damaged."""
+        """One frame, RGB; InputError if it is damaged."""
         file = self._files[number]
         with self._open(file) as opened:
             try:

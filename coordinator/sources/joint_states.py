@@ -1,8 +1,8 @@
-"""Joint values over time as a robot's controller records them: a CSV, or sensor_msgs/JointState of a ROS bag.
+"""Joint values over time from a robot's controller: a CSV, or sensor_msgs/JointState of a ROS bag.
 
-A CSV has a column `time_s`, seconds on the recording's clock, and one for each joint: radians, metres, or
-degrees where its name ends in `_deg`. A bag's times count from its first depth image, or, where it has none,
-from its first joint state.
+A CSV has a column `time_s`, seconds on the clock of the recording, and one column per joint: radians, metres,
+or degrees if the name ends in `_deg`. Times of a bag are relative to its first depth image, or, without
+depth, to its first joint state.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class JointStates:
 
     @property
     def hash(self) -> str:
-        """The same for the same states."""
+        """A hash of the states."""
         content = "\n".join(self.names).encode() + self.times_s.tobytes() + self.values.tobytes()
         return hashlib.sha256(content).hexdigest()[:12]
 
     def check_names(self, known: Collection[str]) -> None:
-        """InputError unless at least one joint is a degree of freedom of the body; a warning for others."""
+        """InputError if no joint is a degree of freedom of the body; a warning for joints that are not."""
         foreign = [unknown_dof(name, known) for name in self.names if name not in known]
         if len(foreign) == len(self.names):
             raise InputError(f"--joint-states: {foreign[0]}")
@@ -52,14 +52,14 @@ class JointStates:
             logger.warning("--joint-states: %s; its states are left out", each)
 
     def at(self, time_s: float) -> Array:
-        """Values (K,) at a time, between the two around it; NaN before the first and after the last."""
+        """Interpolated values (K,) at a time; NaN before the first and after the last."""
         if not self.times_s[0] <= time_s <= self.times_s[-1]:
             return np.full(len(self.names), np.nan)
         return np.array([np.interp(time_s, self.times_s, column) for column in self.values.T])
 
 
 def read_joint_states(path: Path) -> JointStates:
-    """Read a file; InputError where it cannot be read or makes no sense."""
+    """Read a file; InputError if it cannot be read or is invalid."""
     names, times, values = read_bag(path) if is_bag(path) else read_csv(path)
     order = np.argsort(times, kind="stable")
     finite = np.isfinite(times).all() and np.isfinite(values).all()
@@ -72,7 +72,7 @@ def read_joint_states(path: Path) -> JointStates:
 
 
 def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
-    """Names, times and values of a CSV."""
+    """Read names, times and values of a CSV."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             heads, *rows = [row for row in csv.reader(file) if row]
@@ -93,7 +93,7 @@ def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
 
 
 def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
-    """Names, times and values of the first topic of joint states."""
+    """Read names, times and values of the first topic of joint states."""
     bag = Bag(path)
     topics = bag.topics(STATES)
     if not topics:
@@ -107,7 +107,7 @@ def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
         )
     try:
         began = bag.times(depth_topic(bag))[0]
-    except InputError:  # it holds no depth
+    except InputError:  # no depth
         began = stamps[0]
     times = np.array([(time - began) * NANOSECONDS for time in stamps])
     return names, times, np.array([np.asarray(message.position, dtype=np.float64) for message in messages])

@@ -1,4 +1,4 @@
-"""Depth frames that some other process publishes while they are tracked: docs/live.md has their form."""
+"""Live input: depth frames that another process publishes; docs/live.md describes the messages."""
 
 from __future__ import annotations
 
@@ -15,60 +15,60 @@ from common.protocol.frames import decode_live
 from common.protocol.keys import check_stream
 
 SCHEME = "zenoh:"
-NOTICE_S = 5.0  # without a frame until that is reported
+NOTICE_S = 5.0  # without a frame before this is reported
 NEW_STREAM_FRAMES = 5  # that fit each other
 
 
 def live_key(sequence: Path) -> str | None:
-    """The key of `zenoh:KEY`; None for what is recorded. InputError if the key is none."""
+    """The key of `zenoh:KEY`; None for recordings. InputError if the key is invalid."""
     text = str(sequence)
     return check_stream(text.removeprefix(SCHEME)) if text.startswith(SCHEME) else None
 
 
 COUNTED = ("received", "skipped", "rejected", "malformed")
-"""Received frames are tracked, skipped as a newer one came first, or rejected as they do not fit the stream.
-Malformed messages are no frames."""
+"""Received frames are tracked, skipped because a newer one came, or rejected if they do not fit the stream.
+Malformed messages are not frames."""
 
 
 class LiveFrames:
     """The newest frame at each request; iterates until the stream ends.
 
     All frames of a stream have one size, camera and depth scale, and their numbers and times increase. A
-    frame that does not fit is rejected and counted. `NEW_STREAM_FRAMES` frames that fit each other, while
-    none comes that fits the stream, begin another stream: the publisher was started again, or there is
-    another camera. `stream` counts these; it changes just before the first frame of a new stream is yielded,
-    and tracking has to start anew with that frame.
+    frame that does not fit is rejected and counted. If `NEW_STREAM_FRAMES` frames fit each other, and none
+    arrives that fits the stream, they start a new stream: the publisher was restarted, or there is another
+    camera. `stream` is the number of the stream. It changes immediately before the first frame of a new
+    stream is yielded, and tracking must start again with that frame.
 
-    Messages are received on a thread of the bus. `report` is called with a line for people when the stream
-    is silent, when a new one begins, and at the first frame that is rejected for each cause. The stream also
-    ends when it was silent for `idle` seconds; None to wait for ever.
+    Messages are received on a thread of the bus. `report` is called with a message for the user when the
+    stream is silent, when a new one starts, and at the first rejected frame of each cause. The stream also
+    ends after `idle` silent seconds; None to wait for ever.
     """
 
     def __init__(
         self, key: str, report: Callable[[str], None], notice: float = NOTICE_S, idle: float | None = None
     ) -> None:
-        self.stream = 0  # of the frame that was yielded last
+        self.stream = 0  # of the last yielded frame
         self._key = key
         self._idle = math.inf if idle is None else idle
         self._notice = notice
         self._report = report
         self._changed = threading.Condition()
-        self._newest: tuple[int, DepthFrame] | None = None  # its stream, and what waits to be yielded
-        self._last: DepthFrame | None = None  # of the last frame that was accepted
+        self._newest: tuple[int, DepthFrame] | None = None  # its stream, and the frame to be yielded
+        self._last: DepthFrame | None = None  # the last accepted frame
         self._last_stream = 0
         self._rejected: deque[DepthFrame] = deque(maxlen=2 * NEW_STREAM_FRAMES)  # since then
         self._ended = False
         self._counts = dict.fromkeys(COUNTED, 0)
-        self._reported: set[str] = set()  # causes for which frames were rejected
+        self._reported: set[str] = set()  # causes of rejected frames
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many messages of each kind in `COUNTED` came so far."""
+        """Number of messages of each kind in `COUNTED` so far."""
         with self._changed:
             return self._counts.copy()
 
     def receive(self, payload: bytes) -> None:
-        """Take a message; an older frame that still waits is skipped."""
+        """Receive a message; an older frame that is still waiting is skipped."""
         try:
             frame = decode_live(payload)
         except ProtocolError as error:
@@ -88,7 +88,7 @@ class LiveFrames:
             self._report(said)
 
     def end(self) -> None:
-        """End the stream as its publisher does: who waits for a frame gets those that came, and no more."""
+        """End the stream like its publisher: the received frames are still yielded, and no others."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
@@ -99,7 +99,7 @@ class LiveFrames:
             yield frame
 
     def _accept(self, frame: DepthFrame) -> str | None:
-        """Keep a frame that belongs to the stream or begins another; gives what is to be reported, if any."""
+        """Keep a frame that belongs to the stream or starts another; returns a message to report, if any."""
         self._counts["received"] += 1
         misfit = None if self._last is None else find_misfit(frame, self._last)
         if misfit is not None:
@@ -122,7 +122,7 @@ class LiveFrames:
         return f"another stream of frames, {size}, has begun on {self._key}; tracking starts anew"
 
     def _take(self) -> tuple[int, DepthFrame] | None:
-        """The newest frame and its stream, as soon as there is one; None at the end."""
+        """Wait for the newest frame and its stream; None at the end."""
         with self._changed:
             if not self._wait(min(self._notice, self._idle)) and self._notice < self._idle:
                 self._report(f"no frame comes on {self._key}; waiting for one")
@@ -141,7 +141,7 @@ class LiveFrames:
 
 
 def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
-    """Why a frame cannot follow another one: the cause, and what to say of it; None if it can."""
+    """Why a frame cannot follow another one: the cause and a message; None if it can."""
     camera, other = frame.intrinsics, last.intrinsics
     if (camera.width, camera.height) != (other.width, other.height):
         return "size", f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}"
@@ -159,7 +159,7 @@ def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
 
 
 def begins_a_stream(rejected: Sequence[DepthFrame]) -> bool:
-    """Whether `NEW_STREAM_FRAMES` of these, up to the last, are of its camera and follow each other."""
+    """Whether `NEW_STREAM_FRAMES` rejected frames, up to the last, have its camera and follow each other."""
     newest = rejected[-1]
     alike = [f for f in rejected if (f.intrinsics, f.depth_scale) == (newest.intrinsics, newest.depth_scale)]
     last = alike[-NEW_STREAM_FRAMES:]
@@ -167,9 +167,9 @@ def begins_a_stream(rejected: Sequence[DepthFrame]) -> bool:
 
 
 def from_first_seen(frames: Iterator[DepthFrame], report: Callable[[str], None]) -> Iterator[DepthFrame]:
-    """Pass over the frames before the first one with any depth: nothing can start from them.
+    """Skip the frames before the first one with depth: tracking cannot start from them.
 
-    `report` is called with a line for people at the first that is passed over.
+    `report` is called with a message for the user at the first skipped frame.
     """
     for passed, frame in enumerate(frames):
         if frame.depth.any():

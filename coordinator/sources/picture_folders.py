@@ -1,13 +1,13 @@
 """Depth as folders of 16-bit PNG: as Open3D's recorders write it, of the TUM RGB-D benchmark, or any other.
 
-Names of pictures end in a number: the frame's, or, if the numbers are far apart, its time in seconds,
-microseconds or nanoseconds. A text file beside the pictures may hold times instead: one a line, in seconds,
-for each picture in their order, or with the picture's name before or after it. Frames may be missing: the
-others keep their times.
+Names of images end in a number: that of the frame, or, if the numbers are far apart, its time in seconds,
+microseconds or nanoseconds. Alternatively a text file in the folder holds times in seconds: one per line for
+each image in order, or with the name of the image before or after it. Frames may be missing; the others keep
+their times.
 
 A folder of the TUM benchmark (Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", IROS
-2012) lists times and pictures in depth.txt. Where it has no camera_intrinsic.json, the camera is the one that
-the data set documents for its name (freiburg1, 2 or 3), else the nominal one; all are for 640 x 480.
+2012) lists times and images in depth.txt. Without a camera_intrinsic.json, the camera is the documented one
+for the name of the sequence (freiburg1, 2 or 3), else the nominal one; all are for 640 x 480.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ TUM_CAMERAS = {
 
 
 def holds_pictures(path: Path) -> bool:
-    """Whether a folder holds PNGs, here or in depth/."""
+    """Whether a folder holds PNGs, directly or in depth/."""
     return (path / "depth").is_dir() or (path.is_dir() and any(path.glob("*.png")))
 
 
@@ -58,7 +58,7 @@ def is_tum(path: Path) -> bool:
 
 
 def read_pictures(path: Path, options: CameraOptions) -> Source:
-    """A folder of pictures; frames have the numbers of the files, or are counted where these are times."""
+    """Read a folder of images; frames have the numbers in the names, or are counted if these are times."""
     folder = path / "depth" if (path / "depth").is_dir() else path
     numbers, files, times = find_frames(folder, path)
     if not files:
@@ -84,10 +84,10 @@ def read_pictures(path: Path, options: CameraOptions) -> Source:
 
 
 def find_frames(folder: Path, beside: Path) -> tuple[Sequence[int], list[Path], list[float] | None]:
-    """Numbers, files and times (None where names count frames) of a folder's frames, ascending.
+    """Numbers, files and times of a folder's frames, ascending; times are None if names count frames.
 
-    `beside` is where a file with times may be, besides in the folder. Raises InputError for names that have
-    no number, or times that go back.
+    `beside` is another folder that may hold a file with times. Raises InputError for names without a number,
+    or decreasing times.
     """
     files = sorted_by_number(folder)
     listed = next((p for place in (beside, folder) for n in TIME_FILES if (p := place / n).is_file()), None)
@@ -134,7 +134,7 @@ def sorted_by_number(folder: Path) -> dict[float, Path]:
 
 
 def times_in_names(values: list[float]) -> list[float] | None:
-    """Seconds, where the numbers in names are times; None where they count frames."""
+    """Seconds, if the numbers in names are times; None if they count frames."""
     if len(values) < 2:
         return None
     step = float(np.median(np.diff(values)))
@@ -148,7 +148,7 @@ def times_in_names(values: list[float]) -> list[float] | None:
 
 
 def listed_times(path: Path, files: dict[float, Path]) -> tuple[dict[float, Path], list[float]]:
-    """The pictures that a file names, or all where it names none, and a time for each, seconds from 0."""
+    """The images that a file names, or all if it names none, and the time of each, seconds from 0."""
     try:
         lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
     except (OSError, UnicodeDecodeError) as error:
@@ -169,14 +169,14 @@ def listed_times(path: Path, files: dict[float, Path]) -> tuple[dict[float, Path
 
 
 def read_depth(path: Path) -> NDArray[np.uint16]:
-    """Depth (H, W) of a 16-bit PNG; InputError if it is damaged or of another kind."""
+    """Depth (H, W) of a 16-bit PNG; InputError if it is damaged or has another type."""
     with opened(path) as image:
         if image.mode != SIXTEEN_BIT_GREY:
             kind = {"1": "1-bit", "L": "8-bit"}.get(image.mode, f"of kind {image.mode}")
             raise InputError(
                 f"{path} is {kind}, not 16-bit grey; save depth as uint16 with depth_scale units per metre"
             )
-        image.verify()  # all checksums: decoding alone lets a missing end and altered last bytes pass
+        image.verify()  # all checksums: decoding alone accepts truncated or altered files
     with opened(path) as image:
         return np.asarray(image).astype(np.uint16, copy=False)
 

@@ -1,8 +1,8 @@
-"""A folder of point clouds, one file a frame: PLY or PCD, metres, in the camera's frame (z forward).
+"""A folder of point clouds, one file per frame: PLY or PCD, metres, in the camera frame (z forward).
 
-Each cloud is projected into a depth image: the nearest point of a pixel counts. The camera is the user's, or
-that of camera_intrinsic.json, or that with which an organised cloud (PCD with rows and columns) was taken; an
-unorganised cloud is seen by a nominal camera of 640 x 480.
+Each cloud is projected to a depth image with the nearest point of each pixel. The camera is that of the user,
+of camera_intrinsic.json, or of the organised cloud (PCD with rows and columns). Otherwise it is a nominal
+camera of 640 x 480.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from coordinator.sources.source import Source
 Array = NDArray[np.float64]
 
 SUFFIXES = (".ply", ".pcd")
-LARGEST_MISFIT_PX = 0.05  # of a pinhole camera's points from their pixels
+LARGEST_MISFIT_PX = 0.05  # error of the pixels of a pinhole camera
 
 
 def read_clouds(path: Path, options: CameraOptions) -> Source:
-    """The clouds of a folder in the order of the numbers in their names, numbered from 0."""
+    """Read the clouds of a folder in the order of the numbers in their names, numbered from 0."""
     files = cloud_files(path)
     first, camera, fps = read_cloud(files[0]), NOMINAL, DEFAULT_FPS
     organised = first.ndim == 3
@@ -55,7 +55,7 @@ def cloud_files(path: Path) -> list[Path]:
 
 
 def read_cloud(path: Path) -> Array:
-    """Points (N, 3), or (H, W, 3) where the cloud is organised; InputError if it is damaged."""
+    """Points (N, 3), or (H, W, 3) for an organised cloud; InputError if it is damaged."""
     try:
         return read_ply(path) if path.suffix.lower() == ".ply" else read_pcd(path)
     except ImportError as error:
@@ -84,7 +84,7 @@ def read_pcd(path: Path) -> Array:
 
 
 def own_camera(points: Array, path: Path) -> Intrinsics:
-    """The camera that an organised cloud (H, W, 3) was taken with; InputError where it was no pinhole."""
+    """The camera of an organised cloud (H, W, 3); InputError if it is not a pinhole camera."""
     rows, columns = points.shape[:2]
     v, u = np.indices((rows, columns))
     seen = np.isfinite(points).all(axis=2) & (points[:, :, 2] > 0)
@@ -98,7 +98,7 @@ def own_camera(points: Array, path: Path) -> Intrinsics:
 
 
 def fit_axis(slopes: Array, pixels: NDArray[np.integer]) -> tuple[float, float, float]:
-    """Focal length and centre for which pixel = centre + focal x slope, and the largest misfit in pixels."""
+    """Focal length and centre with pixel = centre + focal x slope, and the largest error in pixels."""
     if len(slopes) < 2 or np.ptp(slopes) == 0.0:
         return 0.0, 0.0, np.inf
     focal, centre = np.polyfit(slopes, pixels, 1)
@@ -106,7 +106,7 @@ def fit_axis(slopes: Array, pixels: NDArray[np.integer]) -> tuple[float, float, 
 
 
 def render_points(points: Array, camera: Intrinsics) -> Array:
-    """Depth (H, W) in metres of points (N, 3): each pixel's nearest, 0 where there is none."""
+    """Depth (H, W) in metres of points (N, 3): the nearest of each pixel, 0 if there is none."""
     depth = np.full((camera.height, camera.width), np.inf)
     points = points[np.isfinite(points).all(axis=1)]
     points = points[points[:, 2] > 0]

@@ -1,7 +1,7 @@
 """A ROS 1 or ROS 2 bag with depth images and their camera_info, read by rosbags without ROS.
 
-So are the `.bag` files of Intel RealSense cameras, which name their units of depth. Other bags hold
-millimetres as 16-bit pictures, or metres as floats. Lens distortion is not undone.
+The `.bag` files of Intel RealSense cameras are such bags and specify their units of depth. Other bags hold
+millimetres as 16-bit images, or metres as floats. Lens distortion is not corrected.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NANOSECONDS = 1e-9
 
 
 def read_ros_bag(path: Path, options: CameraOptions) -> Source:
-    """The depth images of a bag, numbered from 0; times are the bag's, from 0."""
+    """Read the depth images of a bag, numbered from 0; times are those of the bag, from 0."""
     bag = Bag(path)
     topic = depth_topic(bag)
     stamps = bag.times(topic)
@@ -53,7 +53,7 @@ def read_ros_bag(path: Path, options: CameraOptions) -> Source:
 
 
 class Bag:
-    """Messages of a bag by topic and time; InputError wherever it is damaged."""
+    """Messages of a bag by topic and time; InputError if it is damaged."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -87,7 +87,7 @@ class Bag:
         return self.guarded(read)
 
     def guarded(self, read: Callable[[], Result]) -> Result:
-        """What `read` gives; with a damaged bag the library can raise anything."""
+        """The result of `read`; the library can raise any exception for a damaged bag."""
         try:
             return read()
         except Exception as error:
@@ -99,7 +99,7 @@ class Bag:
 
 
 def depth_topic(bag: Bag) -> str:
-    """The topic with depth images, one with depth in its name before others."""
+    """The topic with depth images, preferably with depth in its name."""
     images = sorted(bag.topics(IMAGE), key=lambda topic: "depth" not in topic.lower())
     for topic in images:
         if bag.message(topic).encoding in ENCODINGS:
@@ -114,7 +114,7 @@ def depth_topic(bag: Bag) -> str:
 
 
 def camera_of(bag: Bag, topic: str) -> Intrinsics:
-    """The camera of a topic's images: the camera_info whose name has most in common with theirs."""
+    """The camera of a topic's images: the camera_info with the most similar name."""
     infos = bag.topics(CAMERA)
     if not infos:
         raise InputError(
@@ -131,7 +131,7 @@ def units_of(bag: Bag, topic: str) -> float:
     options = [t for t in bag.topics(NUMBER) if t.endswith(UNITS_OPTION)]
     if not options:
         return MILLIMETRES
-    # a float32: 0.001 is meant by 0.0010000000474974513
+    # a float32: 0.0010000000474974513 means 0.001
     metres = float(str(np.float32(bag.message(nearest(topic, options)).data)))
     if not 0 < metres < np.inf:
         raise InputError(f"{bag.path}: a unit of depth is said to be {metres} m; record it again")
@@ -139,7 +139,7 @@ def units_of(bag: Bag, topic: str) -> float:
 
 
 def nearest(topic: str, others: list[str]) -> str:
-    """The topic whose name agrees longest with `topic`, level by level."""
+    """The topic whose name has the most leading levels in common with `topic`."""
 
     def shared(other: str) -> int:
         return len([*takewhile(bool, map(eq, topic.split("/"), other.split("/")))])
@@ -148,7 +148,7 @@ def nearest(topic: str, others: list[str]) -> str:
 
 
 def pixels(image: Any) -> NDArray[np.generic]:
-    """The depth (H, W) of a ROS image message, whole units or metres."""
+    """Depth (H, W) of a ROS image message, in integer units or metres."""
     kind = np.dtype(np.float32 if image.encoding == FLOATS else np.uint16).newbyteorder(
         ">" if image.is_bigendian else "<"
     )

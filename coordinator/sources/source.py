@@ -1,4 +1,4 @@
-"""A recorded depth sequence, whatever its format."""
+"""A recorded depth sequence of any format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from common.frame import DepthFrame
 from coordinator.files import START_FILE, TRUTH_FILE
 from coordinator.sources.camera import DEFAULT_FPS
 
-UNITS_PER_METRE = 5000.0  # into which metres are converted: steps of 0.2 mm
+UNITS_PER_METRE = 5000.0  # for metres: steps of 0.2 mm
 FARTHEST_M = np.iinfo(np.uint16).max / UNITS_PER_METRE
 
 
@@ -24,16 +24,16 @@ class Source:
     """A recorded depth sequence. Frames are read one at a time, on request.
 
     Args:
-        name: The sequence's own name, without its folder or suffix.
+        name: Name of the sequence, without folder and suffix.
         intrinsics: The camera of every frame.
         numbers: The frames' numbers, ascending; some may be missing in between.
-        read: Depth (H, W) of the n-th frame, counted from 0: uint16, or floats where any value is possible;
-            0 or NaN where nothing was measured. Raises InputError if the frame is damaged.
+        read: Returns depth (H, W) of the n-th frame, counted from 0: uint16, or floats; 0 or NaN for no
+            depth. Raises InputError if the frame is damaged.
         depth_scale: Units of this depth per metre.
         fps: Frames per second.
-        times: When each frame was taken, seconds, ascending; None for its number over `fps`.
-        gravity: Unit vector (3,) along which things fall, camera frame; None where it is not known.
-        folder: Where a truth and a pose to start from may be beside the frames.
+        times: Times of the frames, seconds, ascending; None for number over `fps`.
+        gravity: Direction of gravity (3,), unit vector, camera frame; None if unknown.
+        folder: Folder that may hold ground truth and a start pose.
     """
 
     name: str
@@ -48,16 +48,16 @@ class Source:
 
     @property
     def truth(self) -> Path | None:
-        """A file of true joint positions that comes with the sequence."""
+        """The file of true joint positions in the folder of the sequence, if there is one."""
         return self._beside(TRUTH_FILE)
 
     @property
     def init(self) -> Path | None:
-        """A file with the pose to start from that comes with the sequence."""
+        """The file with the start pose in the folder of the sequence, if there is one."""
         return self._beside(START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
-        """One frame; all zero where the camera saw nothing. Raises InputError if damaged."""
+        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged."""
         place, camera, scale = self.numbers.index(number), self.intrinsics, self.depth_scale
         depth = self.read(place)
         if depth.shape != (camera.height, camera.width):
@@ -81,7 +81,7 @@ class Source:
 
 
 def to_units(metres: NDArray[np.float64]) -> NDArray[np.uint16]:
-    """Metres in units of 1 / `UNITS_PER_METRE`; 0 where nothing was measured or it is too far."""
+    """Convert metres to units of 1 / `UNITS_PER_METRE`; 0 for no depth, or depth that is too large."""
     known = np.where((metres > 0.0) & (metres <= FARTHEST_M), metres, 0.0)
     return np.rint(known * UNITS_PER_METRE).astype(np.uint16)
 

@@ -1,8 +1,8 @@
 """A depth sequence of the UTD Multimodal Human Action Dataset (Chen, Jafari, Kehtarnavaz, ICIP 2015).
 
-A Kinect v1 recorded it: 320 x 240 at 30 frames a second, millimetres, the person already cut out. The
-data set comes without intrinsics; the vendor's nominal ones are used. The pictures are mirror images and are
-read as they are, so the limb at image left of a person who faces the camera is the person's right limb.
+It was recorded by a Kinect v1: 320 x 240 at 30 frames per second, millimetres, with the person already
+segmented. The data set has no intrinsics; the nominal ones of the vendor are used. The images are mirrored
+and are not mirrored back: the limb at image left of a person who faces the camera is the person's right limb.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ VARIABLE = "d_depth"
 
 
 def read_utd_mhad(path: Path, options: CameraOptions) -> Source:
-    """The frames of one `.mat` file, numbered from 0."""
+    """Read the frames of one `.mat` file, numbered from 0."""
     depth = np.ascontiguousarray(np.moveaxis(read_depth(path), 2, 0))
     camera = options.camera(depth.shape[1:], path) if options.intrinsics else KINECT
     scale = options.depth_scale or MILLIMETRES
@@ -31,13 +31,13 @@ def read_utd_mhad(path: Path, options: CameraOptions) -> Source:
 
 def read_depth(path: Path) -> NDArray[np.uint16]:
     """Depth (240, 320, F) in millimetres; InputError if the file is damaged or holds something else."""
-    from scipy.io import loadmat  # takes long to load
+    from scipy.io import loadmat  # is slow to load
 
     try:
         content = loadmat(path, variable_names=[VARIABLE])
-    except Exception as error:  # a damaged file can make the reader raise anything
+    except Exception as error:  # the reader can raise any exception for a damaged file
         raise InputError(f"{path} is damaged or no MATLAB 5 file ({error}); copy it again") from error
-    depth = np.atleast_3d(content.get(VARIABLE, np.empty(0)))  # MATLAB drops a last axis of one frame
+    depth = np.atleast_3d(content.get(VARIABLE, np.empty(0)))  # MATLAB drops the last axis of a single frame
     with np.errstate(invalid="ignore"):
         whole = depth.astype(np.uint16) if depth.dtype.kind in "iuf" else np.empty(0, np.uint16)
     if whole.shape[:2] != (KINECT.height, KINECT.width) or not whole.size or not np.array_equal(whole, depth):
