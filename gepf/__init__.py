@@ -1,4 +1,4 @@
-"""Track a body through depth images from Python: create a Tracker, feed it depth, get hypotheses.
+"""Track a body through depth images from Python: create a Tracker, give it depth, get estimates.
 
 with Tracker(workers=2) as tracker:
     for frame in open_source("recording/"):
@@ -7,7 +7,7 @@ with Tracker(workers=2) as tracker:
 run = load("run/")
 print(run.angle("right_elbow_flexion", degrees=True))
 
-What is not named here is internal. Faults of the input raise InputError, all others another GepfError.
+Only the names here are public. Wrong input raises InputError; every other error is another GepfError.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ __all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is public when it is used: numpy, compiler and figures take seconds."""
+    """Load public names when they are used: numpy, compiler and figures take seconds to load."""
     if name not in _HOMES:
         raise AttributeError(f"module 'gepf' has no attribute '{name}'")
     found = globals()[name] = getattr(import_module(_HOMES[name]), name)
@@ -69,5 +69,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """What is public, and nothing else."""
+    """The public names."""
     return __all__

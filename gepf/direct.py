@@ -17,7 +17,7 @@ from worker.kernel.observation import Observation, observe
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DirectRequest:
-    """Particles that are refined when their result is asked for."""
+    """Particles that are refined when their result is requested."""
 
     model: BodyModel
     observation: Observation
@@ -26,22 +26,22 @@ class DirectRequest:
     covariance: bool
 
     def result(self) -> Refined:
-        """The particles after their descent."""
+        """Refine the particles."""
         return refine(self.model, self.observation, self.poses, self.settings, covariance=self.covariance)
 
 
 class DirectRefiner:
-    """Fills the coordinator's port with the worker's kernel, on one core."""
+    """Implements the coordinator's interface with the worker's kernel, on one core."""
 
     def __init__(self) -> None:
         self._observation: Observation | None = None
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Keep the frame that later calls of `submit` are about."""
+        """Keep the frame for later calls of `submit`."""
         self._observation = observe(subject)
 
     def send_ahead(self, subject: SubjectFrame) -> None:
-        """There is nobody to send it to."""
+        """Nothing to do without workers."""
 
     def submit(
         self,
@@ -51,7 +51,7 @@ class DirectRefiner:
         *,
         covariance: bool = False,
     ) -> DirectRequest:
-        """Poses (N, D), to be refined on the frame that was published last."""
+        """Keep poses (N, D), to be refined on the last published frame."""
         if self._observation is None:
             raise RuntimeError("publish a frame first")
         return DirectRequest(model, self._observation, poses, settings, covariance)

@@ -1,4 +1,4 @@
-"""Depth images that others publish, for users of the library."""
+"""Live input for users of the library."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ log = logging.getLogger("gepf")
 
 
 class LiveSource(LiveFrames, Closing):
-    """The newest depth image whenever one is asked for, from a key on which others publish.
+    """Iterates over the newest depth images that are published on a key.
 
-    An iteration receives what is published from when it begins, and lasts until the publisher says that the
-    stream is over, it was silent for too long, or `close`; left early, it receives no more, and another one
-    may follow. `counts` says how many images came, and how many of them were skipped for a newer one,
-    or rejected as they did not belong to the stream. `stream` changes before the first image of another
-    stream, with which tracking has to start anew. `live` makes one.
+    An iteration receives images from its start until the publisher ends the stream, or is silent for too
+    long, or `close` is called. After an iteration that was left early, another one may follow. `counts` has
+    the number of received images, and of those that were skipped for a newer one or rejected because they did
+    not fit the stream. `stream` changes before the first image of a new stream, with which tracking must
+    start again. `live` creates a source.
 
     A context manager, for iterations that are neither finished nor left by a `for`.
     """
@@ -47,7 +47,7 @@ class LiveSource(LiveFrames, Closing):
             yield from from_first_seen(super().__iter__(), log.info)
 
     def close(self) -> None:
-        """Receive no more, and end the iteration after the image that waits, if any; on any thread."""
+        """Stop receiving, and end the iteration after the waiting image, if any; callable from any thread."""
         self.end()
         if self._session is not None:
             self._session.close()
@@ -62,18 +62,18 @@ def live(
     tls: TlsFiles | None = None,
     insecure: bool = False,
 ) -> LiveSource:
-    """Depth images that others publish on a Zenoh key, for `follow` of a tracker.
+    """Depth images that are published on a Zenoh key, for `follow` of a tracker.
 
     Args:
         key: Names between slashes, such as camera/depth; with `tls` under gepf/, such as gepf/live/depth.
-        listen: Endpoint at which the publisher may join, such as tcp/127.0.0.1:7447.
-        connect: Endpoint of a router or publisher; it may come later.
-        idle_timeout: Seconds of silence after which the stream is over; None to wait for ever.
+        listen: Endpoint at which the publisher may connect, such as tcp/127.0.0.1:7447.
+        connect: Endpoint of a router or publisher, which may start later.
+        idle_timeout: Seconds without an image after which the stream ends; None to wait for ever.
         tls: The authority's certificate, the coordinator's, and its key, for endpoints such as tls/HOST:7447.
-        insecure: Listen to other hosts without encryption, though anybody there could publish.
+        insecure: Listen to other hosts without encryption; anyone there could publish.
 
-    Raises InputError for a key, an endpoint or a certificate that cannot be used; its iteration for a port
-    that is in use, and where the other side does not let us in.
+    Raises InputError for an invalid key, endpoint or certificate; the iteration raises it for a port that is
+    in use, and if the other side refuses the connection.
     """
     if listen is None and connect is None:
         raise InputError("nobody could publish to this; give listen or connect an endpoint")

@@ -1,4 +1,4 @@
-"""An estimate that knows its body, so that joints and angles are asked for by name."""
+"""An estimate with its body, for access to joints and angles by name."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Estimate(estimate.Estimate):
-    """The reported pose of a frame, all hypotheses (M) behind it, and how sure the tracker is.
+    """The reported pose of a frame, all hypotheses (M), and their certainty.
 
-    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the likeliest's mean
-    distance between observed points and the model, metres; NaN where nothing was observed.
+    Weights sum to 1. Joint positions are in the camera frame, metres. `residual` is the mean distance between
+    observed points and the most likely hypothesis, metres; NaN if nothing was observed.
     """
 
     model: BodyModel
@@ -30,29 +30,29 @@ class Estimate(estimate.Estimate):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """What `joint` knows."""
+        """Names for `joint`."""
         return self.model.joint_names
 
     @property
     def angle_names(self) -> tuple[str, ...]:
-        """What `angle` knows, besides the degrees of freedom by their MPEG-4 names."""
+        """Names for `angle`, besides the MPEG-4 names of the degrees of freedom."""
         return angles_of(self.model, self.held).names
 
     def joint(self, name: str) -> Array:
-        """A joint's position (3,), camera frame, metres; InputError names the joints that there are."""
+        """Position (3,) of a joint, camera frame, metres; InputError lists the valid names."""
         at: Array = self.joint_positions[index_of(name, self.joint_names, "joint")]
         return at
 
     def joint_deviation(self, name: str) -> float:
-        """How far a joint may be off, one standard deviation, metres; NaN where it is lost."""
+        """Standard deviation of the error of a joint, metres; NaN if it is lost."""
         return self._of_joint("deviation", name)
 
     def joint_off_probability(self, name: str) -> float:
-        """The probability that a joint is more than 15 cm off; NaN where it is lost."""
+        """Probability that the error of a joint is above 15 cm; NaN if it is lost."""
         return self._of_joint("off_probability", name)
 
     def joint_seen(self, name: str) -> float:
-        """The share, 0 to 1, of the surface around a joint that the frame shows; NaN where it is lost."""
+        """Visible share, 0 to 1, of the surface around a joint; NaN if it is lost."""
         return self._of_joint("seen", name)
 
     def _of_joint(self, what: str, name: str) -> float:
@@ -60,9 +60,9 @@ class Estimate(estimate.Estimate):
         return float(getattr(certainty_of(self.model, self), what)[at])
 
     def angle(self, name: str, *, degrees: bool = False) -> float:
-        """An angle, radians unless `degrees`: the value nearest to zero, as one frame knows no others.
+        """An angle, radians unless `degrees`: the value nearest to zero, as there is only one frame.
 
-        Of what slides metres; InputError if these are asked for in degrees.
+        Values of prismatic joints are in metres; InputError if they are requested in degrees.
         """
         if name in self.model.dof_names:
             at = self.model.dof_names.index(name)
@@ -83,12 +83,12 @@ def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float])
 
 
 def refuse_degrees(name: str) -> InputError:
-    """The error for a place that is asked for as an angle in degrees."""
+    """The error for a prismatic joint that is requested in degrees."""
     return InputError(f"'{name}' slides, so it is in metres; ask for it without degrees=True")
 
 
 def index_of(name: str, names: tuple[str, ...], kind: str) -> int:
-    """Where a name stands; InputError that lists all."""
+    """Index of a name; InputError that lists all names."""
     if name not in names:
         raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(names)}")
     return names.index(name)

@@ -1,6 +1,6 @@
-"""Who refines for a tracker of the library: this process, a local worker, or workers elsewhere.
+"""The refiner of a tracker of the library: this process, a local worker, or other workers.
 
-Faults of endpoints and certificates are named by the library's arguments, not by the command line's options.
+Errors of endpoints and certificates name the arguments of the library, not the options of the command line.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ IN_PYTHON = {
 
 
 def open_refiner(workers: Workers | None, tls: TlsFiles | None, stack: ExitStack) -> Refiner:
-    """Who refines, until the stack is closed; InputError for a pool that nobody could join."""
+    """Open a refiner until the stack is closed; InputError for a pool that no worker could join."""
     if workers is None:
         return DirectRefiner()
     if isinstance(workers, int):
@@ -50,14 +50,14 @@ def open_refiner(workers: Workers | None, tls: TlsFiles | None, stack: ExitStack
 def secure(
     listen: str | None, connect: str | None, tls: TlsFiles | None = None, *, insecure: bool = False
 ) -> Security | None:
-    """Certificate and access rules for these endpoints; InputError where they do not fit together."""
+    """Certificates and access rules for these endpoints; InputError if they do not fit together."""
     with said_in_python():
         return choose_security(listen, connect, tls or TlsFiles(), insecure=insecure)
 
 
 @contextmanager
 def said_in_python() -> Iterator[None]:
-    """Have faults of the input name the library's arguments, where they name the command line's options."""
+    """Replace options of the command line in InputErrors by arguments of the library."""
     try:
         yield
     except InputError as error:

@@ -1,4 +1,4 @@
-"""A run in hand: angles and joints by name, exports, plots, the report."""
+"""A finished run: angles and joints by name, exports, plots, report."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ Array = NDArray[np.float64]
 
 
 class Run:
-    """What `gepf track` left in a folder, or `Tracker.save` wrote.
+    """The results of `gepf track` or `Tracker.save` in a folder.
 
-    folder, summary: Where the run is, and all settings, versions and counts, as in `summary.json`.
+    folder, summary: The folder, and all settings, versions and counts, as in `summary.json`.
     track: All arrays of `track.npz`, radians and metres.
-    frame, time_s, status: Of each frame (F,): number, seconds, and how sure the tracker is.
-    joint_names: What `joint` knows.
-    angle_names: Anatomical angles of a person, joints of a robot; what `angle` knows first of all.
-    isb_angle_names: The shoulders' angles as the ISB wants them; `angle` knows these, too.
-    dof_names: Degrees of freedom of the pose, by their MPEG-4 names; `angle` knows these, too.
+    frame, time_s, status: Number, seconds and status of each frame (F,).
+    joint_names: Names for `joint`.
+    angle_names: Names for `angle`: anatomical angles of a person, joints of a robot.
+    isb_angle_names: Shoulder angles by the ISB; also names for `angle`.
+    dof_names: MPEG-4 names of the degrees of freedom of the pose; also names for `angle`.
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
@@ -58,9 +58,9 @@ class Run:
         return len(self.frame)
 
     def angle(self, name: str, *, degrees: bool = False) -> Array:
-        """An angle (F,) by its plain, ISB's or MPEG-4 name, radians unless `degrees`; metres of what slides.
+        """An angle (F,) by its plain, ISB's or MPEG-4 name, radians unless `degrees`; prismatic joints in metres.
 
-        InputError lists the names that there are, and refuses degrees of what slides.
+        InputError lists the valid names; also raised for prismatic joints in degrees.
         """
         track = self.track
         if name in track.dof_names:
@@ -82,32 +82,32 @@ class Run:
         return frozenset(ROOT_DOFS[:3]) | set(read_slides(self.folder, self.track).names)
 
     def angle_deviation(self, name: str, *, degrees: bool = False) -> Array:
-        """How far an angle of `angle_names` may be off (F,), one standard deviation; NaN where it is lost."""
+        """Standard deviations (F,) of the error of an angle of `angle_names`, radians; NaN if it is lost."""
         values = column(self.track.angle_deviation, name, self.angle_names, "angle")
         return np.degrees(values) if degrees else values
 
     def joint(self, name: str) -> Array:
-        """A joint's positions (F, 3), camera frame, metres; InputError lists the joints that there are."""
+        """Positions (F, 3) of a joint, camera frame, metres; InputError lists the valid names."""
         return column(self.track.joint_positions, name, self.joint_names, "joint")
 
     def joint_deviation(self, name: str) -> Array:
-        """How far a joint may be off (F,), one standard deviation, metres; NaN where it is lost."""
+        """Standard deviations (F,) of the error of a joint, metres; NaN if it is lost."""
         return column(self.track.joint_deviation, name, self.joint_names, "joint")
 
     def joint_off_probability(self, name: str) -> Array:
-        """The probability that a joint is more than 15 cm off (F,); NaN where it is lost."""
+        """Probabilities (F,) that the error of a joint is above 15 cm; NaN if it is lost."""
         return column(self.track.joint_off_probability, name, self.joint_names, "joint")
 
     def joint_seen(self, name: str) -> Array:
-        """The share (F,) of the surface around a joint that the frame shows, 0 to 1; NaN where lost."""
+        """Visible share (F,) of the surface around a joint, 0 to 1; NaN if it is lost."""
         return column(self.track.joint_seen, name, self.joint_names, "joint")
 
     def smooth(self, cutoff_hz: float = 6.0) -> Run:
-        """The same run low-passed without delay; what is in its folder stays as it is."""
+        """The run, low-pass filtered without delay; its folder is not changed."""
         return Run(read_run(self.folder, cutoff_hz))
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The columns of `poses.csv`, one row a frame; needs pandas, and InputError says so."""
+        """The columns of `poses.csv`, one row per frame; InputError if pandas is not installed."""
         try:
             import pandas as pd
         except ImportError:
@@ -118,9 +118,9 @@ class Run:
         return pd.read_csv(text)
 
     def export(self, path: str | Path, form: str | None = None, *, force: bool = False) -> Path:
-        """Write the run for another program, in the format of the file's suffix unless `form` names another.
+        """Write the run in the format `form`, by default that of the suffix of the file.
 
-        InputError for unknown formats, and for a file that is there unless `force`.
+        InputError for unknown formats, and for an existing file without `force`.
         """
         path = Path(path)
         smooth = self._recorded.smoothed_hz
@@ -128,7 +128,7 @@ class Run:
         return path
 
     def report(self, path: str | Path | None = None) -> Path:
-        """Write the HTML page about the run to `path`, by default into its folder, and return its place."""
+        """Write the HTML report of the run to `path`, by default into its folder, and return the path."""
         from coordinator.report import write_report
 
         page = Path(path) if path else self.folder / "report.html"
@@ -151,5 +151,5 @@ def column(values: Array, name: str, names: tuple[str, ...], kind: str) -> Array
 
 
 def load(folder: str | Path) -> Run:
-    """The run in a folder, as `gepf track --out` wrote it; InputError if there is none or it is damaged."""
+    """Load the run in a folder of `gepf track --out`; InputError if it is missing or damaged."""
     return Run(read_run(Path(folder)))

@@ -1,4 +1,4 @@
-"""The trackers that users of the library hold: they bring their own workers, or have none."""
+"""The trackers of the library."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Start = Mapping[str, float] | str | Path
 
 
 class FrameLoop(Closing):
-    """What the trackers of one body and of several people have in common: frames in, estimates out."""
+    """Base class of the trackers of one body and of several people: frames in, estimates out."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class FrameLoop(Closing):
         self._tracker = self._make(settings)
 
     def close(self) -> None:
-        """End the workers that were started, and leave the pool."""
+        """Stop the workers that this tracker started, and leave the pool."""
         self._stack.close()
 
     def _track(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> list[Estimate]:
@@ -68,9 +68,9 @@ class FrameLoop(Closing):
         return estimates
 
     def _follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
-        """Track a source; each stream of live input anew, and no frame of it is read ahead."""
+        """Track a source. Each stream of live input has a new tracker, and no frame of it is read ahead."""
         live = frames if isinstance(frames, LiveSource) else None
-        if live is not None and self._frames == 0:  # no frame waits for loading, or for the one before
+        if live is not None and self._frames == 0:  # no frame waits for loading or for the frame before
             self._settings = keep_up(self._settings)
             self._tracker = self._make(self._settings)
             self._tracker.prepare()
@@ -84,7 +84,7 @@ class FrameLoop(Closing):
                 yield [named(t.estimate, s.model, s.held) for t, s in zip(tracked, starts, strict=True)]
 
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
-        """A frame as it is, or an array (H, W) as the next frame."""
+        """The frame itself, or the next frame from an array (H, W)."""
         if isinstance(depth, DepthFrame):
             return depth
         image = np.asarray(depth)
@@ -107,23 +107,24 @@ class FrameLoop(Closing):
 
 
 class Tracker(FrameLoop):
-    """Follows one body through depth frames.
+    """Tracks one body through depth frames.
 
     Args:
-        model: "human" for a person of any stature, a URDF file, a file of measures, a person's measures,
-            or any body with all its degrees of freedom.
+        model: "human" for a person of any stature, a URDF file, a file of measures, the measures of a
+            person, or any body with all its degrees of freedom.
         settings: What to compute; None for `preset("default")`.
-        workers: Who refines: None for this process, on one core; a number of lanes of a local worker; the
-            endpoint of a router where workers are; or a Pool. The results are the same, bit for bit.
+        workers: Where particles are refined: None for this process, on one core; the number of lanes of a
+            local worker; the endpoint of a router with workers; or a Pool. The results are the same, bit for
+            bit.
         start: Values of degrees of freedom in the first frame, metres and radians, or a file of them; None
-            to find them, which can be done for people only.
-        active: Degrees of freedom to track, None for the usual ones.
-        camera: Matrix (3, 3), fx 0 cx, 0 fy cy, 0 0 1 in pixels; needed to track arrays only.
-        depth_scale: Units per metre of arrays of whole numbers.
+            to detect the body, which is possible only for people.
+        active: Degrees of freedom to track; None for the default ones.
+        camera: Matrix (3, 3), fx 0 cx, 0 fy cy, 0 0 1 in pixels; needed only for arrays.
+        depth_scale: Units per metre of integer arrays.
         tls: The authority's certificate, the coordinator's, and its key, for workers at tls/HOST:PORT.
 
-    A context manager: at its end, or with `close`, the workers that it started end. Raises InputError for
-    what cannot be tracked.
+    A context manager: its workers end with it, or with `close`. Raises InputError for an invalid model, start
+    or setting.
     """
 
     def __init__(
@@ -147,36 +148,37 @@ class Tracker(FrameLoop):
 
     @property
     def model(self) -> BodyModel:
-        """The body that is tracked, with the names of its degrees of freedom; there after the first frame.
+        """The tracked body, with the names of its degrees of freedom; valid after the first frame.
 
-        A person's becomes another one, of the same names, a few times in the first seconds.
+        In the first seconds a person's body is replaced a few times, by one of another size with the same
+        names.
         """
         return self._tracker.states[0].start.model
 
     @property
     def size(self) -> tuple[float, float] | None:
-        """The person's stature, metres, and girth as known by now; None before, and of other bodies."""
+        """The present estimate of the person's stature, metres, and girth; None before, and for other bodies."""
         start = self._tracker.states[0].start
         return (start.stature, start.girth) if np.isfinite(start.stature) else None
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
-        """Follow the body into the next frame.
+        """Track the body in the next frame.
 
         Args:
-            depth: A frame of a source, or an array (H, W): metres as float, or whole numbers in units of
-                `depth_scale`; 0 or NaN where nothing was measured.
-            time_s: When an array was taken, seconds; None for 30 a second.
+            depth: A frame of a source, or an array (H, W): metres as float, or integers in units of
+                `depth_scale`; 0 or NaN for no depth.
+            time_s: Time of an array, seconds; None for 30 frames per second.
 
-        Raises InputError if the first frame shows nothing, or an array is no depth image.
+        Raises InputError if the first frame shows nothing, or an array is not a depth image.
         """
         return self._track(depth, time_s)[0]
 
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
-        """Track the frames of a source: the estimates of `track`, sooner where there are workers.
+        """Track the frames of a source: the estimates of `track`, but faster with workers.
 
-        Each estimate is given out while the workers are busy with the next frame; on live input before the
-        next frame is taken, which is the newest then, and tracking starts anew with each new stream. Raises
-        as `track` does.
+        Each estimate is yielded while the workers refine the next frame. With live input it is yielded before
+        the next frame is read, which is then the newest, and tracking starts again with each new stream.
+        Raises the errors of `track`.
         """
         for (estimate,) in self._follow(frames):
             yield estimate
@@ -184,7 +186,7 @@ class Tracker(FrameLoop):
     def save(self, estimates: Iterable[Estimate], folder: str | Path) -> Path:
         """Write estimates as the folder of a run, for `gepf.load`, `gepf report` and `gepf export`.
 
-        Raises InputError where the folder holds something already, or there are no estimates.
+        Raises InputError if the folder is not empty, or there are no estimates.
         """
         given = list(estimates)
         if not given:
@@ -193,19 +195,19 @@ class Tracker(FrameLoop):
 
 
 class PeopleTracker(FrameLoop):
-    """Follows up to so many people through depth frames; all of them are found, with their measures.
+    """Tracks several people through depth frames; they are detected, and their sizes are estimated.
 
     Args:
-        people: How many at the most.
-        settings: What to compute, for each; None for `preset("default")`.
-        workers: Who refines, as for `Tracker`.
-        active: Degrees of freedom to track, None for the usual ones.
-        camera: Matrix (3, 3) in pixels; needed to track arrays only.
-        depth_scale: Units per metre of arrays of whole numbers.
+        people: Largest number of people.
+        settings: What to compute, for each person; None for `preset("default")`.
+        workers: Where particles are refined, as for `Tracker`.
+        active: Degrees of freedom to track; None for the default ones.
+        camera: Matrix (3, 3) in pixels; needed only for arrays.
+        depth_scale: Units per metre of integer arrays.
         tls: The authority's certificate, the coordinator's, and its key, for workers at tls/HOST:PORT.
 
-    A context manager: at its end, or with `close`, the workers that it started end. The first person is who
-    was found first. Raises InputError for what cannot be tracked.
+    A context manager: its workers end with it, or with `close`. People are numbered in the order of their
+    detection. Raises InputError for invalid settings.
     """
 
     def __init__(
@@ -227,24 +229,24 @@ class PeopleTracker(FrameLoop):
 
     @property
     def found(self) -> int:
-        """How many people have been found so far: the first so many of each list of estimates."""
+        """Number of people found so far: they are the first in each list of estimates."""
         return sum(each.start.found for each in self._tracker.states)
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
-        """Follow all into the next frame, as `Tracker.track` does; an estimate a person, found or not."""
+        """Track all people in the next frame, as `Tracker.track`; one estimate per person, found or not."""
         return self._track(depth, time_s)
 
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
-        """Track the frames of a source: the estimates of `track`, sooner where there are workers.
+        """Track the frames of a source: the estimates of `track`, but faster with workers.
 
-        On live input each frame is the newest when the one before is done.
+        With live input each frame is the newest when the one before is done.
         """
         return self._follow(frames)
 
     def save(self, estimates: Iterable[list[Estimate]], folder: str | Path) -> list[Path]:
-        """Write the run of each person who was found into `person1/`, ... in the folder; gives these.
+        """Write the run of each found person into `person1/`, ... in the folder; returns these folders.
 
-        Raises InputError where one holds something already, or no person was found.
+        Raises InputError if one of them is not empty, or no person was found.
         """
         given, folder = list(estimates), Path(folder)
         if not given or not self.found:
@@ -256,7 +258,7 @@ class PeopleTracker(FrameLoop):
 
 
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:
-    """The bodies that `model` stands for."""
+    """The bodies that `model` describes."""
     match model:
         case Measures():
             return person(model, active, preset_name)

@@ -1,1 +1,1 @@
-"""Refinement by whatever workers there are, over the bus."""
+"""Refinement of particles by workers on the bus."""

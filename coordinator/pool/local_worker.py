@@ -1,4 +1,4 @@
-"""A worker of our own: a process that is started, started again when it dies, and ended with us."""
+"""The local worker: a child process that is restarted when it dies and ends with this process."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ from common.transport.opening import open_router
 from coordinator.pool.options import Pool
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-FRUITLESS_STARTS = 3  # in a row, none of them serving, until we give up
+FRUITLESS_STARTS = 3  # successive starts without service before the run ends
 GRACE_S = 2.0  # for a process to end by itself
-ABSENCE_S = 10.0  # for which a worker that has served may be away
+ABSENCE_S = 10.0  # longest absence of a worker that has served
 LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 
 
 class LocalWorker:
-    """The worker process of a pool, if that has lanes of its own; it connects to us at `endpoint`.
+    """The worker process of a pool with local lanes; it connects to this process at `endpoint`.
 
-    It ends when its standard input does, and so when we die.
+    It ends when its standard input is closed, and so when this process dies.
     """
 
     def __init__(self, pool: Pool, name: str, endpoint: str, folder: Path) -> None:
         self.name = name
         self.restarted = 0
         self._command = [*pool.worker_command, "--lanes", str(pool.lanes), "--connect", endpoint, "--tied"]
-        self._log = folder / f"{name}.log"  # its standard error, which would garble ours
+        self._log = folder / f"{name}.log"  # its standard error, kept apart from ours
         self._fruitless = 0
         self._served = False  # since it was started
-        self._away_since: float | None = None  # after that
+        self._away_since: float | None = None  # after it has served
         self.process = self._start() if pool.lanes else None
 
     def look_after(self, now: float, *, present: bool | None = None) -> str | None:
-        """Start it again if it has died; gives a line for people then. BusError if that has become pointless.
+        """Restart it if it has died; returns a message then. BusError if it died too often.
 
-        One that has served and is away for long, as one that is frozen, is killed.
+        If it has served before and is absent for long, for instance frozen, it is killed.
 
         Args:
             now: Seconds from any origin.
-            present: Whether it is on the bus; None where that is not known.
+            present: Whether it is on the bus; None if unknown.
         """
         if self.process is None:
             return None
@@ -60,7 +60,7 @@ class LocalWorker:
         return None if self.process.poll() is None else self._restart(self.process)
 
     def stop(self) -> None:
-        """End it; if it does not end in time it is killed."""
+        """End the process; kill it if it does not end in time."""
         if self.process is not None:
             self.process.send_signal(signal.SIGTERM)
             end(self.process)
@@ -85,7 +85,7 @@ class LocalWorker:
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
                 env={**os.environ, **dict.fromkeys(THREADS, "1")},
-                start_new_session=True,  # an interrupt from the keyboard is for us; we end it
+                start_new_session=True,  # Ctrl-C goes to this process, which ends the worker
             )
 
 
@@ -101,21 +101,21 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 
 def describe_end(code: int) -> str:
-    """How a process ended, in words."""
+    """How a process ended, as text."""
     return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
 def private_folder() -> tempfile.TemporaryDirectory[str]:
-    """A folder of our own whose path is short enough for the socket at which we meet."""
+    """A private folder whose path is short enough for a socket."""
     usual = len(tempfile.gettempdir()) <= LONGEST_FOLDER
     return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")
 
 
 @contextmanager
 def shared_pool(pool: Pool) -> Iterator[tuple[str, LocalWorker]]:
-    """One pool for several runs at once: a router within this process, and the local worker behind it.
+    """One pool for several runs: a router within this process, and the local worker behind it.
 
-    Others may join as `pool` says. Gives the endpoint at which runs reach it, and the local worker.
+    Other workers may join as defined by `pool`. Yields the endpoint for the runs, and the local worker.
     """
     with private_folder() as name:
         folder = Path(name)

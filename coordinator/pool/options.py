@@ -1,4 +1,4 @@
-"""Which workers may refine, how long to wait for one, and what a run's workers did."""
+"""The options of a pool of workers, and its statistics."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ WORKER_COMMAND = (sys.executable, "-m", "worker.cli")
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """The workers of a run: of our own, and those that connect or are found behind a router."""
+    """The workers of a run: a local one, and others that connect or are at a router."""
 
     workers: int | None = None  # lanes of the local worker; None for one per core, 0 for no local worker
     listen: str | None = None  # endpoint at which others may join
-    connect: str | None = None  # endpoint of a router where others are
+    connect: str | None = None  # endpoint of a router with other workers
     security: Security | None = None
-    worker_timeout: float | None = None  # seconds without any worker until we give up; None to wait for ever
-    deadline: float | None = None  # seconds from publishing a frame until unanswered particles are left out
-    run: str | None = None  # None to invent a name
+    worker_timeout: float | None = None  # seconds without any worker until the run ends; None: never
+    deadline: float | None = None  # seconds after publishing; later particles are ignored
+    run: str | None = None  # name; None for a random one
     worker_command: tuple[str, ...] = WORKER_COMMAND
-    shared_at: str | None = None  # endpoint of this pool, where several runs of this host share it
+    shared_at: str | None = None  # endpoint of this pool, if several runs share it
 
     @property
     def lanes(self) -> int:
@@ -32,18 +32,18 @@ class Pool:
 
     @property
     def listen_endpoints(self) -> tuple[str, ...]:
-        """Where others may join."""
+        """Endpoints at which others may join."""
         return (self.listen,) if self.listen else ()
 
     @property
     def connect_endpoints(self) -> tuple[str, ...]:
-        """Where we join others."""
+        """Endpoints to which this process connects."""
         return (self.connect,) if self.connect else ()
 
 
 @dataclass(slots=True)
 class PoolStatistics:
-    """Which workers refined, how often batches were sent, and how long the coordinator spent on it."""
+    """The workers that refined, the number of batches sent, and the time that the coordinator needed."""
 
     workers_seen: tuple[str, ...] = ()
     local_workers_restarted: int = 0
@@ -54,7 +54,7 @@ class PoolStatistics:
     stage_seconds: dict[str, float] = field(default_factory=lambda: {"publish": 0.0, "refine": 0.0})
 
     def after(self, earlier: PoolStatistics) -> PoolStatistics:
-        """The sums of both, where this one came later in the same run."""
+        """The sums of both; this one is the later part of the same run."""
         stages = dict(earlier.stage_seconds)
         for stage, seconds in self.stage_seconds.items():
             stages[stage] = stages.get(stage, 0.0) + seconds

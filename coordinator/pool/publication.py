@@ -15,13 +15,13 @@ from common.transport.bus import Bus
 
 
 class Publication:
-    """What one run has published. The bus reads it from threads of its own."""
+    """The published frames and models of one run. Threads of the bus read it."""
 
     def __init__(self, bus: Bus, run: str) -> None:
-        self.current = -1  # number of the frame that is to be refined on
-        self._number = -1  # of the frame that was sent last
+        self.current = -1  # number of the frame of the requests
+        self._number = -1  # of the last sent frame
         self._lock = threading.Lock()
-        # By number, each with its message; the one that was used last comes last.
+        # By number, each with its message; the most recently used is last.
         self._frames: dict[int, tuple[SubjectFrame, bytes]] = {}
         self._models: dict[str, bytes] = {}  # by hash
         bus.serve(keys.of_run(run, "frame/*"), self._find_frame)
@@ -30,7 +30,7 @@ class Publication:
         self._publisher = bus.publish(keys.of_run(run, "frame"))
 
     def put(self, subject: SubjectFrame) -> None:
-        """Make a frame the current one; send it, unless it was one of the last to be sent."""
+        """Make a frame the current one; send it, unless it was sent recently."""
         number = next((n for n, (sent, _) in self._frames.items() if sent is subject), None)
         if number is None:
             self.put_ahead(subject)
@@ -41,7 +41,7 @@ class Publication:
         self.current = number
 
     def put_ahead(self, subject: SubjectFrame) -> None:
-        """Send a frame under its number, or under the next one if that has been used."""
+        """Send a frame with its number, or with the next one if that is used."""
         self._number = max(subject.frame.number, self._number + 1)
         payload = encode_frame(replace(subject, frame=replace(subject.frame, number=self._number)))
         with self._lock:
@@ -49,7 +49,7 @@ class Publication:
         self._publisher.put(payload)
 
     def offer(self, model: BodyModel) -> None:
-        """Have a model ready for workers that fetch it."""
+        """Keep a model for workers that fetch it."""
         with self._lock:
             known = self._models.get(model.hash)
             keep(self._models, model.hash, known or encode_model(model), MODELS_KEPT)

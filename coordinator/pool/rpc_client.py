@@ -1,4 +1,4 @@
-"""Sends what the scheduler decides over the bus, and tells it how requests end; owns the clock."""
+"""Sends the requests of the scheduler over the bus, and reports their ends to it; owns the clock."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ from coordinator.pool.options import Pool
 from coordinator.pool.scheduler import REQUEST_TIMEOUT_S, TICK_S, Outcome, Request, Scheduler
 from coordinator.tracking.loop import Stopwatch
 
-ALONE_S = 5.0  # without a worker, after which that is reported
+ALONE_S = 5.0  # without a worker before this is reported
 
 
 @dataclass(slots=True, eq=False)
 class Refinement:
-    """A request for particles that is with the workers: it goes out in batches."""
+    """A refinement in progress, which is sent in batches."""
 
     client: RpcClient
     request: RefineRequest  # for all particles
-    due: float = math.inf  # when to do with the particles that are refined, by the monotonic clock
+    due: float = math.inf  # deadline, by the monotonic clock
     parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
 
     def result(self) -> Refined:
-        """Wait for the particles in the order given; NaN for those that are unanswered when they are due.
+        """Wait for the particles in the order of submission; NaN if unanswered at the deadline.
 
-        Raises NoWorkers when the wait for a worker is over, SilentWorkers when none of them answers,
-        ProtocolError when no worker can serve the request, BusError when the transport fails or local
-        workers do not start.
+        Raises NoWorkers if there is no worker within the timeout, SilentWorkers if no worker answers,
+        ProtocolError if no worker can serve the request, BusError if the transport fails or local workers do
+        not start.
         """
         self.client.finish(self)
         return self.gather()
 
     def is_over(self, now: float) -> bool:
-        """Whether all is refined, or it is time to do with what is; the first reply is waited for."""
+        """Whether all particles are refined, or the deadline is over and there is at least one reply."""
         refined = sum(len(part.poses) for part in self.parts.values())
         return refined == len(self.request.poses) or (now >= self.due and refined > 0)
 
     def gather(self) -> Refined:
-        """What has been refined, in the order of the particles, and NaN for the rest."""
+        """The refined particles in their order, and NaN for the others."""
         starts = sorted(self.parts)
         joined = concatenate([self.parts[start] for start in starts])
         places = [np.arange(start, start + len(self.parts[start].poses)) for start in starts]
@@ -60,39 +60,39 @@ class Refinement:
 
 
 class RpcClient:
-    """One refinement after the other, between the scheduler and the workers.
+    """Performs one refinement at a time, between the scheduler and the workers.
 
-    What the bus's own threads notice waits in an inbox until `begin`, `finish` or `step` handles it. `report`
-    is called with a line for people when workers come, go, or are missing.
+    Events from threads of the bus are queued until `begin`, `finish` or `step` handles them. `report` is
+    called with a message for the user when workers join, leave, or are missing.
     """
 
     def __init__(self, bus: Bus, pool: Pool, local: LocalWorker, report: Callable[[str], None]) -> None:
         self.scheduler = Scheduler()
         self.clock = Stopwatch()
         self.malformed = 0  # replies
-        self.seen: set[str] = set()  # workers that have ever been there
+        self.seen: set[str] = set()  # all workers so far
         self._bus = bus
         self._pool = pool
         self._local = local
         self._report = report
-        self._lanes: dict[str, int] = {}  # by worker, there or not
+        self._lanes: dict[str, int] = {}  # by worker, present or not
         self._senders: dict[str, RequestSender] = {}  # by worker
         self._inbox: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._refinement: Refinement | None = None  # begun last
+        self._refinement: Refinement | None = None  # the last one
         self._next_poll = 0.0
-        self._alone_since: float | None = None  # there has been no worker
+        self._alone_since: float | None = None  # start of the time without a worker
         self._alone_reported = False
-        self._waits_for = ""  # what a worker lacked, reported last
+        self._waits_for = ""  # missing data, as last reported
         bus.watch(keys.of_worker("*", "lanes/*"), lambda *seen: self._inbox.put(partial(self._count, *seen)))
         bus.watch(keys.of_worker("*", "alive"), lambda *seen: self._inbox.put(partial(self._notice, *seen)))
 
     @property
     def lanes(self) -> int:
-        """Lanes of all workers that are there."""
+        """Number of lanes of all present workers."""
         return sum(worker.lanes for worker in self.scheduler.workers.values())
 
     def begin(self, request: RefineRequest, due: float) -> Refinement:
-        """Send all batches of a request; what is left of the one before is given up."""
+        """Send all batches of a request; an unfinished previous one is cancelled."""
         with self.clock.stage("refine"):
             self.scheduler.batches = []
             self._catch_up()
@@ -102,16 +102,16 @@ class RpcClient:
             return self._refinement
 
     def finish(self, refinement: Refinement) -> None:
-        """Wait until the refinement that was begun last is complete, or due and refined in part."""
+        """Wait until the last refinement is complete, or the deadline is over."""
         if refinement is not self._refinement:
             raise RuntimeError("this request was given up when another one was submitted")
         with self.clock.stage("refine"):
-            self._catch_up()  # what is there already is in time, however long that took
+            self._catch_up()  # queued replies are in time
             while not refinement.is_over(time.monotonic()):
                 self.step(refinement.due)
 
     def step(self, due: float = math.inf) -> None:
-        """Handle what happens next, and look at the clock and the workers now and then."""
+        """Handle the next event, and check clock and workers at intervals."""
         now = time.monotonic()
         if now >= self._next_poll:
             self._next_poll = now + TICK_S
@@ -122,12 +122,12 @@ class RpcClient:
             self._inbox.get(timeout=min(TICK_S, due - now) if due > now else TICK_S)()
 
     def _catch_up(self) -> None:
-        """Handle what has happened since."""
+        """Handle all queued events."""
         while not self._inbox.empty():
             self._inbox.get()()
 
     def _poll(self, now: float) -> None:
-        """Look after the local worker; report once if there is no worker, and at last raise NoWorkers."""
+        """Check the local worker; report once if there is no worker, and raise NoWorkers after the timeout."""
         line = self._local.look_after(now, present=self._local.name in self._senders)
         if line is not None:
             self._report(line)
@@ -150,7 +150,7 @@ class RpcClient:
             )
 
     def _count(self, key: str, alive: bool) -> None:
-        """A worker has announced how many lanes it has."""
+        """A worker has announced its number of lanes."""
         if alive:
             worker = keys.owner_of(key)
             self._lanes[worker] = keys.lanes_of(key)
@@ -158,7 +158,7 @@ class RpcClient:
                 self._notice(key, alive)
 
     def _notice(self, key: str, alive: bool) -> None:
-        """A worker has come or gone."""
+        """A worker has joined or left."""
         worker, now = keys.owner_of(key), time.monotonic()
         if alive and worker not in self._senders:
             refine = keys.of_worker(worker, "refine")
@@ -209,7 +209,7 @@ class RpcClient:
             raise ProtocolError(f"no worker can refine the particles: {error}") from error
 
     def _receive(self, ticket: int, worker: str, payload: bytes) -> tuple[Outcome, str]:
-        """Keep a reply that is of use, unless it makes no sense."""
+        """Keep a useful reply, unless it is invalid."""
         batch, refinement = self.scheduler.wanted(ticket), self._refinement
         if batch is None or refinement is None:
             return "refined", ""
@@ -225,7 +225,7 @@ class RpcClient:
 
 
 def read_refusal(payload: bytes) -> tuple[Outcome, str]:
-    """A worker's reason; or the end of a request of which the bus itself knows no more."""
+    """The worker's reason for a refusal, or the outcome of a request that ended without a reply."""
     try:
         refusal = decode_refusal(payload)
     except VersionError as error:

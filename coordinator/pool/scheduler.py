@@ -1,13 +1,13 @@
-"""Who refines what: what happens goes in, the requests to send come out; no clock, no socket.
+"""Assigns particles to workers: a state machine from events to requests, without clock and socket.
 
-The particles are split into one batch for each worker, larger ones for those with more lanes; with a
-deadline, where what is refined in time counts, into several. A batch whose request ends without a result
-is sent to another worker. When nothing waits, a request that takes long is sent again, once, to an idle
-worker. The first result of a batch counts, later ones are ignored. A worker that gives neither a result nor
-a refusal rests; a batch that every worker refuses fails the refinement.
+The particles are split into one batch per worker, in proportion to the lanes; with a deadline into several,
+so that some are refined in time. A batch whose request ends without a result is sent to another worker. If no
+batch is waiting, a late request is sent again, once, to an idle worker. The first result of a batch is used,
+later ones are ignored. A worker that gives neither a result nor a refusal gets no requests for a while. If
+all workers refuse a batch, the refinement fails.
 
-A request stays in flight until it is answered or over, even when its refinement is done: a worker that is
-still busy with it cannot do other work.
+A request stays in flight until it ends, even if its refinement is done, because the worker is still busy with
+it.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from typing import Literal
 from common.bounds import MAX_PARTICLES
 from common.errors import ProtocolError, SilentWorkers
 
-MAX_IN_FLIGHT = 2  # requests at one worker: it finds the next one there when it is done with one
-DEADLINE_BATCH = 10  # particles for each lane, where there is a deadline
-TICK_S = 0.1  # between looks at the clock; nothing is late sooner
-LATE_FACTOR = 3.0  # times what particles took last, after which a request is late
-REST_S = 0.5  # of a worker that gave no result: it may just have gone, or come
-REQUEST_TIMEOUT_S = 30.0  # only a worker that lives and hangs takes so long
+MAX_IN_FLIGHT = 2  # requests at one worker, so that the next one is there when one ends
+DEADLINE_BATCH = 10  # particles per lane, with a deadline
+TICK_S = 0.1  # between checks of the clock; the shortest time until a request is late
+LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
+REST_S = 0.5  # pause of a worker without a result: it may be leaving or joining
+REQUEST_TIMEOUT_S = 30.0  # only a hanging worker takes so long
 
 Outcome = Literal["refined", "refused", "unavailable", "nothing"]
-"""How a request ended; unavailable: the worker lacks its frame or model; nothing: without an answer."""
+"""How a request ended. unavailable: the worker lacks frame or model. nothing: no answer."""
 
 
 @dataclass(slots=True, eq=False)
 class Batch:
-    """Particles start..stop-1."""
+    """Particles start to stop - 1."""
 
     start: int
     stop: int
@@ -46,17 +46,17 @@ class Batch:
 
 @dataclass(slots=True, eq=False)
 class Worker:
-    """A worker that is there."""
+    """A present worker."""
 
     name: str
-    lanes: int  # particles that it refines at once
+    lanes: int  # particles refined in parallel
     in_flight: set[int] = field(default_factory=set)  # tickets
     rests_until: float = -math.inf
 
 
 @dataclass(slots=True, eq=False)
 class Request:
-    """A batch that was sent to a worker."""
+    """A batch sent to a worker."""
 
     ticket: int
     worker: Worker
@@ -65,48 +65,48 @@ class Request:
 
     @property
     def load(self) -> int:
-        """Particles for each lane of the worker."""
+        """Particles per lane of the worker."""
         return math.ceil((self.batch.stop - self.batch.start) / self.worker.lanes)
 
 
 class Scheduler:
-    """The state between two events. Times are in seconds from any origin."""
+    """The state machine. Each event returns the requests to send. Times are in seconds from any origin."""
 
     def __init__(self) -> None:
         self.workers: dict[str, Worker] = {}
         self.in_flight: dict[int, Request] = {}  # by ticket, the oldest first
-        self.batches: list[Batch] = []  # none when nothing is to be refined
+        self.batches: list[Batch] = []  # empty without a refinement
         self.sent = self.sent_again = self.refused = 0  # requests
-        self._pace = math.inf  # seconds for a particle of each lane, in the last request with a result
+        self._pace = math.inf  # seconds per particle and lane, in the last request with a result
         self._answered_at = -math.inf  # by any worker
 
     def start(self, particles: int, now: float, *, by_deadline: bool = False) -> list[Request]:
-        """Refine so many particles; what is left of the refinement before is given up."""
+        """Start a refinement of this number of particles; an unfinished previous one is cancelled."""
         workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
         lanes = [worker.lanes for worker in workers] or [1]
-        share = particles / sum(lanes)  # for each lane
+        share = particles / sum(lanes)  # per lane
         rounds = max(max(lanes) * share / MAX_PARTICLES, by_deadline * share / DEADLINE_BATCH)
         ranges = split(particles, lanes * max(1, math.ceil(rounds)))
         self.batches = [Batch(start, stop) for start, stop in ranges]
         return self.look(now)
 
     def join(self, name: str, lanes: int, now: float) -> list[Request]:
-        """A worker is there, with so many lanes."""
+        """A worker has joined, or announced its number of lanes."""
         self.workers.setdefault(name, Worker(name, lanes)).lanes = lanes
         return self.look(now)
 
     def leave(self, name: str, now: float) -> list[Request]:
-        """A worker is gone, and what it was working on with it."""
+        """A worker has left; its requests are lost."""
         worker = self.workers.pop(name, None)
         for ticket in [] if worker is None else list(worker.in_flight):
             self._land(self.in_flight[ticket])
         return self.look(now)
 
     def end(self, ticket: int, outcome: Outcome, now: float, reason: str = "") -> list[Request]:
-        """A request is over.
+        """A request has ended.
 
-        Raises ProtocolError if all workers have refused its batch, SilentWorkers if it has met the timeout
-        and no worker has answered anything since it was sent.
+        Raises ProtocolError if all workers have refused its batch, SilentWorkers after the timeout if no
+        worker has answered anything since it was sent.
         """
         self._answered_at = self._answered_at if outcome == "nothing" else now
         request, is_wanted = self.in_flight.get(ticket), self.wanted(ticket) is not None
@@ -132,7 +132,7 @@ class Scheduler:
         return self.look(now)
 
     def look(self, now: float) -> list[Request]:
-        """Send what waits to workers with room, the least busy first; if nothing waits, what is late."""
+        """Send waiting batches to workers with capacity, the least busy first; if none wait, late ones."""
         waiting = [batch for batch in self.batches if not (batch.done or batch.in_flight)]
         sends: list[Request] = []
         for batch in waiting:
@@ -143,13 +143,13 @@ class Scheduler:
         return sends or ([] if waiting else self._send_late_again(now))
 
     def wanted(self, ticket: int) -> Batch | None:
-        """The batch of a ticket, if a result would be of use."""
+        """The batch of a ticket, if its result is still needed."""
         request = self.in_flight.get(ticket)
         is_wanted = request is not None and not request.batch.done and request.batch in self.batches
         return request.batch if request is not None and is_wanted else None
 
     def _awake(self, now: float) -> list[Worker]:
-        """Workers that do not rest and have room for a request."""
+        """Workers without a pause and with capacity for a request."""
         return [w for w in self.workers.values() if w.rests_until <= now and len(w.in_flight) < MAX_IN_FLIGHT]
 
     def _send_late_again(self, now: float) -> list[Request]:
@@ -176,14 +176,14 @@ class Scheduler:
         return request
 
     def _land(self, request: Request) -> None:
-        """Take a request out of flight."""
+        """Remove a request from those in flight."""
         del self.in_flight[request.ticket]
         for each in (request.batch, request.worker):
             each.in_flight.remove(request.ticket)
 
 
 def split(particles: int, lanes: Sequence[int]) -> list[tuple[int, int]]:
-    """Consecutive ranges (start, stop) as large as the numbers of lanes of the workers; none is empty."""
+    """Successive ranges (start, stop) in proportion to the lanes of the workers; none is empty."""
     total = sum(lanes)
     ends = [math.ceil(particles * share / total) for share in accumulate(lanes, initial=0)]
     return [(start, stop) for start, stop in pairwise(ends) if start < stop]

@@ -1,4 +1,4 @@
-"""Refinement by whatever workers there are on the bus: fills the tracker's port."""
+"""Refinement by workers on the bus: implements the interface of the tracker."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from coordinator.pool.rpc_client import Refinement, RpcClient
 
 
 class ZenohRefiner:
-    """Has particles refined by whatever workers there are; a context manager.
+    """Refines particles with the workers on the bus; a context manager.
 
-    Results come in the order of the particles and do not depend on who made them. `report` is called with
-    a line for people when workers come, go, or are missing.
+    Results are in the order of the particles and do not depend on the workers. `report` is called with a
+    message for the user when workers join, leave, or are missing.
     """
 
     def __init__(self, pool: Pool, report: Callable[[str], None] = lambda _: None) -> None:
@@ -42,7 +42,7 @@ class ZenohRefiner:
         self._report = report
         self._stack = ExitStack()
         self._lost_links: set[str] = set()
-        self._due = math.inf  # when the frame must do with the particles that are answered
+        self._due = math.inf  # deadline of the frame
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
@@ -75,8 +75,8 @@ class ZenohRefiner:
         self._stack.close()
 
     def _report_link(self, endpoint: str, linked: bool) -> None:
-        """Report that a router goes, and is back; called on a thread of the bus."""
-        if protocol_of(endpoint) == LOCAL:  # to a worker of our own
+        """Report that a router is lost or back; called on a thread of the bus."""
+        if protocol_of(endpoint) == LOCAL:  # to the local worker
             return
         if not linked:
             self._lost_links.add(endpoint)
@@ -87,7 +87,7 @@ class ZenohRefiner:
 
     @property
     def statistics(self) -> PoolStatistics:
-        """What has gone over the bus so far."""
+        """Statistics of the run so far."""
         client, scheduler = self._client, self._client.scheduler
         return PoolStatistics(
             workers_seen=tuple(sorted(client.seen)),
@@ -101,32 +101,32 @@ class ZenohRefiner:
 
     @property
     def local_pids(self) -> dict[str, int]:
-        """Process ids of our own workers by name."""
+        """Process ids of local workers by name."""
         process = self._local.process
         return {} if process is None else {self._local.name: process.pid}
 
     def wait_for(self, lanes: int) -> None:
-        """Wait until there are workers with so many lanes. Raises as the result of `submit` does."""
+        """Wait for workers with this number of lanes. Raises the same errors as the result of `submit`."""
         while self._client.lanes < lanes:
             self._client.step()
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
-        """Have `on_message(payload)` called, on a thread of the bus, for what others publish."""
+        """Call `on_message(payload)`, on a thread of the bus, for each message on a key."""
         self._bus.subscribe(key, lambda _, payload: on_message(payload))
 
     def speak(self, key: str) -> Publisher:
-        """Where to put what others are to hear on a key."""
+        """A publisher for a key."""
         return self._bus.publish(key)
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Send a frame to all workers; all later calls of `submit` are about it."""
+        """Send a frame to all workers; later calls of `submit` refer to it."""
         with self._client.clock.stage("publish"):
             self._publication.put(subject)
             if self._pool.deadline is not None:
                 self._due = time.monotonic() + self._pool.deadline
 
     def send_ahead(self, subject: SubjectFrame) -> None:
-        """Send the frame that is to be published next, so that workers have it in time."""
+        """Send the frame that will be published next, so that workers already have it."""
         self._publication.put_ahead(subject)
 
     def submit(
@@ -137,7 +137,7 @@ class ZenohRefiner:
         *,
         covariance: bool = False,
     ) -> Refinement:
-        """Send poses (N, D) to the workers. A request whose result was not taken by then is given up."""
+        """Send poses (N, D) to the workers. A previous request whose result was not taken is cancelled."""
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         self._publication.offer(model)

@@ -1,1 +1,1 @@
-"""Certificates, and who is let in."""
+"""Certificates and access control."""

@@ -1,6 +1,6 @@
-"""Whom a run or router lets in, and which certificate it shows.
+"""Access control of runs and routers, and their certificates.
 
-The workers that are let in stand in a text file beside the certificate of the authority, one name a line.
+The admitted workers are listed in a text file beside the certificate of the authority, one name per line.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ ROSTER = "workers.txt"
 
 
 def read_roster(ca: Path) -> tuple[str, ...]:
-    """The workers beside an authority's certificate; InputError if there is no such file."""
+    """The admitted workers of an authority; InputError if there is no list."""
     path = ca.parent / ROSTER
     if not path.exists():
         raise InputError(f"{path} is missing; write the names of the workers to let in there, one a line")
@@ -26,26 +26,26 @@ def read_roster(ca: Path) -> tuple[str, ...]:
 
 
 def list_workers(path: Path) -> tuple[str, ...]:
-    """The names in a file, none if it is not there; InputError for what is no worker's name."""
+    """The names in a file, empty if it is missing; InputError for an invalid name."""
     lines = path.read_text(errors="replace").splitlines() if path.exists() else []
     names = (line.strip() for line in lines)
     return tuple(check_worker(name) for name in names if name and not name.startswith("#"))
 
 
 def write_roster(path: Path, workers: tuple[str, ...]) -> None:
-    """Write names, one a line."""
+    """Write names, one per line."""
     path.write_text("".join(f"{worker}\n" for worker in workers))
 
 
 def choose_names(workers: str) -> tuple[str, ...]:
-    """Workers' names between commas, or `worker-0` and so on for a number."""
+    """Names of workers between commas, or `worker-0` and so on for a number."""
     if workers.isascii() and workers.isdigit():
         return tuple(f"worker-{k}" for k in range(int(workers)))
     return tuple(check_worker(name.strip()) for name in workers.split(","))
 
 
 def check_worker(name: str) -> str:
-    """A name that a worker may have; InputError otherwise."""
+    """A valid name of a worker; InputError otherwise."""
     if name in (COORDINATOR, ROUTER):
         raise InputError(f"a worker cannot be called '{name}'; give another name")
     return check_name("worker name", name)
@@ -53,7 +53,7 @@ def check_worker(name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class TlsFiles:
-    """Who we are to others: the certificate of who signs all, our own, and its key; all three or none."""
+    """The certificate of the authority, our certificate, and its key; all three or none."""
 
     ca: str | Path | None = None
     cert: str | Path | None = None
@@ -68,9 +68,9 @@ def choose_security(
     holder: str = COORDINATOR,
     insecure: bool = False,
 ) -> Security | None:
-    """Certificate and access rules for these endpoints; None for neither.
+    """Certificates and access rules for these endpoints; None without certificates.
 
-    InputError for a certificate that is not `holder`'s, and for listening where strangers could come in.
+    InputError for a certificate that does not belong to `holder`, and for listening without access control.
     """
     credentials = read_credentials(files.ca, files.cert, files.key)
     if listen is not None:

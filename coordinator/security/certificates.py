@@ -1,6 +1,7 @@
-"""Certificates for a trial: an authority, and a folder with those of coordinator, router and workers.
+"""Creates certificates: an authority, and a folder with those of coordinator, router and workers.
 
-A worker's certificate is good for connecting only: no worker can pass for a coordinator or router.
+The certificate of a worker is valid for connecting only, so no worker can impersonate a coordinator or
+router.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from common.transport.credentials import Credentials
 from common.transport.session import COORDINATOR, ROUTER, Security, session_settings
 from coordinator.security.access import ROSTER, list_workers, write_roster
 
-CLOCK_SKEW = dt.timedelta(hours=1)  # that another host's clock may be behind ours
+CLOCK_SKEW = dt.timedelta(hours=1)  # by which the clock of another host may be slow
 AUTHORITY = "ca"
 USUAL_HOSTS = ("localhost", "127.0.0.1", "::1", COORDINATOR, ROUTER)
 ROUTER_FILE = "router.json5"
@@ -48,9 +49,9 @@ class Issued:
 
 
 def issue(name: str, hosts: Sequence[str], authority: Issued | None, lifetime: dt.timedelta) -> Issued:
-    """A certificate for connecting, and with hosts also for listening; without an authority, one of its own.
+    """A certificate for connecting, and with hosts also for listening; without an authority, a new authority.
 
-    An authority signs no other authorities.
+    An authority cannot sign other authorities.
     """
     key, now = ec.generate_private_key(ec.SECP256R1()), dt.datetime.now(dt.UTC)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
@@ -99,10 +100,10 @@ def host_name(host: str) -> x509.GeneralName:
 def make_certificates(
     folder: Path, workers: tuple[str, ...], hosts: tuple[str, ...], days: int, mount: Path | None
 ) -> list[str]:
-    """Make what is missing or over in a folder; gives the names of who has a new certificate.
+    """Create missing or expired certificates in a folder; returns the names with a new certificate.
 
-    The folder also gets `workers.txt`, the workers that are let in, and `router.json5`, what a Zenoh
-    router is to be started with that sees the folder under `mount`.
+    The folder also gets `workers.txt`, the admitted workers, and `router.json5`, the configuration of a Zenoh
+    router that has the folder at `mount`.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -122,7 +123,7 @@ def make_certificates(
 
 
 def find_authority(folder: Path, lifetime: dt.timedelta) -> Issued:
-    """The folder's authority, or a new one if there is none or it is over."""
+    """The authority in the folder, or a new one if it is missing or expired."""
     certificate, key = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
     if certificate.exists() and not key.exists():
         raise InputError(f"{key} is missing, which {certificate} signs with; put it back or use a new folder")
@@ -136,7 +137,7 @@ def find_authority(folder: Path, lifetime: dt.timedelta) -> Issued:
 
 
 def is_good(path: Path, hosts: Sequence[str], authority: Issued) -> bool:
-    """Whether a certificate is there, is not over, is of this authority and holds all hosts."""
+    """Whether a certificate exists, is not expired, is signed by this authority and has all hosts."""
     if not path.exists() or not path.with_suffix(".key").exists():
         return False
     certificate = read_certificate(path)
@@ -148,7 +149,7 @@ def is_good(path: Path, hosts: Sequence[str], authority: Issued) -> bool:
 
 
 def read_certificate(path: Path) -> x509.Certificate:
-    """A certificate; InputError if it is none."""
+    """Read a certificate; InputError if it is invalid."""
     try:
         return x509.load_pem_x509_certificate(path.read_bytes())
     except ValueError as error:
@@ -156,7 +157,7 @@ def read_certificate(path: Path) -> x509.Certificate:
 
 
 def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
-    """A key as we make them; InputError if it is none."""
+    """Read a key; InputError if it is invalid."""
     try:
         key = load_pem_private_key(path.read_bytes(), password=None)
     except (ValueError, TypeError) as error:
@@ -167,7 +168,7 @@ def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
 
 
 def save(folder: Path, name: str, issued: Issued) -> None:
-    """Write NAME.pem, and NAME.key that only we may read."""
+    """Write NAME.pem, and NAME.key, which only its owner can read."""
     path = folder / f"{name}.key"
     path.unlink(missing_ok=True)
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
@@ -176,7 +177,7 @@ def save(folder: Path, name: str, issued: Issued) -> None:
 
 
 def router_settings(mount: Path, workers: tuple[str, ...]) -> str:
-    """What a Zenoh router is started with: TLS on all addresses, access for these workers."""
+    """The configuration of a Zenoh router: TLS on all addresses, access for these workers."""
     own = Credentials(mount / f"{AUTHORITY}.pem", mount / f"{ROUTER}.pem", mount / f"{ROUTER}.key")
     settings = session_settings("router", [ROUTER_ENDPOINT], [], Security(own, workers))
     return json.dumps(settings, indent=1) + "\n"

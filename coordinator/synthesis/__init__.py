@@ -1,1 +1,1 @@
-"""Rendered sequences whose truth is known."""
+"""Rendered sequences with ground truth."""

@@ -1,10 +1,10 @@
-"""Noise of a depth camera: Gaussian along the line of sight and across it, and as a Kinect has it.
+"""Noise of a depth camera: Gaussian along the line of sight and across it, or that of a Kinect.
 
-A Kinect measures disparity, so that both its steps and its noise grow with the square of the distance:
-Khoshelham & Elberink, "Accuracy and resolution of Kinect depth data", Sensors 12 (2012), find a standard
+A Kinect measures disparity, so its quantisation and its noise grow with the square of the distance.
+Khoshelham & Elberink, "Accuracy and resolution of Kinect depth data", Sensors 12 (2012), report a standard
 deviation of 1.4 mm and steps of 2.9 mm at 1 m. Nguyen, Izadi & Lovell, "Modeling Kinect sensor noise",
-3DIMPVT (2012), find a lateral one of 0.8 pixels. At outlines and on surfaces
-seen from the side it measures nothing.
+3DIMPVT (2012), report a lateral standard deviation of 0.8 pixels. There is no depth at outlines and on
+surfaces seen at a grazing angle.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from coordinator.tracking.sensor_noise import SensorNoise
 
 Image = NDArray[np.float64]
 
-FARTHEST = 6.0  # standard deviations that noise ever reaches
+FARTHEST = 6.0  # standard deviations, the largest noise
 KINECT_STEP = 2.85e-3  # of inverse depth, 1/m
 KINECT_DEVIATION = 0.5  # steps
 KINECT_LATERAL = 0.8  # pixels
-JUMP_M, EDGE_LOSS = 0.03, 0.5  # pixels beside a step in depth are lost with this probability
+JUMP_M, EDGE_LOSS = 0.03, 0.5  # probability that a pixel at a step in depth has no depth
 GRAZING = np.cos(np.radians(80.0))
-SAME_SURFACE = 0.01  # neighbouring depths that differ by less than this share belong to one surface
+SAME_SURFACE = 0.01  # largest relative difference of neighbouring depths on one surface
 
 
 def add_noise(
     depth_m: Image, camera: Intrinsics, noise: SensorNoise, rng: np.random.Generator, *, kinect: bool = False
 ) -> Image:
-    """A noisy copy of a depth image (H, W) in metres; 0, where nothing is measured, stays 0.
+    """A noisy copy of a depth image (H, W) in metres; 0 for no depth stays 0.
 
-    Across: each pixel sees the surface where a ray displaced by Gaussian noise meets it, so that
-    back-projected points lie off the surface by `noise.lateral` in x and in y, and an outline frays. Along:
-    Gaussian noise of standard deviation `noise.depth` on every measured depth.
+    Lateral noise: each pixel measures the surface along a ray displaced by Gaussian noise. So back-projected
+    points have errors of `noise.lateral` in x and y, and outlines become irregular. Depth noise: Gaussian
+    noise with standard deviation `noise.depth` on every depth.
     """
     if kinect:
         depth_m = as_a_kinect(depth_m, camera, rng)
@@ -49,7 +49,7 @@ def add_noise(
 
 
 def as_a_kinect(depth_m: Image, camera: Intrinsics, rng: np.random.Generator) -> Image:
-    """Depth (H, W) as a Kinect would measure it: noise and steps of inverse depth, frayed and lossy edges."""
+    """Depth (H, W) of a Kinect: noise and quantisation of inverse depth, irregular edges with gaps."""
     beside_a_jump = maximum_filter(depth_m, 3) - minimum_filter(depth_m, 3) > JUMP_M
     kept = ~(beside_a_jump & (rng.random(depth_m.shape) < EDGE_LOSS))
     kept &= facing(depth_m, camera) > GRAZING
@@ -62,7 +62,7 @@ def as_a_kinect(depth_m: Image, camera: Intrinsics, rng: np.random.Generator) ->
 
 
 def facing(depth_m: Image, camera: Intrinsics) -> Image:
-    """Cosine (H, W) between the line of sight and the surface's normal, from differences of depth."""
+    """Cosine (H, W) of the angle between line of sight and normal, from differences of depth."""
     points = back_project(depth_m, camera)
     down, right = np.gradient(points, axis=(0, 1))
     normal = np.cross(down, right)
@@ -73,7 +73,7 @@ def facing(depth_m: Image, camera: Intrinsics) -> Image:
 
 
 def reached(depth_m: Image, camera: Intrinsics, lateral: float) -> tuple[slice, slice]:
-    """Rows and columns that may see something: what is measured, and as far around as noise reaches."""
+    """Rows and columns that can have depth: the measured ones, enlarged by the range of the noise."""
     rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
     if not len(rows):
         return slice(0), slice(0)
@@ -85,10 +85,10 @@ def reached(depth_m: Image, camera: Intrinsics, lateral: float) -> tuple[slice, 
 
 
 def look_aside(depth_m: Image, camera: Intrinsics, across: Image) -> Image:
-    """Depth (H, W) that each pixel reads `across` (2, H, W) metres from where it looks.
+    """Depth (H, W) at `across` (2, H, W) metres from the ray of each pixel.
 
-    How many pixels that is depends on the depth read: it is guessed from the nearest measured pixel's and
-    improved once.
+    The offset in pixels depends on the depth there. It is computed from the depth of the nearest pixel and
+    refined once.
     """
     if not depth_m.any():
         return depth_m
@@ -105,7 +105,7 @@ def look_aside(depth_m: Image, camera: Intrinsics, across: Image) -> Image:
 def read(depth_m: Image, pixels: Image) -> Image:
     """Depth at fractional pixels (2, H, W), as (row, column).
 
-    Interpolated within a surface, the nearest pixel's at its edge.
+    It is interpolated within a surface, and that of the nearest pixel at its edge.
     """
     inverse = np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=depth_m > 0.0)  # linear on a plane
     nearest = map_coordinates(inverse, np.rint(pixels), order=0)

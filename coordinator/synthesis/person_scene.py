@@ -1,8 +1,8 @@
-"""A person who moves fast, seen by a Kinect ten times a second.
+"""A person who moves fast, recorded by a Kinect ten times per second.
 
-Each seed is another person, whose lengths are not those of the template, and another motion: arms go from one
-comfortable pose to the next in a quarter to half a second, legs step, kick and bend, the body turns. Tracking
-has to find the person; the first half second stands still.
+Each seed is a different person, with lengths that differ from the template, and a different motion. Arms move
+from one comfortable pose to the next in a quarter to half a second; legs step, kick and bend; the body turns.
+The person must be detected and does not move in the first half second.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CAMERA = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
 DISTANCE_M, CAMERA_HEIGHT_M = 2.8, 1.0
 STATURE_M, GIRTH, LENGTH_DEVIATION = (1.6, 1.9), (0.9, 1.15), 0.04
 STANDS_S = 0.5
-CLEAR_M = 0.2  # of elbow and wrist from the line from pelvis to head, so that an arm is not in the trunk
+CLEAR_M = 0.2  # least distance of elbow and wrist from the line from pelvis to head
 
 ARM: Ranges = {
     "shoulder_flexion": (-30, 150), "shoulder_abduct": (-10, 90), "shoulder_twisting": (-45, 60),
@@ -45,7 +45,7 @@ TRUNK_MOVES_S, TRUNK_RESTS_S = (0.4, 0.8), (0.0, 0.3)
 
 
 def person(seed: int = 0) -> Scene:
-    """A scene of a random person; the same seed is the same person who moves in the same way."""
+    """A scene of a random person; the same seed gives the same person and motion."""
     rng = np.random.default_rng([seed, 2])
     model = random_person(rng)
     times = np.arange(FRAMES) / FPS
@@ -64,7 +64,7 @@ def person(seed: int = 0) -> Scene:
 
 
 def random_person(rng: np.random.Generator) -> BodyModel:
-    """A person whose lengths are off what stature implies, as people's are."""
+    """A person whose lengths vary from those implied by the stature."""
     stature, girth = rng.uniform(*STATURE_M), rng.uniform(*GIRTH)
     off = 1.0 + LENGTH_DEVIATION * np.clip(rng.standard_normal(len(FRACTIONS_OF_STATURE)), -2.0, 2.0)
     lengths = {n: f * stature * o for (n, f), o in zip(FRACTIONS_OF_STATURE.items(), off, strict=True)}
@@ -74,7 +74,7 @@ def random_person(rng: np.random.Generator) -> BodyModel:
 def through(
     end: float, moves: tuple[float, float], rests: tuple[float, float], rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """When each motion begins and when it is over, seconds, one after the other."""
+    """Start and end of successive motions, seconds."""
     spans, now = [], STANDS_S
     while now < end:
         begins = now + rng.uniform(*rests)
@@ -92,7 +92,7 @@ def draw_arm(model: BodyModel, side: str, rng: np.random.Generator) -> dict[str,
 
 
 def draw_legs(number: int, rng: np.random.Generator) -> dict[str, float]:
-    """A pose of both legs, degrees: in turn one that lifts a leg, or bends both, and one that stands."""
+    """A pose of both legs, degrees: alternately one that lifts a leg or bends both, and a standing one."""
     stands = {**draw_from(STANDING, "l_", rng), **draw_from(STANDING, "r_", rng)}
     if number % 2:
         return stands
@@ -104,12 +104,12 @@ def draw_legs(number: int, rng: np.random.Generator) -> dict[str, float]:
 
 
 def draw_from(ranges: Ranges, prefix: str, rng: np.random.Generator) -> dict[str, float]:
-    """A value in each range."""
+    """A random value in each range."""
     return {prefix + name: rng.uniform(low, high) for name, (low, high) in ranges.items()}
 
 
 def is_clear(model: BodyModel, values_deg: dict[str, float], side: str) -> bool:
-    """Whether elbow and wrist are beside the trunk and the head."""
+    """Whether elbow and wrist are outside the trunk and the head."""
     pose = np.zeros((1, len(model.dof_names)))
     for name, value in values_deg.items():
         pose[0, model.dof(name)] = np.radians(value)

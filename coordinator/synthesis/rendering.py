@@ -1,8 +1,8 @@
 """Depth images from OpenGL's z-buffer, without a display: pyrender on EGL.
 
-pyrender's camera has pixel edges at whole numbers, ours has pixel centres there: half a pixel apart. Its
-usual pass resolves a multisampled buffer to a sample that is not the pixel's centre (0.4 px off under
-Mesa); the segmentation pass renders one sample a pixel, at the centre.
+pyrender's camera has pixel edges at integers, ours has pixel centres there: they differ by half a pixel. Its
+usual pass uses a sample of a multisampled buffer that is not at the centre of the pixel (0.4 px away under
+Mesa). The segmentation pass renders one sample per pixel, at the centre.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ class DepthRenderer(Closing):
     """Renders closed surfaces to depth images. Use it as a context manager, one at a time."""
 
     def __init__(self, camera: Intrinsics) -> None:
-        """Open an OpenGL context; raises GepfError, naming the missing packages, where there is none."""
+        """Open an OpenGL context; raises GepfError with the missing packages if that fails."""
         self.camera = camera
         self._pyrender = load_pyrender()
         try:
             self._renderer = self._pyrender.OffscreenRenderer(camera.width, camera.height)
-        except Exception as error:  # EGL, PyOpenGL and pyrender each raise their own
+        except Exception as error:  # EGL, PyOpenGL and pyrender raise different exceptions
             raise missing_opengl(error) from error
 
     def depth(self, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Depth (H, W) in metres of a surface with vertices (V, 3) in the camera frame, 0 where none.
+        """Depth (H, W) in metres of a surface with vertices (V, 3) in the camera frame, 0 elsewhere.
 
-        Triangles (T, 3) are counter-clockwise from outside; their backs are not drawn.
+        Triangles (T, 3) are counter-clockwise from outside; back faces are not drawn.
         """
         pyrender = self._pyrender
         surface = pyrender.Primitive(
@@ -54,7 +54,7 @@ class DepthRenderer(Closing):
 
 
 def opengl_camera(pyrender: Any, camera: Intrinsics) -> Any:
-    """pyrender's camera for ours."""
+    """The camera of pyrender for our camera."""
     return pyrender.IntrinsicsCamera(
         camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5, znear=NEAR_M, zfar=FAR_M
     )
@@ -66,13 +66,13 @@ def load_pyrender() -> Any:
     os.environ["PYGLET_HEADLESS"] = "1"
     try:
         import pyrender
-    except Exception as error:  # a missing shared library shows as one of many exceptions
+    except Exception as error:  # a missing shared library raises one of many exceptions
         raise missing_opengl(error) from error
     return pyrender
 
 
 def missing_opengl(cause: Exception) -> GepfError:
-    """What to report to the user."""
+    """The message to the user."""
     return GepfError(
         "cannot render without a display: OpenGL through EGL does not start "
         f"({type(cause).__name__}: {cause}); on Debian or Ubuntu: apt install libegl1 libgl1"
@@ -86,7 +86,7 @@ NEAREST_M = 0.8
 
 
 def fit_in_view(points: Array, camera: Intrinsics) -> Array:
-    """Shift (3,) that brings points (n, 3) into the middle of the image, as near as they fit."""
+    """Shift (3,) that centres points (n, 3) in the image, as near as they fit."""
     low, high = points.min(axis=0), points.max(axis=0)
     wide = np.max((high - low)[:2] / (camera.width / camera.fx, camera.height / camera.fy))
     front = max(NEAREST_M, float(wide) / FILLS)

@@ -1,13 +1,13 @@
-"""What synthetic sequences show: a body, its pose in every frame, the camera, and where to start.
+"""Scenes of synthetic sequences: a body, its pose in every frame, the camera, and the start pose.
 
-`arm`: one arm in front of a still body, four degrees of freedom (section 5 of the paper).
+`arm`: one arm in front of a fixed body, four degrees of freedom (section 5 of the paper).
 
-`turn`: a person who moves arms and legs and turns, so that the right arm and leg are hidden for a while. The
-situation of section 6 of the paper, with truth: 24 degrees of freedom, 180 frames. The right arm comes out
-raised where it went in hanging, so that a tracker that follows a single pose loses it.
+`turn`: a person moves arms and legs and turns, so that the right arm and leg are hidden for some time. It is
+the situation of section 6 of the paper, with ground truth: 24 degrees of freedom, 180 frames. The right arm
+hangs before it is hidden and is raised when it reappears, so a tracker with a single pose loses it.
 
-`roam`: any body that moves all its joints at random, smoothly and within their limits, in front of a Kinect.
-The base stands still, as that of a robot does; a body without joints is turned and carried about.
+`roam`: any body that moves all its joints randomly, smoothly and within their limits, in front of a Kinect.
+The base is fixed, like that of a robot; a body without joints is moved and rotated as a whole.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 class Scene:
     """A body with D degrees of freedom that moves through F frames.
 
-    `start` (D,) is what a tracker knows at the beginning; None where it has to find the body.
+    `start` (D,) is the start pose for a tracker; None if it must detect the body.
     """
 
     model: BodyModel
@@ -51,10 +51,10 @@ class Scene:
 def animate(
     model: BodyModel, angles_deg: dict[str, dict[int, float]], **metres: dict[int, float]
 ) -> NDArray[np.float64]:
-    """Poses (F, D) of a body from values by frame of some degrees of freedom; the others stay at zero.
+    """Poses (F, D) of a body from keyframes of some degrees of freedom; the others are zero.
 
-    Between two of its frames an angle moves smoothly and never overshoots, before the first and after the
-    last it stands still. The last frame of all is the poses' last.
+    Between two keyframes a value moves smoothly without overshoot; before the first and after the last it is
+    constant. The last keyframe of all is the last pose.
     """
     frames = 1 + max(max(keys) for keys in angles_deg.values())
     poses = np.zeros((frames, len(model.dof_names)))
@@ -68,8 +68,8 @@ def animate(
 PAPER_CAMERA, PAPER_FPS = Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5), 25.0
 
 ARM_DOFS = ("r_shoulder_flexion", "r_shoulder_abduct", "r_shoulder_twisting", "r_elbow_flexion")
-ARM_STANDS = {"root_tx": 0.1, "root_ty": 0.04, "root_tz": 3.21}  # the raised hand stays in the picture
-ARM_STARTS_OFF_DEG = {"r_shoulder_abduct": -50.0}  # from the truth of the first frame
+ARM_STANDS = {"root_tx": 0.1, "root_ty": 0.04, "root_tz": 3.21}  # the raised hand stays in the image
+ARM_STARTS_OFF_DEG = {"r_shoulder_abduct": -50.0}  # difference from the truth of the first frame
 
 # Degrees by frame. The forearm is close to the body, its hand at the head, around frames 60 and 105. The
 # upper arm never comes back to where a lone particle gets stuck, inside the trunk. The elbow is never
@@ -85,7 +85,7 @@ ARM_KEYS_DEG: dict[str, dict[int, float]] = {
 
 @cache
 def arm() -> Scene:
-    """A standing person swings the right arm; tracking starts 50 degrees off in one shoulder angle."""
+    """A standing person swings the right arm; one shoulder angle starts with an error of 50 degrees."""
     model = human()
     poses = animate(model, ARM_KEYS_DEG)
     for name, value in ARM_STANDS.items():
@@ -136,21 +136,21 @@ def turn() -> Scene:
 
 ROAM_FRAMES, ROAM_FPS = 150, 30.0
 ROAM_CAMERA = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
-WIDEST, SLIDE_M = np.radians(40.0), 0.15  # to either side, where limits are wider
-WITHIN = 0.4  # of the range between limits, to either side of its middle
+WIDEST, SLIDE_M = np.radians(40.0), 0.15  # to either side, if the limits allow
+WITHIN = 0.4  # of the range between the limits, to either side of the centre
 ROAM_STANDS = {"root_rx": 0.2, "root_ry": 0.5}  # seen from above and from the side
 CARRIED_M, TURNED = 0.08, np.radians(35.0)
 FARTHEST_M = 6.0
 
 
 def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
-    """A scene of a body; the same seed moves it in the same way. Tracking starts from the truth.
+    """A scene of a body; the same seed gives the same motion. Tracking starts from the truth.
 
-    Raises InputError for a body that is too large to be seen whole.
+    Raises InputError for a body that is too large for the image.
     """
     rng = np.random.default_rng([seed, 1])
     middle, reach = swing(model)
-    second = round(ROAM_FPS)  # from key to key, frames
+    second = round(ROAM_FPS)  # between keyframes
     keys = rng.uniform(-1.0, 1.0, (frames // second + 2, len(middle))) * reach + middle
     poses = np.asarray(PchipInterpolator(second * np.arange(len(keys)), keys)(np.arange(frames)))
     for name, value in ROAM_STANDS.items():

@@ -1,4 +1,4 @@
-"""Sequences with known truth, rendered through OpenGL's z-buffer."""
+"""Sequences with ground truth, rendered with OpenGL's z-buffer."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def synthesise(  # noqa: PLR0913 one parameter an option
 ) -> None:
     """Write the first `frames` of a scene as a sequence folder with truth and start.
 
-    Noise is Gaussian with the given standard deviations in metres, and with `kinect` that of a Kinect on
-    top. Scene `roam` moves the body that `model` names at random, after `seed`. `advance(done, total)` is
-    called after each frame. The folder appears only when it is whole. Raises InputError for an unknown
-    scene, a number out of range, or a folder that is in use; GepfError where OpenGL does not start.
+    Noise is Gaussian with the given standard deviations in metres; with `kinect`, that of a Kinect is added.
+    Scene `roam` moves the body `model` randomly, by `seed`. `advance(done, total)` is called after each
+    frame. The folder is created only when it is complete. Raises InputError for an unknown scene, a number
+    out of range, or a folder that is in use; GepfError if OpenGL does not start.
     """
     for kind, value in (("depth", noise_depth), ("lateral", noise_lateral)):
         if value is not None and not 0.0 <= value <= 1.0:
@@ -71,7 +71,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
 
 
 def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> Scene:
-    """The scene of a name, with the requested number of frames; InputError lists the choices."""
+    """The scene with a name, with the requested number of frames; InputError lists the choices."""
     if name == ROAM:
         if model is None:
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
@@ -91,7 +91,7 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
 
 
 def with_parent(out: Path) -> None:
-    """Make the folder that will hold `out`, which must not hold anything yet."""
+    """Create the parent folder of `out`, which must be empty or missing."""
     try:
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
             raise InputError(f"'{out}' is in use; choose another output folder or remove it")
@@ -111,7 +111,7 @@ def write_depth(
     *,
     kinect: bool = False,
 ) -> None:
-    """Write depth/000000.png and so on; a frame's noise depends on the seed and its number alone."""
+    """Write depth/000000.png and so on; the noise of a frame depends only on the seed and its number."""
     folder.mkdir()
     for number, depth_m in enumerate(render(scene)):
         noisy = add_noise(depth_m, scene.camera, noise, np.random.default_rng([seed, number]), kinect=kinect)
@@ -129,7 +129,7 @@ def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
 
 
 def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
-    """Depth in units of the file; what is too far for it counts as not measured."""
+    """Depth in units of the file; depth that is too large becomes 0."""
     units = np.rint(depth_m * DEPTH_SCALE)
     return np.where(units <= np.iinfo(np.uint16).max, units, 0).astype(np.uint16)
 
@@ -161,6 +161,6 @@ def write_truth(scene: Scene, file: Path) -> None:
 
 
 def write_start(model: BodyModel, pose: NDArray[np.float64], file: Path) -> None:
-    """Write the pose (D,) to start from; what is zero is left out."""
+    """Write the start pose (D,); zeros are omitted."""
     start = {name: float(value) for name, value in zip(model.dof_names, pose, strict=True) if value}
     file.write_bytes(msgspec.json.format(msgspec.json.encode(start)) + b"\n")
