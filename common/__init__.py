@@ -1,1 +1,1 @@
-"""What coordinator and worker must agree on: the body, the camera, the settings, the wire."""
+"""Shared by coordinator and worker: body, camera, settings, messages."""

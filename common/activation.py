@@ -1,4 +1,4 @@
-"""Any subset of a body's degrees of freedom, the others held where they are."""
+"""Selects a subset of a body's degrees of freedom; the others are held."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from common.kinematics import dof_transforms, joint_positions, pose_vertices
 
 
 def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64]) -> BodyModel:
-    """The same body with only the `active` degrees of freedom; the others stay at `held` (D,).
+    """The body with only the `active` degrees of freedom; the others are held at `held` (D,).
 
-    The held pose, with active degrees of freedom at zero, becomes the rest pose of the result, so a pose
-    of the result moves the body as the same values in the full model would (skin that a held bend shares
-    between links aside). Active degrees of freedom
-    keep the model's order, links that now move as one are merged. Raises InputError for unknown names.
+    The held pose, with active degrees of freedom at zero, becomes the rest pose of the result. So a pose of
+    the result moves the body like the same values in the full model, except for skin at a bent held joint.
+    Active degrees of freedom keep the order of the model. Links that now move together are merged. Raises
+    InputError for unknown names.
     """
     wanted = sorted({model.dof(name) for name in active})
     rest = np.array(held, dtype=np.float64)
@@ -55,7 +55,7 @@ def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64])
 
 
 def _ancestor(model: BodyModel, wanted: list[int], dof: int) -> int:
-    """Position in `wanted` of the nearest of `dof` and its ancestors, -1 where there is none."""
+    """Index in `wanted` of `dof` or its nearest ancestor; -1 if there is none."""
     while dof >= 0 and dof not in wanted:
         dof = int(model.parents[dof])
     return wanted.index(dof) if dof >= 0 else -1
@@ -64,7 +64,7 @@ def _ancestor(model: BodyModel, wanted: list[int], dof: int) -> int:
 def merge_weights(
     links: NDArray[np.int64], weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Add up the weights (V, K) of equal links (V, K); the dominant link comes first."""
+    """Add the weights (V, K) of equal links (V, K); the dominant link is first."""
     merged = np.zeros_like(weights)
     for k in range(links.shape[1]):
         first = np.argmax(links == links[:, k : k + 1], axis=1)

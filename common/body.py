@@ -1,4 +1,4 @@
-"""An articulated body: rotations and translations along known axes, and a surface that they move.
+"""An articulated body: rotations and translations about known axes, and a surface that they move.
 
 All coordinates are those of the rest pose, in metres, in a frame whose axes agree with the camera's: x
 right, y down, z forward, with the origin at the root (the pelvis). A person at rest stands upright, arms
@@ -28,11 +28,11 @@ LEAST_SPREAD = 1e-3
 class BodyModel:
     """Degrees of freedom (D), links (L), surface vertices (V), triangles (T) and named joints (J).
 
-    A degree of freedom's parent comes before it. Three consecutive rotations about orthonormal axes
-    through one point, with nothing else on the first two, make a *ball*; `balls` holds the index of the
-    first of each. `rest_spreads` are how far angles usually are from rest: the rest prior's deviations
-    in units of the setting `pose_deviation`, the same for the three of a ball. `skin_weights` blend the
-    links' transforms for each vertex (rows sum to 1, the dominant link first).
+    The parent of a degree of freedom comes before it. Three successive rotations about orthonormal axes
+    through one point, with nothing else on the first two, are a spherical joint; `balls` holds the index of
+    the first of each. `rest_spreads` are the standard deviations of angles around rest, in units of the
+    setting `pose_deviation`; they are equal for the three angles of a spherical joint. `skin_weights` blend
+    the links' transforms for each vertex (rows sum to 1, the dominant link is first).
     """
 
     name: str
@@ -80,28 +80,28 @@ class BodyModel:
 
     @cached_property
     def single(self) -> NDArray[np.bool_]:
-        """Which degrees of freedom (D,) are no part of a ball."""
+        """Which degrees of freedom (D,) are not part of a spherical joint."""
         single = np.ones(len(self.kinds), dtype=np.bool_)
         single[self.balls[:, None] + np.arange(3)] = False
         single.setflags(write=False)
         return single
 
     def dof(self, name: str) -> int:
-        """Index of a degree of freedom; InputError if there is none of that name."""
+        """Index of a degree of freedom; InputError if the name is unknown."""
         if name not in self.dof_names:
             raise unknown_dof(name, self.dof_names)
         return self.dof_names.index(name)
 
 
 def unknown_dof(name: str, known: Collection[str]) -> InputError:
-    """The error for an unknown degree of freedom; it names close matches among the known ones."""
+    """The error for an unknown degree of freedom, with similar known names."""
     near = get_close_matches(name, known, n=3)
     meant = f"did you mean {' or '.join(near)}? " if near else ""
     return InputError(f"unknown degree of freedom '{name}'; {meant}gepf model dofs lists all")
 
 
 def check(model: BodyModel) -> None:
-    """Raise ValueError where a model contradicts itself."""
+    """Raise ValueError if a model is inconsistent."""
     count = len(model.dof_names)
     order = np.arange(count)
     if not (np.all(model.parents < order) and np.all(model.parents >= -1)):
@@ -126,7 +126,7 @@ def check(model: BodyModel) -> None:
 def surface_carriers(
     link_dofs: NDArray[np.int64], skin_links: NDArray[np.int64], skin_weights: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """Degrees of freedom whose own links carry surface."""
+    """Degrees of freedom whose links have surface."""
     return np.unique(link_dofs[skin_links[skin_weights > 0.0]])
 
 
@@ -137,10 +137,10 @@ def find_balls(
     points: NDArray[np.float64],
     carriers: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """First index of every three consecutive rotations about orthonormal axes through one point.
+    """First index of every three successive rotations about orthonormal axes through one point.
 
-    They are one joint only where nothing hangs on the first two but the next: no surface (that of
-    `carriers`, see `surface_carriers`) and no other degree of freedom.
+    They are one joint only if the first two move nothing but the next: no surface (of `carriers`, see
+    `surface_carriers`) and no other degree of freedom.
     """
     children = np.bincount(parents[parents >= 0], minlength=len(kinds))
     balls, j = [], 0

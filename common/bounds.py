@@ -1,4 +1,4 @@
-"""Bounds on what crosses the wire; within them kernels need no checks of indices and overflow."""
+"""Bounds on the content of messages; within them kernels need no checks of indices and overflow."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from common.settings import RefineSettings
 MAX_BYTES = 64 * 2**20  # of a message
 MAX_PIXELS = 2**23  # of a frame
 MAX_DOFS = 128  # of a body
-MAX_PARTICLES = 1024  # of a request; one lane refines half of them within the time that a request may take
+MAX_PARTICLES = 1024  # of a request; one lane refines half of them within the timeout of a request
 MAX_ITERATIONS = 100  # of ICP
-SMALLEST = 1e-4  # of what must be above zero: focal lengths, units of depth, noise and scale in settings
+SMALLEST = 1e-4  # of positive values: focal lengths, units of depth, noise and scale in settings
 LARGEST = 1e5  # of a pose, a length in a model (metres or radians), a camera's numbers (pixels), a setting
 LARGEST_LOG_LIKELIHOOD = 1e100
-MOST_PIXELS = 2**26  # that may be drawn into a depth buffer
-MOST_WORK = 1e13  # of a request: points compared and pixels drawn; some 20 minutes
+MOST_PIXELS = 2**26  # drawn into a depth buffer
+MOST_WORK = 1e13  # of a request: points compared and pixels drawn; about 20 minutes
 POSITIVE_SETTINGS = {"noise_depth", "noise_lateral", "likelihood_scale"}
 
 
 def check_work(settings: RefineSettings, poses: int, points: int, vertices: int) -> None:
-    """ProtocolError if refining so many poses on so many points would take too long."""
+    """ProtocolError if refining this number of poses on this number of points would take too long."""
     each = 2.0 * (points * vertices + MOST_PIXELS)  # with soft correspondences
     work = poses * (1 + settings.icp_iterations) * each
     if work > MOST_WORK:

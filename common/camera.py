@@ -43,16 +43,16 @@ def back_project(depth_m: NDArray[np.floating], camera: Intrinsics) -> NDArray[n
 
 
 def level_from_camera(up: Array | None) -> Array:
-    """The rotation (3, 3) into axes that are the camera's, had it been held level: x right, y down, z ahead.
+    """The rotation (3, 3) to the axes of the levelled camera: x right, y down, z ahead.
 
     Args:
-        up: Unit vector (3,) away from the ground, camera frame; None where it is not known: no rotation.
+        up: Unit vector (3,) away from the ground, camera frame; None if unknown: no rotation.
     """
     if up is None:
         return np.eye(3)
     down = -np.asarray(up, dtype=np.float64) / np.linalg.norm(up)
     ahead = np.array([0.0, 0.0, 1.0]) - down[2] * down
-    if np.linalg.norm(ahead) < STRAIGHT_DOWN:  # then what is at the picture's top is ahead
+    if np.linalg.norm(ahead) < STRAIGHT_DOWN:  # then the top of the image is ahead
         ahead = np.array([0.0, -1.0, 0.0]) + down[1] * down
     ahead /= np.linalg.norm(ahead)
     return np.stack([np.cross(down, ahead), down, ahead])

@@ -1,9 +1,9 @@
-"""Numba, with kernels that are compiled anew when the source of whatever they call has changed.
+"""Numba, with kernels that are recompiled when the source of anything they call has changed.
 
-Numba keeps a compiled kernel for as long as its own file stays the same, though it holds what it calls from
-other files, and their constants. Here it is kept for as long as all files of these packages stay the same
-that its file imports, directly or through others. Import `numba` from here where kernels are compiled. Those
-of other packages in the same process are numba's own matter, or of whom the user names instead.
+Numba keeps a compiled kernel as long as its own file does not change, although the kernel includes functions
+and constants of other files. Here a kernel is kept as long as no file of these packages changes that its file
+imports, directly or indirectly. Modules with kernels import `numba` from here. Kernels of other packages in
+the same process use numba's own cache, or the one that the user configured.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ USUAL = (
 
 
 def is_ours(file: Path) -> bool:
-    """Whether a file is there, and of these packages."""
+    """Whether a file exists and belongs to these packages."""
     return file.is_file() and any(file.is_relative_to(ROOT / package) for package in PACKAGES)
 
 
 @cache
 def imported_by(file: Path) -> frozenset[Path]:
-    """Files of these packages that a file imports from."""
+    """Files of these packages that a file imports."""
     found = set[Path]()
     for module, names in IMPORT.findall(file.read_text(encoding="utf-8")):
         place = ROOT.joinpath(*module.split("."))
@@ -57,13 +57,13 @@ def imported_by(file: Path) -> frozenset[Path]:
 
 @cache
 def content(file: Path) -> bytes:
-    """A hash of what stands in a file."""
+    """A hash of the content of a file."""
     return hashlib.sha256(file.read_bytes()).digest()
 
 
 @cache
 def sources(file: Path) -> bytes:
-    """A hash of a file and of all that it imports, directly or through others."""
+    """A hash of a file and of all its imports, direct and indirect."""
     known, unread = {file}, [file]
     while unread:
         new = imported_by(unread.pop()) - known
@@ -74,15 +74,15 @@ def sources(file: Path) -> bytes:
 
 @cache
 def kept_in(folder: Path) -> tuple[Path, ...]:
-    """Compiled kernels in a folder, as they were when it was first looked at."""
+    """Compiled kernels in a folder, at the time of the first look."""
     return tuple(folder.glob("*.nb[ic]"))
 
 
 class BySources:
-    """A kernel of ours is as old as all the sources that it may stand on.
+    """Cache locator by which the state of a kernel is that of all its sources.
 
-    Their state is in the names of its files: numba writes a kernel after the index that calls it current, and
-    if it were ended in between, an earlier kernel of the same name would be taken for that.
+    This state is part of the file names. Numba writes the index before the kernel; if the process ended in
+    between, an earlier kernel of the same name would be used.
     """
 
     _py_file: str
@@ -90,7 +90,7 @@ class BySources:
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
-        """Where a function is kept; None if it is not ours, or that cannot be written to."""
+        """The locator of a function; None if it is not ours, or its folder is not writable."""
         if not is_ours(Path(py_file).resolve()):
             return None
         found = super().from_function(py_func, py_file)  # type: ignore[misc]
@@ -105,32 +105,32 @@ class BySources:
         return f"{self._lineno}-{self.get_source_stamp().hex()[:16]}"
 
     def forget_earlier(self, name: str) -> None:
-        """Remove a function's kernels of other states of the sources, whose files' names begin so."""
+        """Remove the kernels of a function for other states of the sources, by the prefix of the names."""
         current = f"{name}{self.get_disambiguator()}."
         for file in kept_in(Path(self.get_cache_path())):  # type: ignore[attr-defined]
             if file.name.startswith(name) and not file.name.startswith(current):
-                with suppress(OSError):  # another process was faster, or it is somebody else's
+                with suppress(OSError):  # another process was faster, or it belongs to another user
                     file.unlink()
 
 
 class InFolder(BySources, caching.UserProvidedCacheLocator):
-    """Kept in the folder that NUMBA_CACHE_DIR names."""
+    """Cache in the folder of NUMBA_CACHE_DIR."""
 
 
 class InTree(BySources, caching.InTreeCacheLocator):
-    """Kept beside the source."""
+    """Cache beside the source."""
 
 
 class InHome(BySources, caching.UserWideCacheLocator):
-    """Kept in the user's cache, where the source's folder cannot be written to."""
+    """Cache in the user's cache folder, if the source's folder is not writable."""
 
 
 class Nowhere:
-    """None of them can be written to."""
+    """No folder is writable."""
 
     @classmethod
     def from_function(cls, _: object, py_file: str) -> None:
-        """InputError for a function of ours."""
+        """Raise InputError for one of our functions."""
         if is_ours(Path(py_file).resolve()):
             raise InputError(
                 f"compiled kernels cannot be kept beside {py_file} or in this user's cache;"

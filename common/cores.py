@@ -1,4 +1,4 @@
-"""How many processor cores this process may use."""
+"""The number of processor cores that this process may use."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ MEMBERSHIP = Path("/proc/self/cgroup")
 def usable_cores(cgroups: Path = CGROUPS, membership: Path = MEMBERSHIP) -> int:
     """Cores that affinity and the control groups of this process allow, at least one.
 
-    A quota of part of a core counts as a whole one. Container engines and Kubernetes set quotas.
+    A fraction of a core counts as a whole core. Container engines and Kubernetes set such quotas.
 
     Args:
-        cgroups: Where the control groups, of version 2, are mounted.
-        membership: The file that names the group of this process.
+        cgroups: Mount point of control groups, version 2.
+        membership: File with the group of this process.
     """
     allowed = len(os.sched_getaffinity(0))
-    groups = [cgroups]  # in a container its own group is the root
+    groups = [cgroups]  # in a container the own group is the root
     with suppress(OSError, IndexError):
         own = cgroups / membership.read_text(encoding="utf-8").split("::/")[1].strip()
         groups += [own, *own.parents]

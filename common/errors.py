@@ -1,29 +1,29 @@
-"""Every error that gepf raises on purpose.
+"""All errors that gepf raises intentionally.
 
 GepfError
-├── InputError       the user's input is at fault; the message says what and how to mend it (exit code 2)
-├── ProtocolError    a message on the wire makes no sense or cannot be served
-│   └── VersionError it is of another version of the protocol
+├── InputError       wrong input of the user; the message says what is wrong and how to fix it (exit code 2)
+├── ProtocolError    a message is invalid or cannot be served
+│   └── VersionError it has another version of the protocol
 └── BusError         the transport failed
-    ├── NoWorkers    nobody is there to refine particles, and the wait for one is over
-    └── SilentWorkers  workers are there, and none of them answers
+    ├── NoWorkers    there is no worker within the timeout
+    └── SilentWorkers  workers are connected, but none answers
 """
 
 
 class GepfError(Exception):
-    """Root of all errors raised on purpose."""
+    """Base class of all errors."""
 
 
 class InputError(GepfError):
-    """The user's input is at fault. The message is one line: what is wrong, and how to mend it."""
+    """Wrong input of the user. The message is one line: what is wrong, and how to fix it."""
 
 
 class ProtocolError(GepfError):
-    """A message on the wire is malformed, too large, of another version, or cannot be served."""
+    """A message is malformed, too large, of another version, or cannot be served."""
 
 
 class VersionError(ProtocolError):
-    """A message is of another version of the protocol: gepf is not the same on both sides."""
+    """A message has another version of the protocol: the versions of gepf differ."""
 
 
 class BusError(GepfError):
@@ -31,8 +31,8 @@ class BusError(GepfError):
 
 
 class NoWorkers(BusError):
-    """No worker is alive, and none came within the time that was allowed."""
+    """There is no worker, and none joined within the timeout."""
 
 
 class SilentWorkers(BusError):
-    """Workers are alive, and none of them answers: the way to them is broken, or all of them hang."""
+    """Workers are connected, but none answers: the connection is broken, or all of them hang."""

@@ -1,4 +1,4 @@
-"""One depth image as it comes from a source and travels to the workers."""
+"""A depth image from a source, and its crop that is sent to the workers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from common.camera import Intrinsics
 class DepthFrame:
     """A depth image with its camera and time.
 
-    depth: uint16 (H, W), `depth_scale` units per metre, 0 where nothing was measured.
+    depth: uint16 (H, W), `depth_scale` units per metre, 0 for no depth.
     """
 
     number: int
@@ -24,24 +24,25 @@ class DepthFrame:
     intrinsics: Intrinsics
 
     def metres(self) -> NDArray[np.float32]:
-        """Depth (H, W) in metres, 0 where nothing was measured."""
+        """Depth (H, W) in metres, 0 for no depth."""
         return self.depth.astype(np.float32) / np.float32(self.depth_scale)
 
 
 UNKNOWN, SUBJECT, EMPTY, HIDDEN, UNMEASURED = 0, 1, 2, 3, 4
-"""Kinds of pixels: it is unclear what was measured; the subject; something farther was, so that the subject
-is not there; something nearer was, behind which it may be; nothing was."""
+"""Labels of pixels. UNKNOWN: it is unclear what was measured. SUBJECT: the subject. EMPTY: something farther
+was measured, so the subject is not there. HIDDEN: something nearer was measured, and the subject may be
+behind it. UNMEASURED: no depth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SubjectFrame:
-    """A frame cropped to the subject: every pixel that is not the subject's is 0.
+    """A frame cropped to the subject: all other pixels are 0.
 
-    picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points.
-    view: (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open; what
-    lies outside was not seen, what lies inside it and not in the crop is known to be empty.
-    kinds: uint8 (H, W) of the crop; None where all that is not the subject's is empty.
-    emptiness: from 0 to 1, how surely the subject is not where nothing was measured.
+    picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points. view:
+    (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open. Pixels outside
+    are unknown; pixels inside it but outside the crop are empty. kinds: labels (H, W) of the crop, uint8;
+    None if all pixels but the subject's are empty. emptiness: from 0 to 1, probability that unmeasured pixels
+    are empty.
     """
 
     frame: DepthFrame
@@ -52,5 +53,5 @@ class SubjectFrame:
 
     @property
     def pixels(self) -> int:
-        """How many are the subject's."""
+        """Number of pixels of the subject."""
         return int(np.count_nonzero(self.frame.depth))

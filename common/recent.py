@@ -1,4 +1,4 @@
-"""Values that were used last; the others are dropped. What both sides keep of a run."""
+"""Keeps the most recently used values. Both sides use it for a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MODELS_KEPT = 16  # of a run
 
 
 def keep(values: dict[K, V], key: K, value: V, size: int) -> V:
-    """Put a value last, and drop the first ones above `size`; gives the value."""
+    """Put a value last, and drop the first ones above `size`; returns the value."""
     values.pop(key, None)
     values[key] = value
     while len(values) > size:

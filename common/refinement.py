@@ -1,4 +1,4 @@
-"""What a worker gives back for a batch of particles."""
+"""The result of the refinement of a batch of particles."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refined:
-    """Particles after their descent; every array has the particles on its first axis.
+    """Refined particles; the first axis of every array is the particle.
 
-    Where a deadline leaves a particle without an answer, all that is said about it is NaN.
+    If a deadline leaves a particle without an answer, all its values are NaN.
     """
 
     poses: NDArray[np.float64]  # (N, D) metres and radians
@@ -31,15 +31,15 @@ class Refined:
 
     @property
     def answered(self) -> NDArray[np.int64]:
-        """The particles (K,) that were answered, ascending."""
+        """Indices (K,) of the answered particles, ascending."""
         return np.flatnonzero(~np.isnan(self.log_likelihood))
 
     def take(self, particles: NDArray[np.int64]) -> Refined:
-        """Only these particles, in this order."""
+        """The particles with these indices, in this order."""
         return self._each(lambda array: array[particles])
 
     def spread(self, places: NDArray[np.int64], particles: int) -> Refined:
-        """So many particles: these at their places (N,), and nothing known of the others."""
+        """This number of particles: these at indices (N,), and NaN for the others."""
 
         def placed(array: NDArray[Any]) -> NDArray[Any]:
             whole = np.full((particles, *array.shape[1:]), np.nan, array.dtype)
@@ -49,7 +49,7 @@ class Refined:
         return self._each(placed)
 
     def _each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Refined:
-        """What becomes of every array that there is."""
+        """Apply a function to every array."""
         roots = self.covariance_roots
         return Refined(
             change(self.poses),
@@ -60,7 +60,7 @@ class Refined:
 
 
 def concatenate(parts: list[Refined]) -> Refined:
-    """Join batches, of the same arrays, in the order given."""
+    """Concatenate batches with the same arrays, in this order."""
     roots = [part.covariance_roots for part in parts if part.covariance_roots is not None]
     return Refined(
         np.concatenate([part.poses for part in parts]),
@@ -71,7 +71,7 @@ def concatenate(parts: list[Refined]) -> Refined:
 
 
 def triangle_size(side: int) -> int:
-    """How many entries of a square matrix of a side are on its diagonal or below."""
+    """Number of entries of a square matrix on and below its diagonal."""
     return side * (side + 1) // 2
 
 

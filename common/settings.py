@@ -1,4 +1,4 @@
-"""Typed settings with the presets `paper` and `default`. They are written beside every result."""
+"""Typed settings with the presets `paper` and `default`. They are stored with every result."""
 
 from __future__ import annotations
 
@@ -31,45 +31,45 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     damping: float = 0.1  # lambda of Eq. 4
     sensor: Sensor = "distance"
     noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
-    noise_lateral: float = 0.01  # and across it; closest points are sought in units of both
-    likelihood_scale: float = 0.01  # metres of root mean square residual that cost a factor of e^-1/2
-    pose_deviation: float = 0.0  # of joint angles from rest, a prior; the unit of rest_spreads; 0: none
+    noise_lateral: float = 0.01  # across it; closest points are searched in units of both
+    likelihood_scale: float = 0.01  # metres, root mean square residual that reduces the likelihood by e^-1/2
+    pose_deviation: float = 0.0  # prior of joint angles around rest; the unit of rest_spreads; 0: none
 
     @property
     def independent_points(self) -> float:
-        """How many points the observed ones are worth as densities: whose mean is as far off as the model.
+        """Equivalent number of independent points, by which densities of points are scaled.
 
-        So many that the likelihood is as sharp where densities begin as the costs are up to there.
+        The likelihood is then equally sharp on both sides of the transition from costs to densities.
         """
         return (self.noise_depth / (FAR_NOISIER * self.likelihood_scale)) ** 2
 
     @property
     def is_soft(self) -> bool:
-        """Whether likelihoods are densities of the observed points, and not costs."""
+        """Whether likelihoods are densities of the observed points instead of costs."""
         return self.sensor == "camera" and self.noise_depth > FAR_NOISIER * self.noise_lateral
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Steps 1-3, 6 and 7 of the filter."""
 
-    particles: int = 20  # of `annealed`: in each layer
+    particles: int = 20  # of `annealed`: per layer
     merge_angle_deg: float = 4.0  # d; with `explore` covariances decide, unless correspondences are soft
-    velocity_time_s: float | None = None  # in which what is known of a velocity fades to 1 / e; None: never
-    explore: bool = False  # limb by limb, see coordinator/filters/exploration.py
+    velocity_time_s: float | None = None  # in which a velocity decays to 1 / e; None: never
+    explore: bool = False  # proposals for single limbs, see coordinator/filters/exploration.py
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Everything that decides what a run computes, the input aside."""
+    """Everything that determines the results of a run, apart from the input."""
 
     preset: str = "default"
     method: str = "gepf"
     seed: int = 0
-    points: int = 10_000  # observed points at the most
-    measure_noise: bool = True  # in the first frame; what `refine` assumes is the least
-    pace_iterations: float = 0.0  # how fast they grow with the time between frames
-    measure_person: bool = True  # stature and girth, from the first frames that show a person
-    recover: bool = True  # look for the body where it is lost or in doubt
-    rotate_deg: int | None = None  # turns the picture clockwise until a person is upright; None to find it
+    points: int = 10_000  # largest number of observed points
+    measure_noise: bool = True  # in the first frame; the noise of `refine` is the minimum
+    pace_iterations: float = 0.0  # growth of iterations with the time between frames
+    measure_person: bool = True  # stature, from the first frames that show a person
+    recover: bool = True  # redetect the body if it is lost or in doubt
+    rotate_deg: int | None = None  # clockwise, makes a person upright; None to find it
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
 
@@ -89,7 +89,7 @@ PRESETS = {
 
 
 def preset(name: str) -> Settings:
-    """Settings of a preset; InputError names the valid ones."""
+    """Settings of a preset; InputError lists the valid ones."""
     if name not in PRESETS:
         raise InputError(f"unknown preset '{name}'; choose from {', '.join(PRESETS)}")
     return PRESETS[name]

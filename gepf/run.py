@@ -58,7 +58,7 @@ class Run:
         return len(self.frame)
 
     def angle(self, name: str, *, degrees: bool = False) -> Array:
-        """An angle (F,) by its plain, ISB's or MPEG-4 name, radians unless `degrees`; prismatic joints in metres.
+        """An angle (F,) by its plain, ISB's or MPEG-4 name; radians unless `degrees`, or metres.
 
         InputError lists the valid names; also raised for prismatic joints in degrees.
         """

@@ -157,7 +157,7 @@ class Tracker(FrameLoop):
 
     @property
     def size(self) -> tuple[float, float] | None:
-        """The present estimate of the person's stature, metres, and girth; None before, and for other bodies."""
+        """Estimated stature of the person, metres, and girth; None before detection, and for other bodies."""
         start = self._tracker.states[0].start
         return (start.stature, start.girth) if np.isfinite(start.stature) else None
 

@@ -1,1 +1,1 @@
-"""What crosses the wire, and where it is found."""
+"""The messages between coordinator and workers, and their keys."""

@@ -1,4 +1,4 @@
-"""Frames on the wire: what workers refine particles on, and what cameras publish."""
+"""Messages with frames: for the refinement of particles, and from cameras."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class FrameMessage(Message, frozen=True, tag="frame"):
 
 
 class Numbered(msgspec.Struct, frozen=True):
-    """What has a frame's number."""
+    """A message with the number of a frame."""
 
     number: Natural
 
@@ -63,7 +63,7 @@ class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
 
 
 class LiveEndMessage(Message, frozen=True, kw_only=True, tag="live-end"):
-    """No more depth images will come."""
+    """The end of a stream of depth images."""
 
     VERSION: ClassVar[int] = LIVE
     version: int = LIVE
@@ -108,7 +108,7 @@ def decode_frame(payload: bytes) -> SubjectFrame:
 
 
 def number_of(payload: bytes) -> int:
-    """The number of a frame, of which nothing else is read; ProtocolError if it has none."""
+    """The number of a frame, without decoding the rest; ProtocolError if it has none."""
     try:
         return NUMBER.decode(payload).number
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
@@ -116,7 +116,7 @@ def number_of(payload: bytes) -> int:
 
 
 def encode_live(frame: DepthFrame) -> bytes:
-    """A whole depth image for any program that tracks."""
+    """A whole depth image for live input."""
     message = LiveFrameMessage(
         number=frame.number,
         time_s=frame.time_s,

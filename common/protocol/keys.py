@@ -1,19 +1,19 @@
-"""Key expressions: where on the bus things are found.
+"""Key expressions on the bus.
 
-Of a worker, below `gepf/worker/<worker>/`:
+Keys of a worker, below `gepf/worker/<worker>/`:
 
     refine      queryable: a batch of particles in, refined particles out
-    lanes/<n>   liveliness token: how many particles it refines at once; declared before `alive`
+    lanes/<n>   liveliness token: number of particles that it refines in parallel; declared before `alive`
     alive       liveliness token, declared last, when the worker is ready
     admission   liveliness token by which a worker finds out whether its certificate allows its name
 
-Of a run, below `gepf/run/<run>/`:
+Keys of a run, below `gepf/run/<run>/`:
 
     frame       published frames
     frame/<n>   queryable: one frame, for workers that missed its publication
     model/<h>   queryable: one model by the hash of its content
-    alive       liveliness token, for as long as its coordinator is there
-    present     queryable that answers with nothing: a token may outlive its run where a link does
+    alive       liveliness token of the coordinator
+    present     queryable with an empty answer: a token may exist longer than its run
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ def last_of(key: str) -> str:
 
 
 def lanes_of(key: str) -> int:
-    """The number of lanes that a worker's token gives; 1 for one that makes no sense."""
+    """The number of lanes in a worker's token; 1 if it is invalid."""
     number = last_of(key)
     return max(1, int(number)) if re.fullmatch("[0-9]{1,4}", number) else 1
 
 
 def check_name(kind: str, name: str) -> str:
-    """A worker's or run's name, if it can be part of a key; InputError otherwise."""
+    """The name of a worker or run, if it can be part of a key; InputError otherwise."""
     if not NAME.fullmatch(name):
         raise InputError(
             f"{kind} '{name}' cannot be used; give at most 64 letters, digits, dots, dashes and underscores"
@@ -66,9 +66,9 @@ def check_name(kind: str, name: str) -> str:
 
 
 def check_stream(key: str, *, guarded: bool = False) -> str:
-    """The key of a stream of depth images, if it names one place; InputError otherwise.
+    """The key of a stream of depth images, if it has no wildcards; InputError otherwise.
 
-    Where access is guarded it must be below `gepf/live/`: access control drops all else silently.
+    With access control it must be below `gepf/live/`: everything else is dropped without a message.
     """
     if not STREAM.fullmatch(key):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Requests to refine particles, the replies to them, and refusals, as they cross the wire."""
+"""Messages for refinement: requests, replies and refusals."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class ReplyMessage(Message, frozen=True, tag="reply"):
 
 
 class RefusalMessage(Message, frozen=True, tag="refusal"):
-    """Why a request was not served; retryable if only its frame or model was not found."""
+    """Reason why a request was not served; retryable if only its frame or model is missing."""
 
     reason: Annotated[str, msgspec.Meta(max_length=1000)]
     retryable: bool = False
@@ -75,7 +75,7 @@ class RefineRequest:
     model_hash: str
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
-    covariance: bool = False  # whether each particle's is requested: a worker gives it then, and only then
+    covariance: bool = False  # whether the covariance of each particle is requested
 
     def batch(self, start: int, stop: int) -> RefineRequest:
         """The request for particles start..stop-1."""
@@ -109,7 +109,7 @@ def decode_request(payload: bytes) -> RefineRequest:
 
 @lru_cache(maxsize=64)  # a run's are always the same
 def check_settings(settings: RefineSettings) -> None:
-    """ProtocolError for numbers that no refinement can be done with."""
+    """ProtocolError for invalid settings."""
     for name, value in msgspec.structs.asdict(settings).items():
         if not isinstance(value, str):
             least = SMALLEST if name in POSITIVE_SETTINGS else 0.0
@@ -126,7 +126,7 @@ def encode_refined(refined: Refined) -> bytes:
 def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool = False) -> Refined:
     """Refined particles for requested poses of a shape (N, D), with covariances if those were requested.
 
-    Poses are finite; log likelihoods and residuals may be infinite where nothing was observed. Raises
+    Poses are finite; log likelihoods and residuals may be infinite if nothing was observed. Raises
     ProtocolError for anything else.
     """
     count, dofs = shape
@@ -150,12 +150,12 @@ def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool =
 
 
 def encode_refusal(reason: str, *, retryable: bool = False) -> bytes:
-    """Why a request cannot be served."""
+    """Encode the reason why a request cannot be served."""
     return encode(RefusalMessage(reason=reason[:1000], retryable=retryable))
 
 
 def decode_refusal(payload: bytes) -> RefusalMessage:
-    """A refusal, its reason without what a terminal would act on, or ProtocolError."""
+    """A refusal, its reason without control characters, or ProtocolError."""
     refusal = decode(payload, RefusalMessage)
     plain = "".join(letter if letter.isprintable() else " " for letter in refusal.reason)
     return RefusalMessage(reason=plain, retryable=refusal.retryable)

@@ -1,4 +1,4 @@
-"""Body models on the wire, by the hash of their content."""
+"""Messages with body models, identified by the hash of their content."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ Name = Annotated[str, msgspec.Meta(max_length=200)]
 Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
 FEW = msgspec.Meta(max_length=50)  # fields of a map
 
-# Of the arrays of a model: type, extents, least and largest value; a letter: the last index below an extent.
-# Extents that are not those of names are learnt in this order.
+# Arrays of a model: type, extents, smallest and largest value; a letter: the last index below an extent.
+# Extents that are not numbers of names are determined in this order.
 MODEL_ARRAYS: dict[str, tuple[str, Dims, float, float | str]] = {
     "kinds": ("<i8", ("D",), TRANSLATION, ROTATION),
     "parents": ("<i8", ("D",), -1, "D"),
@@ -68,7 +68,7 @@ def encode_model(model: BodyModel) -> bytes:
 
 
 def decode_model(payload: bytes) -> BodyModel:
-    """A model whose content has the hash that it names, or ProtocolError."""
+    """A model whose content has the hash in the message, or ProtocolError."""
     message = decode(payload, ModelMessage)
     values: dict[str, Any] = {**message.texts, **message.names, **message.arrays}
     if len(values) < len(message.texts) + len(message.names) + len(message.arrays):
@@ -96,7 +96,7 @@ def decode_model(payload: bytes) -> BodyModel:
 
 
 def check_model(arrays: dict[str, Any], extents: dict[str, int]) -> None:
-    """ProtocolError where something that kernels rely on is missing, or limits and balls make no sense."""
+    """ProtocolError if a requirement of the kernels is violated, or limits or balls are invalid."""
     for letter, what in (("D", "degrees of freedom"), ("L", "links"), ("V", "vertices"), ("K", "skin links")):
         if extents[letter] == 0:
             raise ProtocolError(f"the model has no {what}")

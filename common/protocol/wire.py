@@ -1,7 +1,7 @@
-"""The form of every message: a msgpack map with a protocol version, limited in size, and the arrays in it.
+"""The format of all messages: a msgpack map with a protocol version and limited size, and its arrays.
 
-An array is (dtype, shape, bytes), little-endian, and is checked before anything is allocated. All that a
-message is refused for is a ProtocolError that says what is wrong.
+An array is (dtype, shape, bytes), little-endian, and is checked before anything is allocated. An invalid
+message raises a ProtocolError that says what is wrong.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from common.bounds import MAX_BYTES
 from common.errors import ProtocolError, VersionError
 
 PROTOCOL = 10  # version of the messages between coordinator and workers
-LIVE = 1  # version of the messages of cameras, which other programs write, too: docs/live.md
+LIVE = 1  # version of the messages of cameras, which other programs also write: docs/live.md
 
 DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]
 Extent = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 Hash = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
-Dims = tuple[int | str, ...]  # extents: a number, or a letter that has one value throughout a message
+Dims = tuple[int | str, ...]  # extents: a number, or a letter with one value per message
 NATIVE = {name: np.dtype(name).newbyteorder("=") for name in get_args(DType)}
 
 
@@ -39,7 +39,7 @@ class Array(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=
 
 
 class Header(msgspec.Struct, frozen=True):
-    """What every message of every version has."""
+    """The fields of every message of every version."""
 
     version: int
 
@@ -65,8 +65,8 @@ def encode(message: Message) -> bytes:
 def decode(payload: bytes, *kinds: type[M]) -> M:
     """A message of one of the kinds, which share a version, or ProtocolError.
 
-    It is unpacked and validated in one go: unpacked first, a hostile message of empty lists would take 60
-    times its size in memory before it is refused.
+    It is unpacked and validated in one pass. If it were unpacked first, a hostile message of empty lists
+    would take 60 times its size in memory before it is refused.
     """
     if len(payload) > MAX_BYTES:
         raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
@@ -84,13 +84,13 @@ def decode(payload: bytes, *kinds: type[M]) -> M:
 
 @lru_cache(maxsize=16)
 def decoder_of(kinds: tuple[type[Message], ...]) -> msgspec.msgpack.Decoder[Any]:
-    """Reads messages of these kinds."""
+    """A decoder of messages of these kinds."""
     either: Any = reduce(or_, kinds)
     return msgspec.msgpack.Decoder(either)
 
 
 def pack(array: NDArray[Any]) -> Array:
-    """An array for the wire."""
+    """An array as part of a message."""
     wire = array.dtype.newbyteorder("<")
     little = np.ascontiguousarray(array, wire)
     data = little.data.cast("B") if little.size else memoryview(b"")
@@ -106,10 +106,10 @@ def unpack(
     least: float = -math.inf,
     most: float | str = math.inf,
 ) -> NDArray[Any]:
-    """A writable array of native byte order; `extents` holds the letters' values and learns new ones.
+    """A writable array of native byte order; `extents` holds the values of letters, and new ones are added.
 
-    Its values lie between `least` and `most`; a letter stands for the last index below its extent. Raises
-    ProtocolError if dtype or shape are not the expected, the bytes do not fill the shape, or a value lies
+    Its values are between `least` and `most`; a letter is the last index below its extent. Raises
+    ProtocolError if dtype or shape are not as expected, the bytes do not match the shape, or a value is
     outside.
     """
     if array.dtype != dtype:
@@ -132,7 +132,7 @@ def unpack(
 
 
 def check(what: str, values: NDArray[Any] | float, least: float, most: float) -> None:
-    """ProtocolError unless each of the values lies between two bounds, which what is no number does not."""
+    """ProtocolError if a value is NaN or not between two bounds."""
     found = np.asarray(values)
     if found.size == 0:
         return

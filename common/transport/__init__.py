@@ -1,1 +1,1 @@
-"""The only place that knows Zenoh."""
+"""The bus. Only this package imports Zenoh."""

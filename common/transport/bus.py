@@ -1,7 +1,7 @@
-"""One session on the bus: frames, messages, requests, and who is there.
+"""One session on the bus: frames, messages, requests, and presence.
 
-Only this package knows Zenoh; what Zenoh raises leaves it as BusError. Callbacks run on threads of the
-session. They must return soon and must not fetch or ask.
+Only this package uses Zenoh; its exceptions are converted to BusError. Callbacks run on threads of the
+session. They must return quickly and must not fetch or send requests.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from common.transport.channels import ANSWER_S, IncomingRequest, Publisher, Requ
 
 
 class Bus(Closing):
-    """One session. Everything that is declared on it ends with it."""
+    """One session. All its declarations end with it."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
-        self._declared: list[object] = []  # what ends when it is forgotten
+        self._declared: list[object] = []  # declarations end when they are garbage collected
 
     def close(self) -> None:
-        """End the session; the interpreter could not exit otherwise."""
+        """End the session; otherwise the interpreter cannot exit."""
         with mapped("closing the session"):
             self._session.close()  # type: ignore[no-untyped-call]
 
     def publish(self, key: str) -> Publisher:
-        """Publisher of messages for whoever listens now."""
+        """A publisher of messages for all present subscribers."""
         with mapped(f"publishing on {key}"):
             return Publisher(self._session, self._session.declare_publisher(key))
 
     def subscribe(self, key: str, on_message: Callable[[str, bytes], None]) -> None:
-        """Have `on_message(key, payload)` called for every message that is published from now on."""
+        """Call `on_message(key, payload)` for every message published from now on."""
 
         def receive(sample: zenoh.Sample) -> None:
             on_message(str(sample.key_expr), sample.payload.to_bytes())
@@ -43,7 +43,7 @@ class Bus(Closing):
             self._declared.append(self._session.declare_subscriber(key, receive))
 
     def serve(self, key: str, find: Callable[[str], bytes | None]) -> None:
-        """Answer every fetch of a key with `find(key)`; None leaves it without an answer."""
+        """Answer every fetch of a key with `find(key)`; None gives no answer."""
 
         def answer(query: zenoh.Query) -> None:
             with query:
@@ -55,7 +55,7 @@ class Bus(Closing):
             self._declared.append(self._session.declare_queryable(key, answer))
 
     def fetch(self, key: str, timeout: float = ANSWER_S) -> bytes | None:
-        """What is served under a key, or None if nobody answers within the timeout (seconds)."""
+        """Fetch the value of a key; None without an answer within the timeout (seconds)."""
         with mapped(f"fetching {key}"):
             replies = self._session.get(
                 key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE, target=zenoh.QueryTarget.ALL
@@ -64,7 +64,7 @@ class Bus(Closing):
             return found[0] if found else None
 
     def serve_requests(self, key: str, on_request: Callable[[IncomingRequest], None]) -> None:
-        """Have `on_request(request)` called for every request to this worker."""
+        """Call `on_request(request)` for every request to this worker."""
 
         def receive(query: zenoh.Query) -> None:
             on_request(IncomingRequest(query))
@@ -74,7 +74,7 @@ class Bus(Closing):
             self._declared.append(self._session.declare_queryable(key, callback, complete=True))
 
     def request_sender(self, key: str, timeout: float) -> RequestSender:
-        """Sends requests to the worker that serves a key; each ends within the timeout (seconds)."""
+        """A sender of requests to the worker of a key; each ends within the timeout (seconds)."""
         with mapped(f"declaring requests to {key}"):
             return RequestSender(
                 self._session.declare_querier(
@@ -86,12 +86,12 @@ class Bus(Closing):
             )
 
     def announce(self, key: str) -> None:
-        """Declare this session alive under a key, for as long as it lives."""
+        """Declare a liveliness token with this key until the session ends."""
         with mapped(f"announcing {key}"):
             self._declared.append(self._session.liveliness().declare_token(key))
 
     def watch(self, key: str, on_change: Callable[[str, bool], None]) -> None:
-        """Have `on_change(key, alive)` called for all who are announced, and when one comes or goes."""
+        """Call `on_change(key, alive)` for all present tokens, and when one appears or disappears."""
 
         def change(sample: zenoh.Sample) -> None:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -100,7 +100,7 @@ class Bus(Closing):
             self._declared.append(self._session.liveliness().declare_subscriber(key, change, history=True))
 
     def watch_links(self, on_change: Callable[[str, bool], None]) -> None:
-        """Have `on_change(endpoint, linked)` called for all links to others, and when one comes or goes."""
+        """Call `on_change(endpoint, linked)` for all present links, and when one is opened or closed."""
 
         def change(event: zenoh.LinkEvent) -> None:
             on_change(str(event.link.dst), event.kind == zenoh.SampleKind.PUT)
@@ -109,12 +109,12 @@ class Bus(Closing):
             self._declared.append(self._session.info.declare_link_events_listener(change, history=True))
 
     def meets_coordinator(self) -> bool:
-        """Whether a coordinator is at the end of a link, and not only routers."""
+        """Whether a link leads to a coordinator, and not only to routers."""
         with mapped("looking at links"):
             return any(there.whatami == zenoh.WhatAmI.PEER for there in self._session.info.transports())
 
     def is_linked(self, within: float = 0.0) -> bool:
-        """Whether anybody is connected, or comes to be within a time (seconds)."""
+        """Whether there is a connection, or one is opened within a time (seconds)."""
         deadline = time.monotonic() + within
         with mapped("looking at links"):
             while not self._session.info.transports():

@@ -1,4 +1,4 @@
-"""What goes over a session: published messages, and requests to a worker, on both sides."""
+"""Published messages, and requests to a worker, on both sides."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from zenoh import handlers
 
 from common.errors import BusError
 
-ANSWER_S = 2.0  # for whatever another program is to answer soon
+ANSWER_S = 2.0  # for quick answers of other programs
 Ending = Literal["reply", "refusal", "nothing"]
 """How a request ended: with a result, with a reason why there is none, or without an answer."""
 
 
 @contextmanager
 def mapped(doing: str) -> Iterator[None]:
-    """Turn Zenoh's errors into BusError, without the places in its sources."""
+    """Convert errors of Zenoh to BusError, without positions in its sources."""
     try:
         yield
     except zenoh.ZError as error:
@@ -28,13 +28,13 @@ def mapped(doing: str) -> Iterator[None]:
 
 
 def bus_error(doing: str, error: zenoh.ZError) -> BusError:
-    """An error of Zenoh's as one of ours, up to where it names its own source files."""
+    """An error of Zenoh as BusError, without positions in its sources."""
     message = re.split(r"\.? at /", str(error), maxsplit=1)[0]
     return BusError(f"{doing}: {message}")
 
 
 class Publisher:
-    """Publishes messages; what an overloaded link cannot take is dropped."""
+    """Publishes messages; they are dropped if the link is overloaded."""
 
     def __init__(self, session: zenoh.Session, publisher: zenoh.Publisher) -> None:
         self._session = session
@@ -42,7 +42,7 @@ class Publisher:
 
     @property
     def followed(self) -> bool:
-        """Whether anybody listens."""
+        """Whether there is a subscriber."""
         with mapped("looking for listeners"):
             return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
 
@@ -52,7 +52,7 @@ class Publisher:
             self._publisher.put(payload)
 
     def put_surely(self, payload: bytes) -> None:
-        """Publish a message that waits for its turn on an overloaded link."""
+        """Publish a message that waits if the link is overloaded."""
         with mapped(f"publishing on {self._publisher.key_expr}"):
             key, block = self._publisher.key_expr, zenoh.CongestionControl.BLOCK
             self._session.put(key, payload, congestion_control=block)
@@ -79,7 +79,7 @@ class IncomingRequest:
             self._query.reply(self._query.key_expr, payload)
 
     def refuse(self, payload: bytes) -> None:
-        """Say why it cannot be answered."""
+        """Refuse it with a reason."""
         with mapped("replying"):
             self._query.reply_err(payload)
 
@@ -93,7 +93,7 @@ class RequestSender:
     def send(self, payload: bytes, on_end: Callable[[Ending, bytes], None]) -> None:
         """Send a request. `on_end(ending, payload)` is called once, on a thread of the bus.
 
-        Of several answers the first one counts.
+        Only the first of several answers is used.
         """
         ended = False
 
@@ -110,12 +110,12 @@ class RequestSender:
                 end("refusal", reply.err.payload.to_bytes())
 
         callback = handlers.Callback(receive, drop=lambda: end("nothing"), indirect=False)
-        try:  # not `mapped`, which costs more than the rest: this is done for every batch
+        try:  # not `mapped`, which is too slow for every batch
             self._querier.get(callback, payload=payload)
         except zenoh.ZError as error:
             raise bus_error("sending a request", error) from error
 
     def close(self) -> None:
-        """No more requests."""
+        """Stop sending requests."""
         with mapped("closing a querier"):
             self._querier.undeclare()  # type: ignore[no-untyped-call]

@@ -1,6 +1,6 @@
 """A certificate with its key, and the authority that signed it.
 
-A certificate is checked by a handshake in memory, which needs no other library than Python's own.
+A certificate is checked by a handshake in memory, which needs only Python's standard library.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MEND = "make a new one with gepf certificates"
 class Credentials:
     """Three PEM files."""
 
-    ca: Path  # the certificate of the authority; others are admitted only if it signed theirs
+    ca: Path  # certificate of the authority, which must have signed those of all others
     cert: Path
     key: Path
 
@@ -28,7 +28,7 @@ class Credentials:
 def read_credentials(
     ca: str | Path | None, cert: str | Path | None, key: str | Path | None
 ) -> Credentials | None:
-    """All three or none; InputError otherwise, or for a file that cannot be read."""
+    """Read all three or none; InputError otherwise, or for an unreadable file."""
     given = {"--tls-ca": ca, "--tls-cert": cert, "--tls-key": key}
     missing = [option for option, path in given.items() if path is None]
     if len(missing) == len(given):
@@ -45,7 +45,7 @@ def read_credentials(
 
 
 def holder_of(credentials: Credentials) -> str:
-    """The name that a certificate is made out to.
+    """The name in a certificate.
 
     InputError for one that is not signed by its authority, has expired, or has another key.
     """
@@ -78,7 +78,7 @@ def holder_of(credentials: Credentials) -> str:
 
 
 def check_holder(credentials: Credentials, name: str) -> None:
-    """InputError unless the certificate is made out to this name."""
+    """InputError if the certificate has another name."""
     holder = holder_of(credentials)
     if holder != name:
         raise InputError(

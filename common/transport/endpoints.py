@@ -1,6 +1,6 @@
-"""Endpoints: where a session listens or connects to, which of them need encryption, and why one refuses us.
+"""Endpoints of sessions: validity, need for encryption, and reasons for a refused connection.
 
-Zenoh does not report why it refuses a connection, so a plain TLS handshake finds out.
+Zenoh does not report why it refuses a connection, so the reason is found by a separate TLS handshake.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
 
 
 def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
-    """InputError for what is no endpoint, and where endpoint and certificate do not belong together."""
+    """InputError for an invalid endpoint, or one that does not fit the certificate."""
     if not ENDPOINT.fullmatch(endpoint):
         raise InputError(f"{option} '{endpoint}' is no endpoint; give one such as tcp/127.0.0.1:7447")
     encrypted = protocol_of(endpoint) == ENCRYPTED
@@ -32,7 +32,7 @@ def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) 
 
 
 def check_listening(endpoint: str, credentials: Credentials | None, *, insecure: bool) -> None:
-    """InputError for a place where strangers could come in."""
+    """InputError for listening without access control."""
     check_endpoint("--listen", endpoint, credentials)
     if credentials is None and not insecure and not is_loopback(endpoint):
         raise InputError(
@@ -53,19 +53,19 @@ def is_loopback(endpoint: str) -> bool:
 
 
 def protocol_of(endpoint: str) -> str:
-    """What an endpoint speaks: `tcp` of `tcp/localhost:7447`."""
+    """The protocol of an endpoint: `tcp` of `tcp/localhost:7447`."""
     return endpoint.partition("/")[0]
 
 
 def host_and_port(endpoint: str) -> tuple[str, int]:
-    """Host, without the brackets of IPv6, and port; port 0 where there is none."""
+    """Host, without the brackets of IPv6, and port; port 0 if it is missing."""
     address = re.split(r"[?#]", endpoint.partition("/")[2], maxsplit=1)[0]
     host, _, port = address.rpartition(":")
     return host.strip("[]"), int(port) if port.isascii() and port.isdigit() else 0
 
 
 def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
-    """One line on why an endpoint refuses us; None if it does not, or answers no TLS handshake."""
+    """Why an endpoint refuses the connection, as one line; None if it does not, or has no TLS."""
     protocol, (host, port) = protocol_of(endpoint), host_and_port(endpoint)
     if protocol not in ("tcp", ENCRYPTED):
         return None
@@ -76,10 +76,10 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
             context_for(credentials).wrap_socket(link, server_hostname=host) as encrypted,
             suppress(TimeoutError),
         ):
-            encrypted.recv(1)  # the alert that refuses our certificate comes after the handshake
+            encrypted.recv(1)  # a refusal of our certificate arrives after the handshake
     except ssl.SSLError as error:
         refusal = error
-    except OSError:  # nobody is there, or the network failed: nothing that we could be refused by
+    except OSError:  # no server, or the network failed
         return None
     if protocol == "tcp":
         if refusal is not None and "ALERT" not in (refusal.reason or ""):
@@ -89,7 +89,7 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
 
 
 def describe_refusal(endpoint: str, credentials: Credentials | None, refusal: ssl.SSLError) -> str:
-    """What is wrong with a certificate, on either side of a TLS handshake, and what to do about it."""
+    """What is wrong with a certificate of either side of a TLS handshake, and the remedy."""
     if isinstance(refusal, ssl.SSLCertVerificationError):
         mend = "give its authority with --tls-ca, or connect by a host name that it holds"
         return (

@@ -1,4 +1,4 @@
-"""Sessions on the bus, as coordinator, worker and router open them."""
+"""Opens the sessions of coordinator, worker and router."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from common.transport.channels import ANSWER_S, bus_error
 from common.transport.endpoints import why_refused
 from common.transport.session import Security, session_settings
 
-UNREACHABLE = "Unable to connect"  # how Zenoh begins when it could not reach any endpoint in time
+UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint answers
 
 
 def open_coordinator(
     listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None
 ) -> Bus:
-    """A session that workers connect to, and that itself connects to routers.
+    """A session to which workers connect, and which connects to routers.
 
-    InputError if a router refuses us; one that is not there yet is tried in the background.
+    InputError if a router refuses the connection; a router that does not answer is tried in the background.
     """
     return open_linked("peer", listen, connect, security)
 
 
 def open_linked(mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None) -> Bus:
-    """A session with links to all its endpoints. InputError if one refuses us before any lets us in."""
+    """A session with links to all its endpoints. InputError if one refuses before any link is open."""
     bus = open_session(session_settings(mode, listen, connect, security))
     if connect and not bus.is_linked(within=ANSWER_S):
         try:
@@ -45,14 +45,14 @@ def open_worker(
     security: Security | None = None,
     on_silence: Callable[[float], None] = lambda _: None,
 ) -> Bus:
-    """A session of a worker, which tries to connect for ever, unless it is refused; that is an InputError.
+    """A session of a worker, which tries to connect for ever; InputError if it is refused.
 
-    `on_silence` is called after each attempt that nobody answered, with the seconds since the first began;
-    what it raises ends the attempts. While one lasts, Python handles no signals. A session with several
-    endpoints is on all of them as they come, and here returns when the first has answered.
+    `on_silence` is called after each attempt without an answer, with the seconds since the first attempt; its
+    exceptions end the attempts. During an attempt Python handles no signals. With several endpoints this
+    returns when the first has answered; the others are added when they answer.
     """
     began = time.monotonic()
-    if len(connect) > 1:  # a client would be on one of them only
+    if len(connect) > 1:  # a client connects to only one of them
         bus = open_linked("peer", (), connect, security)
         try:
             while not bus.is_linked(within=ANSWER_S):
@@ -74,12 +74,12 @@ def open_worker(
 
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
-    """A session that coordinators and workers meet at. InputError if a router that it joins refuses us."""
+    """The session of a router. InputError if another router refuses the connection."""
     return open_linked("router", listen, connect, security)
 
 
 def check_refusals(connect: Sequence[str], security: Security | None) -> None:
-    """InputError if somebody listens at an endpoint and refuses us."""
+    """InputError if an endpoint refuses the connection."""
     for endpoint in connect:
         reason = why_refused(endpoint, None if security is None else security.credentials)
         if reason is not None:
@@ -87,7 +87,7 @@ def check_refusals(connect: Sequence[str], security: Security | None) -> None:
 
 
 def open_session(settings: dict[str, Any]) -> Bus:
-    """A session as the settings say."""
+    """A session with these settings."""
     listen, connect = (settings[side]["endpoints"] for side in ("listen", "connect"))
     try:
         return Bus(zenoh.open(zenoh.Config.from_json5(json.dumps(settings))))

@@ -1,7 +1,7 @@
-"""What a session is opened with, in the form that Zenoh reads; a router of its own reads the same.
+"""The configuration of a session in Zenoh's format, which its router also reads.
 
-The side that listens also says who may do what on the bus. What no rule allows is denied, and dropped without
-a word to who tried it. A rule is for the name that a certificate is made out to:
+The listening side also defines access control. Everything that no rule allows is dropped without a message. A
+rule is for the name in a certificate:
 
     worker      its own keys; the frames and models of runs, to read
     coordinator, router     everything under `gepf/`
@@ -18,7 +18,7 @@ from common.bounds import MAX_BYTES
 from common.protocol import keys
 from common.transport.credentials import Credentials
 
-LEASE_MS = 1_000  # a peer that is silent for so long is gone
+LEASE_MS = 1_000  # a peer that is silent for this time is disconnected
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
 SHARED_MEMORY_BYTES = (
     4 * 2**20
@@ -34,7 +34,7 @@ Rules = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Security:
-    """A certificate, and on the side that listens the workers that it lets in."""
+    """A certificate, and on the listening side the admitted workers."""
 
     credentials: Credentials
     workers: tuple[str, ...] | None = None  # None for no access control
@@ -43,9 +43,9 @@ class Security:
 def session_settings(
     mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None = None
 ) -> dict[str, Any]:
-    """Explicit endpoints only: no multicast, no gossip. Connects for ever, in the background if a peer."""
+    """Only explicit endpoints: no multicast, no gossip. Connects for ever, a peer in the background."""
     first, longest = RETRY_MS
-    above_lease_us = 3 * LEASE_MS * 1000 // 2  # or a lost worker's token stays
+    above_lease_us = 3 * LEASE_MS * 1000 // 2  # otherwise a lost worker's token stays
     settings: dict[str, Any] = {
         "mode": mode,
         "listen": {"endpoints": list(listen)},
@@ -64,7 +64,7 @@ def session_settings(
                 },
                 "rx": {"max_message_size": MAX_BYTES},
             },
-            # For frames only: replies by shared memory are never given back.
+            # For frames only: shared memory of replies is never released.
             "shared_memory": {
                 "transport_optimization": {"pool_size": SHARED_MEMORY_BYTES, "messages": ["put"]}
             },
@@ -78,7 +78,7 @@ def session_settings(
 
 
 def encryption(credentials: Credentials) -> dict[str, Any]:
-    """Both sides show certificates; besides that only sockets of this host are spoken."""
+    """Certificates on both sides; without TLS only sockets of this host are allowed."""
     cert, key = str(credentials.cert), str(credentials.key)
     return {
         "protocols": ["tls", "unixsock-stream"],
@@ -96,7 +96,7 @@ def encryption(credentials: Credentials) -> dict[str, Any]:
 
 
 def access_control(workers: Sequence[str]) -> Rules:
-    """Rules that let in these workers, coordinators and routers, and our own workers through a socket."""
+    """Rules that admit these workers, coordinators and routers, and local workers over a socket."""
     everything = ["everything of ours"]
     rules = [
         allow(everything[0], (IN, OUT), (*READ, *SERVE, *PUBLISH), keys.ALL),

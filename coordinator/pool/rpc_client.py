@@ -127,7 +127,7 @@ class RpcClient:
             self._inbox.get()()
 
     def _poll(self, now: float) -> None:
-        """Check the local worker; report once if there is no worker, and raise NoWorkers after the timeout."""
+        """Check the local worker; report once that there is no worker; raise NoWorkers after the timeout."""
         line = self._local.look_after(now, present=self._local.name in self._senders)
         if line is not None:
             self._report(line)
