@@ -1,4 +1,4 @@
-"""Refines batches of particles by articulated ICP: no memory between requests, no randomness."""
+"""Refines batches of particles by articulated ICP, without state between requests or randomness."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def work(  # noqa: PLR0913 one parameter an option
     quiet: Quiet = False,
     tied: Tied = False,
 ) -> None:
-    """Refine particles for any coordinator that is connected, until stopped. A host needs one worker."""
+    """Refine particles for all connected coordinators until stopped. A host needs one worker."""
 
     def job() -> None:
         credentials = read_credentials(tls_ca, tls_cert, tls_key)
@@ -97,7 +97,7 @@ def work(  # noqa: PLR0913 one parameter an option
 def choose_identity(
     connect: list[str], name: str | None, credentials: Credentials | None, timeout: float | None = None
 ) -> Identity:
-    """A worker's identity from its options, checked; a certificate also gives its name."""
+    """The checked identity of a worker from its options; a certificate also gives its name."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
     if timeout is not None and not 0.0 < timeout < math.inf:
@@ -112,14 +112,14 @@ def choose_identity(
 
 
 def choose_lanes(lanes: int | None) -> int:
-    """How many particles to refine at once; by default as many as there are cores."""
+    """Number of particles refined in parallel; by default the number of cores."""
     if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
         raise InputError(f"--lanes {lanes} cannot work; give 1 to {MAX_PARTICLES}, or none for all cores")
     return lanes or usable_cores()
 
 
 def exit_with(job: Callable[[], None]) -> NoReturn:
-    """Do a job and exit: 0 when it ends or is stopped, 2 for faults of the user, 1 for others."""
+    """Do a job and exit: 0 when it ends or is stopped, 2 for wrong input, 1 for other errors."""
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(name)s: %(message)s")
     try:
         job()
@@ -132,20 +132,20 @@ def exit_with(job: Callable[[], None]) -> NoReturn:
 
 
 def serve(identity: Identity, load: Callable[[], Kernel], *, quiet: bool = False, tied: bool = False) -> None:
-    """Get ready, then serve until SIGTERM or SIGINT, or, if tied, until standard input ends."""
+    """Prepare, then serve until SIGTERM or SIGINT, or, if tied, until standard input ends."""
     if quiet:
         logging.getLogger().setLevel(logging.WARNING)
     if tied:
         threading.Thread(target=end_with_parent, daemon=True).start()
     log.info("loading, before connecting to %s; the first time this takes a minute", identity.place)
     kernel = load()
-    gc.freeze()  # a garbage collection would look through all of it, 0.1 s each
+    gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
     while serve_session(identity, kernel):
         log.warning("nobody is at %s any more, though linked; connecting anew", identity.place)
 
 
 def serve_session(identity: Identity, kernel: Kernel) -> bool:
-    """Connect and serve; True if that is to be done again, as the link has proved dead."""
+    """Connect and serve; True if the link is dead and a new connection is needed."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal
     with connect_to(identity) as bus:
@@ -161,7 +161,7 @@ def serve_session(identity: Identity, kernel: Kernel) -> bool:
 
 
 def load_kernel(lanes: int = 1) -> Kernel:
-    """The kernel, compiled and loaded, on so many lanes."""
+    """The compiled kernel with this number of lanes."""
     from worker.kernel.observation import observe
     from worker.lanes import Lanes
     from worker.warm_up import warm_up
@@ -173,9 +173,9 @@ def load_kernel(lanes: int = 1) -> Kernel:
 
 
 def end(service: Service, *_: object) -> NoReturn:
-    """Handle a signal: exit, once; the coordinator sends requests without an answer elsewhere.
+    """Handle a signal: exit, once; the coordinator sends unanswered requests to other workers.
 
-    Where a library swallows the exception, the service ends after the request at hand.
+    If a library suppresses the exception, the service ends after the present request.
     """
     for other in (signal.SIGTERM, signal.SIGINT):
         signal.signal(other, signal.SIG_IGN)
@@ -184,14 +184,14 @@ def end(service: Service, *_: object) -> NoReturn:
 
 
 def end_with_parent() -> None:
-    """Wait for the end of standard input, which a parent holds open as long as it lives."""
+    """Wait for the end of standard input, which the parent keeps open as long as it lives."""
     while os.read(0, 4096):
         pass
     os.kill(os.getpid(), signal.SIGTERM)
 
 
 def invent_name() -> str:
-    """A unique name: the host's, and a few random digits."""
+    """A unique name: that of the host, and random digits."""
     host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname())[:32].strip("-") or "worker"
     return f"{host}-{uuid.uuid4().hex[:8]}"
 

@@ -1,4 +1,4 @@
-"""A worker's connection: connecting with reports on the way, admission and health."""
+"""The connection of a worker: connecting with messages, admission and health."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from common.transport.session import Security
 
-SEEN_WITHIN_S = 5.0  # in which one session sees what another has announced
+SEEN_WITHIN_S = 5.0  # until a session sees the token of another
 
 log = logging.getLogger("gepf-worker")
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """A worker's name; where it connects, with which certificate, and how long it tries."""
+    """Name of a worker, its endpoints and certificate, and the timeout for connecting."""
 
     name: str
     connect: tuple[str, ...]
@@ -29,14 +29,14 @@ class Identity:
 
     @property
     def place(self) -> str:
-        """Where it connects, for people."""
+        """The endpoints, as text."""
         return ", ".join(self.connect)
 
 
 def connect_to(identity: Identity) -> Bus:
-    """Open a worker's session, and report on the way what happens.
+    """Open the session of a worker, with messages on the progress.
 
-    Raises InputError if it is refused, BusError if nobody has answered when the time is up.
+    Raises InputError if it is refused, BusError without an answer within the timeout.
     """
     log.info("connecting to %s", identity.place)
     silences = count()
@@ -56,7 +56,7 @@ def connect_to(identity: Identity) -> Bus:
 
 
 def report_link(endpoint: str, linked: bool) -> None:
-    """Log a link that comes or goes."""
+    """Log a link that is opened or closed."""
     if linked:
         log.info("connected to %s", endpoint)
     else:
@@ -66,7 +66,7 @@ def report_link(endpoint: str, linked: bool) -> None:
 def check_admission(bus: Bus, identity: Identity, security: Security) -> None:
     """Announce the worker and look for it through a second session; InputError if it cannot be seen.
 
-    That is how to tell whether the other side accepts its name: access control drops messages silently.
+    This shows whether the other side accepts its name: access control drops messages silently.
     """
     name, key = identity.name, keys.of_worker(identity.name, "admission")
     bus.announce(key)
@@ -78,13 +78,13 @@ def check_admission(bus: Bus, identity: Identity, security: Security) -> None:
 
 
 def check_alive(identity: Identity) -> None:
-    """Look for the worker's liveliness token, as the health check of a container; BusError without it."""
+    """Health check of a container: look for the worker's liveliness token; BusError without it."""
     if not is_seen(keys.of_worker(identity.name, "alive"), identity):
         raise BusError(f"worker '{identity.name}' is not seen at {identity.place}")
 
 
 def is_seen(key: str, identity: Identity) -> bool:
-    """Whether a session of its own sees a liveliness token soon."""
+    """Whether a separate session sees a liveliness token within a short time."""
     seen = threading.Event()
     with open_worker(identity.connect, identity.security) as mirror:
         mirror.watch(key, lambda _, alive: seen.set() if alive else None)

@@ -1,4 +1,4 @@
-"""Threads that refine the particles of one request side by side; compiled code holds no lock."""
+"""Threads that refine the particles of one request in parallel; compiled code releases the GIL."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from worker.kernel.observation import Observation, pack_observation
 
 
 class Lanes:
-    """A fixed number of lanes: the thread that calls, and threads of our own beside it."""
+    """A fixed number of lanes: the calling thread and additional threads."""
 
     def __init__(self, count: int) -> None:
         if count < 1:
             raise ValueError("there must be a lane")
         self.count = count
-        self._threads = ThreadPoolExecutor(count)  # which start when they are needed
+        self._threads = ThreadPoolExecutor(count)  # threads start when they are needed
 
     def prepare(self, observation: Observation, settings: RefineSettings) -> None:
-        """Do ahead what every request about an observation with such settings needs."""
+        """Precompute what requests about an observation with these settings need."""
         pack_observation(observation, settings)
 
     def refine(
@@ -36,12 +36,12 @@ class Lanes:
         *,
         covariance: bool = False,
     ) -> Refined:
-        """Refine poses (N, D); arguments, results and errors as of `worker.kernel.icp.refine`.
+        """Refine poses (N, D); arguments, results and errors are those of `worker.kernel.icp.refine`.
 
-        What a lane raises, or interrupts it, is raised when all lanes have returned.
+        Exceptions and interrupts of a lane are raised when all lanes have returned.
         """
         batch = pack_batch(model, observation, poses, settings, covariance=covariance)
-        particles = iter(range(len(poses)))  # gives each number to one lane
+        particles = iter(range(len(poses)))  # gives each index to one lane
         lanes = min(self.count, len(poses))
         others = [self._threads.submit(refine_some, batch, particles) for _ in range(1, lanes)]
         try:

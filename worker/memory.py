@@ -1,6 +1,6 @@
-"""What a worker keeps of runs: frames by number and models by hash. What it lacks it fetches from the run.
+"""The cache of a worker: frames by number and models by hash. Missing ones are fetched from the run.
 
-All is bounded; what was used least recently goes first.
+All sizes are bounded; the least recently used entry is dropped first.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from common.settings import RefineSettings
 from common.transport.bus import Bus
 
 RUNS_KEPT = 16
-FRAME_DELAY_S = 0.2  # by which a published frame may come after the first request for it
+FRAME_DELAY_S = 0.2  # longest delay of a published frame after the first request for it
 
 
 @dataclass(slots=True, eq=False)
 class RunMemory:
-    """What is kept of one run."""
+    """The cached data of one run."""
 
     frames: dict[int, bytes] = field(default_factory=dict)  # by number, encoded
     observations: dict[int, Any] = field(default_factory=dict)  # by number
@@ -35,11 +35,11 @@ class RunMemory:
 
 
 class Memory:
-    """What is kept of all runs. Frames arrive on a thread of the bus; the rest is for one thread.
+    """The cached data of all runs. Frames arrive on a thread of the bus; all else is for one thread.
 
     Args:
-        bus: Where frames and models are fetched from.
-        observe: What is made of a frame.
+        bus: For fetching frames and models.
+        observe: Converts a frame to an observation.
     """
 
     def __init__(self, bus: Bus, observe: Callable[[SubjectFrame], Any]) -> None:
@@ -50,24 +50,24 @@ class Memory:
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
-        """How many runs it knows of."""
+        """Number of known runs."""
         return len(self._runs)
 
     def put_frame(self, run: str, number: int, payload: bytes) -> None:
-        """Keep an encoded frame, and wake who waits for it."""
+        """Keep an encoded frame, and wake the thread that waits for it."""
         with self._changed:
             keep(self._of(run).frames, number, payload, FRAMES_KEPT)
             self._changed.notify_all()
 
     def forget(self, run: str) -> None:
-        """Drop what is kept of a run, which has ended."""
+        """Drop the data of a run that has ended."""
         with self._changed:
             self._runs.pop(run, None)
 
     def observation(self, request: RefineRequest) -> Any:
-        """What a request's frame shows.
+        """The observation of a request's frame.
 
-        Raises ProtocolError for a frame that makes no sense, BusError if it is not found.
+        Raises ProtocolError for an invalid frame, BusError if it is not found.
         """
         run, number = request.run, request.frame
         with self._changed:
@@ -82,9 +82,9 @@ class Memory:
         return keep(memory.observations, number, self._observe(decode_frame(payload)), FRAMES_KEPT)
 
     def observe_ahead(self, run: str) -> tuple[Any, RefineSettings] | None:
-        """What a run's newest frame shows, and the settings it may be requested with.
+        """The observation of a run's newest frame, and the settings of its probable request.
 
-        None if it was observed before, or the run has requested nothing yet.
+        None if it was observed before, or the run has not requested anything yet.
         """
         with self._changed:
             memory = self._runs.get(run)
@@ -99,7 +99,7 @@ class Memory:
     def model(self, request: RefineRequest) -> BodyModel:
         """A request's model.
 
-        Raises ProtocolError if it makes no sense or does not fit the poses, BusError if it is not found.
+        Raises ProtocolError if it is invalid or does not fit the poses, BusError if it is not found.
         """
         wanted = request.model_hash
         model = self._models.get(wanted)

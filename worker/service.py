@@ -1,7 +1,7 @@
 """The worker's loop: a request's bytes in, refine, the reply's bytes out.
 
-What a worker keeps, frames and models, only saves it from fetching again: a result depends on its request
-alone. A coordinator has two requests at a worker at the most, so that several take turns by themselves.
+Frames and models are cached only to avoid fetching them again: a result depends only on its request. A
+coordinator has at most two requests at a worker, so several coordinators are served alternately.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
 from worker.memory import Memory
 
-MOST_WAITING = 64  # requests; later ones end without an answer, and so are sent elsewhere
-LOOK_S = 0.2  # between looks for the end, where a signal has not interrupted the wait for a request
-SILENCE_S = 10.0  # without a request, until the coordinator is asked whether it is there
+MOST_WAITING = 64  # requests; further ones end without an answer and are sent to other workers
+LOOK_S = 0.2  # between checks for the end, if no signal interrupts the wait for a request
+SILENCE_S = 10.0  # without a request before the coordinator is checked
 
 log = logging.getLogger(__name__)
 
 
 class Refine(Protocol):
-    """Refines poses (N, D), with their covariances where those are requested."""
+    """Refines poses (N, D), with their covariances if requested."""
 
     def __call__(
         self,
@@ -50,18 +50,18 @@ class Refine(Protocol):
         *,
         covariance: bool = False,
     ) -> Refined:
-        """What becomes of them, in the order given."""
+        """The refined poses in the same order."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """The functions that a worker computes with."""
+    """The compute functions of a worker."""
 
     observe: Callable[[SubjectFrame], Any]
     refine: Refine
-    lanes: int = 1  # particles that it refines at once
-    prepare: Callable[[Any, RefineSettings], None] | None = None  # an observation, for a request to come
+    lanes: int = 1  # particles refined in parallel
+    prepare: Callable[[Any, RefineSettings], None] | None = None  # for a later request
 
 
 class Service:
@@ -75,15 +75,15 @@ class Service:
         self._work: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._asks_at = time.monotonic() + SILENCE_S
         self._stopped = False
-        self.abandoned = False  # nobody is at the other end of the link: a new session is needed
+        self.abandoned = False  # the link is dead: a new session is needed
 
     def run(self) -> None:
-        """Announce the worker; serve until `stop` is called or its link proves dead."""
+        """Announce the worker; serve until `stop` is called or its link is dead."""
         self._bus.subscribe(keys.of_run("*", "frame"), self._keep_frame)
         self._bus.watch(keys.of_run("*", "alive"), self._notice_run)
         self._bus.serve_requests(keys.of_worker(self._name, "refine"), self._accept)
         self._bus.announce(keys.of_worker(self._name, f"lanes/{self._kernel.lanes}"))
-        self._bus.announce(keys.of_worker(self._name, "alive"))  # last: from now on there will be requests
+        self._bus.announce(keys.of_worker(self._name, "alive"))  # last, as requests follow
         while not (self._stopped or self.abandoned):
             try:
                 self._work.get(timeout=LOOK_S)()
@@ -91,7 +91,7 @@ class Service:
                 self.abandoned = self._is_link_dead()
 
     def stop(self) -> None:
-        """End `run` after the request at hand; may be called by another thread or a signal's handler."""
+        """End `run` after the present request; callable from another thread or a signal handler."""
         self._stopped = True
 
     def serve(self, request: IncomingRequest) -> None:
@@ -110,7 +110,7 @@ class Service:
     def answer(self, request: RefineRequest) -> bytes:
         """Refine a batch.
 
-        Raises ProtocolError for a request that cannot be served, BusError if its frame or model is not found.
+        Raises ProtocolError for an invalid request, BusError if its frame or model is not found.
         """
         model, observation = self._memory.model(request), self._memory.observation(request)
         refined = self._kernel.refine(
@@ -120,7 +120,7 @@ class Service:
         return encode_refined(refined)
 
     def _accept(self, request: IncomingRequest) -> None:
-        """Have a request served in its turn; called on a thread of the bus."""
+        """Queue a request; called on a thread of the bus."""
         if self._work.qsize() < MOST_WAITING:
             self._work.put(partial(self._serve_waiting, request))
             return
@@ -133,9 +133,9 @@ class Service:
             self.serve(request)
 
     def _keep_frame(self, key: str, payload: bytes) -> None:
-        """Keep a published frame, and have it observed ahead of requests; called on a thread of the bus."""
+        """Keep a published frame, to be observed before its requests; called on a thread of the bus."""
         run = keys.owner_of(key)
-        with suppress(ProtocolError):  # its requests will report what is wrong with it
+        with suppress(ProtocolError):  # its requests report the error
             self._memory.put_frame(run, number_of(payload), payload)
             self._work.put(partial(self._observe_ahead, run))
 
@@ -146,15 +146,16 @@ class Service:
                 self._kernel.prepare(*ahead)
 
     def _notice_run(self, key: str, alive: bool) -> None:
-        """Forget a run when its coordinator is gone; called on a thread of the bus."""
+        """Drop a run when its coordinator has left; called on a thread of the bus."""
         if not alive:
             self._memory.forget(keys.owner_of(key))
 
     def _is_link_dead(self) -> bool:
-        """Whether the link leads to a coordinator, and no run there answers.
+        """Whether the link leads to a coordinator, but no run there answers.
 
-        When a coordinator closes in the very moment in which a worker connects, the link may stay for as long
-        as the coordinator's process lives. The bus takes it for a good one, and never connects to the next.
+        If a coordinator closes at the moment when a worker connects, the link may stay open as long as the
+        process of the coordinator lives. The bus regards it as valid and never connects to the next
+        coordinator.
         """
         if time.monotonic() < self._asks_at:
             return False

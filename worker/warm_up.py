@@ -1,4 +1,4 @@
-"""Compile or load every kernel before the first request, by refining something tiny."""
+"""Compile or load every kernel before the first request, by refining a tiny model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from worker.service import Kernel
 
 
 def warm_up(kernel: Kernel) -> None:
-    """Send a tiny model and frame through the whole of a worker, as they would come off the wire."""
+    """Process messages with a tiny model and frame in the worker, as if they were received."""
     model = decode_model(encode_model(tiny_model()))
     observation = kernel.observe(decode_frame(encode_frame(tiny_frame())))
     poses = np.zeros((1, len(ROOT_DOFS)))
@@ -23,7 +23,7 @@ def warm_up(kernel: Kernel) -> None:
 
 
 def tiny_model() -> BodyModel:
-    """A tetrahedron of 20 cm, one corner towards the camera, that can move and turn freely."""
+    """A tetrahedron of 20 cm with free motion, one corner towards the camera."""
     faces = [[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]]
     return BodyModel(
         name="tetrahedron",

@@ -1,1 +1,1 @@
-"""Articulated ICP in compiled code: all that is numbers."""
+"""Articulated ICP in compiled code: all numerical computation."""

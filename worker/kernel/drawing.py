@@ -1,6 +1,6 @@
-"""A row of a triangle in vector registers: as many pixels at once as nearly all triangles are wide.
+"""Draws a row of a triangle with vector registers, which are as wide as nearly all triangles.
 
-Written in the compiler's own vector type: of a loop over the few pixels of a row it makes branches to guess.
+It uses LLVM's vector type. A loop over the few pixels of a row would be compiled to unpredictable branches.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from worker.kernel.vectors import DOUBLE, FLOAT, lanes_at, multiply_add, spread
 
 LANES = 4  # pixels of a row
-INSIDE = -1e-9  # from which on a share of a corner counts as none, so that nothing shows between triangles
+INSIDE = -1e-9  # smallest share of a corner, so that there are no gaps between triangles
 DOUBLES, FLOATS = ir.VectorType(DOUBLE, LANES), ir.VectorType(FLOAT, LANES)
 
 
@@ -23,17 +23,17 @@ DOUBLES, FLOATS = ir.VectorType(DOUBLE, LANES), ir.VectorType(FLOAT, LANES)
 def draw_row(  # type: ignore[no-untyped-def] # noqa: PLR0913 compiled code takes numbers
     _, buffer, row, column, x, y, bx, by, cx, cy, z, zb, zc
 ):
-    """Lower buffer[row, column : column + LANES] to a triangle's depth, where it covers a pixel's middle.
+    """Lower buffer[row, column : column + LANES] to the depth of a triangle, if it covers a pixel's centre.
 
-    buffer (H, W) float32, in the rows of which all these pixels lie. The rest is float64: x and y lead from
-    corner a to the first of them, b and c from corner a to the others, each over twice the triangle's area;
-    z is the depth of corner a, zb and zc are by how much the others lie behind it.
+    buffer (H, W) is float32 and contains all these pixels. All else is float64: x and y lead from corner a to
+    the first pixel, b and c from corner a to the other corners, divided by twice the triangle's area; z is
+    the depth of corner a; zb and zc are the depths of the others minus z.
     """
     return types.void(buffer, row, column, x, y, bx, by, cx, cy, z, zb, zc), write_row
 
 
 def write_row(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """The code of `draw_row`."""
+    """Generate the code of `draw_row`."""
 
     def cross(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
         return multiply_add(builder, ax, by, builder.fneg(builder.fmul(ay, bx)))

@@ -1,9 +1,9 @@
-"""The pose that minimises the distances of given correspondences (step 4d), and how sure it is.
+"""The pose that minimises the distances of given correspondences (step 4d), and its covariance.
 
-Damped Gauss-Newton, Eq. 3-5. The covariance is the inverse of the log posterior's Gauss-Newton matrix
-(Laplace): that of the last step, with closest points, weights and what is visible as they were there. Damping
-is not in it. A joint at its limit is as sure as the points say, as if it could go on. What nothing
-determines, as the twist of a forearm, is held by a weak prior; without any step that is all.
+Damped Gauss-Newton, Eq. 3-5. The covariance is the inverse of the Gauss-Newton matrix of the log posterior
+(Laplace) in the last step, with its closest points, weights and visible points. Damping and joint limits are
+not included. Undetermined degrees of freedom, like the twist of a forearm, have a weak prior; without any
+step this prior is the covariance.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SINGULAR = 1e-13  # of the largest entry on the diagonal
-CONVERGED = 1e-4  # radians and metres: a step below it ends the loop
+CONVERGED = 1e-4  # radians and metres; a smaller step ends the loop
 
 
 @numba.njit(cache=True, nogil=True)
@@ -38,10 +38,10 @@ def minimise(
     parameters: KernelParameters,
     equations: Equations,
 ) -> None:
-    """Move pose (D,) in place to the minimum of Eq. 3 for so many points by damped Gauss-Newton (Eq. 4).
+    """Move pose (D,) in place to the minimum of Eq. 3 for `points` points by damped Gauss-Newton (Eq. 4).
 
-    equations.sums hold the correspondences; transforms (D + 1, 3, 4) are T_camera_rest at the pose given, and
-    those of the last step then.
+    equations.sums hold the correspondences; transforms (D + 1, 3, 4) are T_camera_rest at the given pose, and
+    after that those of the last step.
     """
     damping = parameters.damping + parameters.steps.damping_share * points
     for k in range(parameters.steps.gauss_newton_iterations):
@@ -79,7 +79,7 @@ def take_step(skeleton: Skeleton, pose: Array, damping: float, longest: float, e
 
 @numba.njit(cache=True, nogil=True)
 def over_relax(skeleton: Skeleton, before: Array, pose: Array) -> None:
-    """Move pose (D,) on in place by the motion that led there from `before`, within limits."""
+    """Repeat the motion from `before` to pose (D,) in place, within limits."""
     step = pose - before
     for start in skeleton.balls:
         handed = handedness(skeleton.axes, start)
@@ -90,7 +90,7 @@ def over_relax(skeleton: Skeleton, before: Array, pose: Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def solve_ltl(parents: Indices, gram: Array, step: Array) -> None:
-    """Solve gram (D, D) x = step (D,) in place; gram is lost. What nothing determines stays where it is."""
+    """Solve gram (D, D) x = step (D,) in place; gram is overwritten. Undetermined entries become zero."""
     factorise_ltl(parents, gram)
     for k in range(len(parents) - 1, -1, -1):
         step[k] /= gram[k, k]
@@ -108,12 +108,12 @@ def solve_ltl(parents: Indices, gram: Array, step: Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def factorise_ltl(parents: Indices, gram: Array) -> None:
-    """Turn gram (D, D) into L in place, below the diagonal and on it: a branch-sparse factorisation.
+    """Factorise gram (D, D) in place into L, on and below the diagonal: a branch-sparse factorisation.
 
-    Degrees of freedom that lie on different branches share no moved link, so their entries are zero and stay
-    zero in gram = L^T L with L lower triangular, which is found from the tips to the root along the
-    ancestors of each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5). Where gram is singular the
-    diagonal is infinite, and the row beside it zero.
+    Degrees of freedom on different branches move no common link. So their entries are zero, and stay zero in
+    gram = L^T L with L lower triangular, which is computed from the tips to the root along the ancestors of
+    each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5). If gram is singular, the diagonal is
+    infinite and the rest of the row is zero.
     """
     least = SINGULAR * np.max(np.diag(gram))
     for k in range(len(parents) - 1, -1, -1):
@@ -135,10 +135,10 @@ def factorise_ltl(parents: Indices, gram: Array) -> None:
 def fill_covariance_root(
     skeleton: Skeleton, scale: float, equations: Equations, triangle: NDArray[np.float32]
 ) -> None:
-    """Fill a triangle (D (D + 1) / 2,) with the Cholesky factor of the pose's covariance, row after row.
+    """Fill a triangle (D (D + 1) / 2,) with the Cholesky factor of the pose's covariance, by rows.
 
-    `scale` takes the equations to the log posterior. With its information L^T L the factor is K = L^-1, as
-    K K^T is the inverse.
+    `scale` converts the equations to the log posterior. With its information L^T L the factor is K = L^-1,
+    because K K^T is the inverse.
     """
     parents, root = skeleton.parents, equations.gram
     for k in range(len(parents)):
@@ -151,7 +151,7 @@ def fill_covariance_root(
     for i in range(len(parents)):
         widest, row = prior_deviation(skeleton.kinds[i]), root[i, : i + 1]
         known = np.float32(row[i]) > 0.0 and np.sum(row * row) <= (1.01 * widest) ** 2
-        if not known:  # of extreme numbers rounding may leave nonsense
+        if not known:  # rounding of extreme numbers may give invalid values
             row[:] = 0.0
             row[i] = widest
         triangle[place : place + i + 1] = row
@@ -160,15 +160,15 @@ def fill_covariance_root(
 
 @numba.njit(cache=True, nogil=True)
 def prior_deviation(kind: int) -> float:
-    """Of the weak prior: the standard deviation of a degree of freedom that nothing determines."""
+    """Standard deviation of the weak prior: that of an undetermined degree of freedom."""
     return WEAK_SLIDE if kind == 0 else WEAK_TURN
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def invert_lower(parents: Indices, lower: Array) -> None:
-    """Invert a lower triangular matrix (D, D) in place, zero in each row but for the row's ancestors.
+    """Invert a lower triangular matrix (D, D) in place; each row is nonzero only at its ancestors.
 
-    From the diagonal to the left: there the row is still that of the matrix; the rows above are inverted.
+    It proceeds from the diagonal to the left, where the row is not inverted yet; the rows above are inverted.
     """
     for k in range(len(parents)):
         lower[k, k] = 1.0 / lower[k, k]

@@ -1,18 +1,17 @@
-"""How likely a pose is in a frame: how well it explains it, and how people hold themselves (step 5).
+"""The log posterior of a pose in a frame: likelihood and prior (step 5).
 
 The paper says only "calculated from the residual error". Here the log posterior of a pose is
 
     -1/2 (mean over observed points of rho(d_i) + mean over visible model points of rho(f_v) + prior) / T
 
-with the prior that the descent has, too (see `priors`), d_i the distance of an observed point from
-its closest visible model point and f_v the distance by which a model point lies where the camera saw
-nothing, both in units of the lateral noise, and rho the squared distance, or what a robust kernel makes of
-it. With soft correspondences the points' mean log density takes the place of both, and nothing is said of
-empty space. The mean, not the sum, because neighbouring points err together: a sum over ten thousand of them
-would let no second hypothesis live.
+with the prior of the refinement (see `priors`). d_i is the distance of an observed point from its closest
+visible model point. f_v is the distance of a model point in empty space from the silhouette. Both are in
+units of the lateral noise. rho is the squared distance or a robust kernel. With soft correspondences, the
+mean log density of the points replaces both means. The mean is used instead of the sum because errors of
+neighbouring points are correlated: a sum over ten thousand points would leave only one hypothesis.
 
-The descent climbs the slope of the same sum, with what belongs together and what is visible held still for a
-step; a weight takes both anew in the pose that it is for.
+The refinement maximises the same function, with fixed correspondences and visible points in each step. For
+the weight both are computed again at the final pose.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ def evaluate(
 ) -> tuple[float, float]:
     """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres.
 
-    `last_count` is as in `find_correspondences`. What is visible is looked for in the pose itself.
+    `last_count` is that of `find_correspondences`. Visible points are computed at this pose.
     """
     pose_body(pose, skeleton, surface, workspace)
     visible = visible_vertices(surface, workspace)
@@ -76,9 +75,9 @@ def mean_cost(observed: PackedObservation, parameters: KernelParameters, search:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def mean_distance(observed: PackedObservation, parameters: KernelParameters, search: Search) -> float:
-    """Mean distance (m) of the observed points from their model points, depth unstretched.
+    """Mean distance (m) of the observed points from their model points, without scaled depth.
 
-    Where depth is stretched a lot the difference of large numbers may come out below zero.
+    If depth is scaled strongly, the difference of large numbers may be negative.
     """
     total, excess = 0.0, 1.0 / parameters.stretch**2 - 1.0
     for i in range(observed.count):
@@ -96,7 +95,7 @@ def mean_free_space_cost(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> float:
-    """Mean robust cost (m^2) of visible model points that lie where the camera saw nothing."""
+    """Mean robust cost (m^2) of visible model points in empty space."""
     fill_silhouette_offsets(visible, skeleton, surface, observed, workspace)
     cost, offsets = 0.0, workspace.offsets
     for v in visible:

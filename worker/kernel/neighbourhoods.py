@@ -1,4 +1,4 @@
-"""An order of points in which neighbours follow each other, so that a few in a row have a small box."""
+"""Orders points such that successive points are neighbours with a small bounding box."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Indices = NDArray[np.int64]
 
 @numba.njit(cache=True, nogil=True)
 def neighbourhoods(points: Array, size: int) -> Indices:
-    """An order (P,) of points (P, 3) in which every `size` in a row, 2 `size`, 4 `size` and so on lie close.
+    """An order (P,) of points (P, 3) where each `size`, 2 `size`, 4 `size`, ... successive points are near.
 
-    As in a k-d tree: divided along the longest side of the bounding box again and again, but always so that
-    the first part is a power of 2 times `size`.
+    As in a k-d tree, points are divided recursively along the longest side of the bounding box, such that the
+    size of the first part is a power of 2 times `size`.
     """
     order = np.arange(len(points))
     waiting = [(0, len(points))]
@@ -35,7 +35,7 @@ def neighbourhoods(points: Array, size: int) -> Indices:
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def longest_side(points: Array, some: Indices) -> int:
-    """The axis along which some of the points (P, 3) extend most."""
+    """The axis with the largest extent of some of the points (P, 3)."""
     longest, axis = -np.inf, 0
     for a in range(3):
         low = high = points[some[0], a]
@@ -48,7 +48,7 @@ def longest_side(points: Array, some: Indices) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def divide(points: Array, order: Indices, start: int, stop: int, middle: int, axis: int) -> None:
-    """Rearrange order[start:stop] so that no point before `middle` lies beyond one after it.
+    """Rearrange order[start:stop] so that no point before `middle` exceeds one after it.
 
     Hoare's selection.
     """
@@ -75,7 +75,7 @@ def divide(points: Array, order: Indices, start: int, stop: int, middle: int, ax
 
 @numba.njit(cache=True, nogil=True)
 def boxes_of(points: Points, size: int) -> Points:
-    """Bounding boxes (6, K): lowest and highest x, y, z of every `size` points (3, K * size) in a row."""
+    """Bounding boxes (6, K): smallest and largest x, y, z of each `size` successive points (3, K * size)."""
     boxes = np.empty((6, points.shape[1] // size), dtype=np.float32)
     for a in range(3):
         for k in range(boxes.shape[1]):

@@ -8,8 +8,8 @@ A_j T X, so
     (J^T J)_jk = sum_s tr(A_j T M_s T^T A_k^T)    (J^T r)_j = sum_s tr(A_j T (M_s T^T E - C_s)),
     E = [I | 0]^T
 
-over the links s that both (that) degrees of freedom move. So a step costs the same for a thousand points as
-for a million.
+over the links s that both degrees of freedom, or the one, move. So the cost of a step does not depend on the
+number of points.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 def fill_normal_equations(
     skeleton: Skeleton, transforms: Array, stretch: float, equations: Equations
 ) -> None:
-    """Fill gram (D, D) with J^T J and gradient (D,) with J^T r of Eq. 4 where transforms (D + 1, 3, 4) are T.
+    """Fill gram (D, D) with J^T J and gradient (D,) with J^T r of Eq. 4 with transforms (D + 1, 3, 4) as T.
 
     Residuals along the camera's axis are multiplied by `stretch`.
     """

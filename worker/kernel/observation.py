@@ -1,6 +1,6 @@
-"""From a depth frame to the observed points of section 4.1, in an order that suits the closest-point search.
+"""The observed points of a depth frame (section 4.1), in an order for the closest-point search.
 
-Done once per frame and shared by all its particles.
+They are computed once per frame and shared by all its particles.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from worker.kernel.neighbourhoods import boxes_of, neighbourhoods
 
 Pixels = NDArray[np.int32]
 
-TILE = 16  # observed points that are searched for together
+TILE = 16  # observed points in one search
 NONE = -1  # in place of a row: no occupied pixel in a column
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """Observed points in the camera frame, neighbours together, padded to whole tiles by repeating the last.
+    """Observed points in the camera frame, ordered by neighbourhood, padded to whole tiles with the last.
 
-    emptiness: how surely the body is not there: 0 where it may be seen or hidden, 1 where it cannot be.
-    nearest: for each pixel the nearest one (row, column) whose emptiness is 0.
+    emptiness: probability that a pixel is empty: 0 if the body may be visible or hidden there, 1 if it cannot
+    be. nearest: for each pixel the nearest pixel (row, column) with emptiness 0.
     """
 
     points: NDArray[np.float32]  # (tiles * TILE, 3)
@@ -37,11 +37,11 @@ class Observation:
     emptiness: NDArray[np.float32]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
-    view: NDArray[np.int64]  # (4,) left, top, right, bottom of what the camera saw
+    view: NDArray[np.int64]  # (4,) left, top, right, bottom of the whole image
 
 
 class PackedObservation(NamedTuple):
-    """An observation for the kernel, depth stretched so that noise is alike in all directions."""
+    """An observation for the kernel, with depth scaled so that noise is isotropic."""
 
     points: NDArray[np.float32]  # (3, tiles * TILE) metres, z times `stretch`
     tiles: NDArray[np.float32]  # (6, tiles) bounding boxes
@@ -53,11 +53,11 @@ class PackedObservation(NamedTuple):
     fy: float
     cx: float
     cy: float
-    stretch: float  # lateral over depth noise
+    stretch: float  # ratio of lateral to depth noise
 
 
 def observe(subject: SubjectFrame) -> Observation:
-    """Observed points of the picked pixels of a frame; ValueError if one lies outside of it."""
+    """Observed points of the picked pixels of a frame; ValueError if a pixel is outside."""
     depth, camera, picked = subject.frame.metres(), subject.frame.intrinsics, subject.picked
     if len(picked) and picked.max() >= depth.size:
         raise ValueError("picked pixels lie outside of the depth image")
@@ -77,7 +77,7 @@ def observe(subject: SubjectFrame) -> Observation:
 
 
 def tell_emptiness(subject: SubjectFrame) -> NDArray[np.float32]:
-    """How surely the subject is not in each pixel (H, W) of a frame."""
+    """Probability that each pixel (H, W) of a frame is empty."""
     empty = subject.frame.depth == 0 if subject.kinds is None else subject.kinds == EMPTY
     emptiness = np.where(empty, np.float32(1.0), np.float32(0.0))
     if subject.kinds is not None:
@@ -86,13 +86,13 @@ def tell_emptiness(subject: SubjectFrame) -> NDArray[np.float32]:
 
 
 def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
-    """Pack an observation in the metric of the noise; those that were asked for last are kept."""
+    """Pack an observation in the metric of the noise; the last ones are cached."""
     return stretch(observation, settings.noise_lateral / settings.noise_depth)
 
 
 @lru_cache(maxsize=2)
 def stretch(observation: Observation, ratio: float) -> PackedObservation:
-    """Pack an observation, its depths multiplied by a ratio."""
+    """Pack an observation with depth multiplied by a ratio."""
     points = np.ascontiguousarray(observation.points.T)
     points[2] *= np.float32(ratio)
     camera = observation.camera
@@ -113,11 +113,11 @@ def stretch(observation: Observation, ratio: float) -> PackedObservation:
 
 @numba.njit(cache=True, nogil=True)
 def nearest_occupied_pixels(occupied: NDArray[np.bool_]) -> Pixels:
-    """Row and column (2, H, W) of the nearest occupied pixel; its own where there is none.
+    """Row and column (2, H, W) of the nearest occupied pixel; the pixel itself if there is none.
 
-    Exact, in two passes (Meijster, Roerdink and Hesselink, 2000): along columns, and then along rows by the
-    lower envelope of the parabolas that the columns leave. scipy.ndimage finds the same, but its import would
-    be a quarter of a worker's start.
+    An exact distance transform in two passes (Meijster, Roerdink and Hesselink, 2000): along columns, and
+    then along rows by the lower envelope of parabolas. scipy.ndimage has the same function, but its import
+    would be a quarter of a worker's start.
     """
     height, width = occupied.shape
     found = np.empty((2, height, width), dtype=np.int32)
@@ -152,7 +152,7 @@ def nearest_rows(occupied: NDArray[np.bool_], out: Pixels) -> None:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def lower_envelope(v: int, row: Pixels, best: NDArray[np.int64], start: NDArray[np.int64]) -> int:
-    """Which columns are nearest along row v: best[k] from column start[k] on; gives the last k, -1 for none.
+    """Which columns are nearest along row v: best[k] from column start[k]; returns the last k, or -1.
 
     row (W,) holds the nearest row in each column.
     """

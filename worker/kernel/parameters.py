@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 from common.settings import Descent, RefineSettings
 
-OUTLIER_DISTANCE_M = 0.1  # residuals beyond it lose influence
+OUTLIER_DISTANCE_M = 0.1  # scale of the robust kernel
 
 
 class Steps(NamedTuple):
-    """How an iteration of ICP moves."""
+    """Settings of an iteration of ICP."""
 
     gauss_newton_iterations: int
-    over_relaxed: bool  # whether every iteration but the last goes twice as far
-    visibility_interval: int  # iterations from one visibility update to the next
-    damping_share: float  # of lambda of Eq. 4, that each observed point adds to it
+    over_relaxed: bool  # whether every iteration but the last moves twice as far
+    visibility_interval: int  # iterations between visibility tests
+    damping_share: float  # of lambda of Eq. 4, per observed point
 
 
 STEPS: dict[Descent, Steps] = {
@@ -25,15 +25,15 @@ STEPS: dict[Descent, Steps] = {
 
 
 class KernelParameters(NamedTuple):
-    """Settings in the kernel's own units."""
+    """Settings in the units of the kernel."""
 
     icp_iterations: int
     steps: Steps
     soft: bool
-    free_space: bool  # whether model points seen where nothing was observed count
+    free_space: bool  # whether model points in empty space have residuals
     damping: float
-    rest_weight: float  # m^2, of a squared joint angle, for each point
-    stretch: float  # lateral over depth noise
+    rest_weight: float  # m^2, of a squared joint angle, per point
+    stretch: float  # ratio of lateral to depth noise
     outlier_squared: float  # m^2; 0 gives all points full weight
     posterior_scale: float  # 1/m^2: from the mean cost of a point to twice the log posterior
     independent_points: float
@@ -42,9 +42,9 @@ class KernelParameters(NamedTuple):
 
 
 def rest_weight(settings: RefineSettings) -> float:
-    """Of a squared joint angle, for each point (m^2): in the likelihood it has the deviation of the prior.
+    """Weight of a squared joint angle per point (m^2), for its deviation in the prior.
 
-    Under noise that asks for soft correspondences there is none: the arm alone was measured there.
+    With soft correspondences it is zero: only the arm was measured with them.
     """
     if settings.is_soft or not settings.pose_deviation > 0.0:
         return 0.0
@@ -53,7 +53,7 @@ def rest_weight(settings: RefineSettings) -> float:
 
 
 def pack_parameters(settings: RefineSettings) -> KernelParameters:
-    """Pack settings in the kernel's own units."""
+    """Convert settings to the units of the kernel."""
     soft, camera, points = settings.is_soft, settings.sensor == "camera", settings.independent_points
     return KernelParameters(
         settings.icp_iterations,

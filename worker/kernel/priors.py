@@ -1,4 +1,4 @@
-"""What is known of a pose without an observation: joint limits, and a prior towards the rest pose."""
+"""Priors of a pose: joint limits, and a Gaussian prior around the rest pose."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from worker.kernel.surface import Skeleton
 
 Array = NDArray[np.float64]
 
-LIMIT_WEIGHT_M2 = 0.002  # of a squared radian outside a ball's limits, for each point
+LIMIT_WEIGHT_M2 = 0.002  # of a squared radian outside the limits of a spherical joint, per point
 
 
 @numba.njit(cache=True, nogil=True)
 def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
-    """What pose (D,) costs for each point (m^2), whatever is observed: far from rest, or out of limits.
+    """Cost of pose (D,) per point (m^2) by the priors: distance from rest, and violated limits.
 
     `add_prior` adds half of it, with the derivatives, to the equations.
     """
@@ -34,9 +34,9 @@ def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
 def add_prior(
     skeleton: Skeleton, pose: Array, rest_weight: float, points: int, gram: Array, gradient: Array
 ) -> None:
-    """Add half the prior's cost for so many points to the equations at pose (D,).
+    """Add half the cost of the priors, for this number of points, to the equations at pose (D,).
 
-    With R = R_1 R_2 R_3 a small turn d of a ball along its axes changes its angles by E^-1 d,
+    With R = R_1 R_2 R_3 a small rotation d of a spherical joint along its axes changes its angles by E^-1 d,
     E = [a_1, R_1 a_2, R_1 R_2 a_3].
     """
     if rest_weight > 0.0:
@@ -63,7 +63,7 @@ def add_prior(
 
 @numba.njit(cache=True, nogil=True)
 def from_rest(skeleton: Skeleton, pose: Array) -> Array:
-    """How far each angle of pose (D,) is from rest; of a ball, its rotation vector."""
+    """Distance of each angle of pose (D,) from rest; for a spherical joint, its rotation vector."""
     away, rest = pose.copy(), np.zeros_like(pose)
     for start in skeleton.balls:
         away[start], away[start + 1], away[start + 2] = ball_vector(
@@ -74,9 +74,9 @@ def from_rest(skeleton: Skeleton, pose: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def fill_excess(skeleton: Skeleton, pose: Array, start: int, excess: Array) -> bool:
-    """Fill excess (3,): how far a ball's angles are beyond their limits; whether any is, and means something.
+    """Fill excess (3,) of a spherical joint's angles over their limits; whether there is valid excess.
 
-    Where the middle angle is near 90 degrees the others mean nothing.
+    If the middle angle is near 90 degrees, the other angles are arbitrary.
     """
     outside = False
     for a in range(3):
@@ -88,7 +88,7 @@ def fill_excess(skeleton: Skeleton, pose: Array, start: int, excess: Array) -> b
 
 @numba.njit(cache=True, nogil=True)
 def hold_active_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array) -> None:
-    """Take out of the equations the single axes at a limit whose gradient leads beyond it (active set)."""
+    """Remove single axes at a limit from the equations if the gradient leads beyond it (active set)."""
     for j in range(len(pose)):
         low = pose[j] <= skeleton.limits[j, 0] and gradient[j] > 0.0
         high = pose[j] >= skeleton.limits[j, 1] and gradient[j] < 0.0

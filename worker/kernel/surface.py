@@ -1,4 +1,4 @@
-"""A body model packed for the kernel, once for each model: neighbouring vertices together, fixed dtypes."""
+"""A body model packed for the kernel, once per model: vertices ordered by neighbourhood, fixed dtypes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, BodyModel, vertex_normals
 from worker.kernel.neighbourhoods import neighbourhoods
 
-LEAF = 8  # vertices that the search for closest points rules out together
+LEAF = 8  # vertices that the closest-point search skips together
 
 
 class Skeleton(NamedTuple):
-    """The part of a body model that moves."""
+    """The kinematic part of a body model."""
 
     kinds: NDArray[np.int64]  # (D,)
     parents: NDArray[np.int64]  # (D,)
@@ -29,7 +29,7 @@ class Skeleton(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """The part that is seen, with vertices of a leaf, which are neighbours on one link, in a row."""
+    """The surface of a body model; successive vertices form leaves of neighbours on one link."""
 
     vertices: NDArray[np.float64]  # (V, 3)
     normals: NDArray[np.float64]  # (V, 3) of length 1
@@ -43,7 +43,7 @@ _packed: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDiction
 
 
 def pack_model(model: BodyModel) -> tuple[Skeleton, Surface]:
-    """Skeleton and surface of a model; kept for as long as the model, which never changes."""
+    """Skeleton and surface of a model, cached as long as the model exists."""
     if model not in _packed:
         _packed[model] = make_packed_model(model)
     return _packed[model]
@@ -79,7 +79,7 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
 
 
 def order_vertices(model: BodyModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """An order (V,) of the vertices in which those of a leaf stand together, and each place's leaf (V,)."""
+    """An order (V,) of the vertices by leaves, and the leaf (V,) at each place of this order."""
     order: list[NDArray[np.int64]] = []
     leaves: list[NDArray[np.int64]] = []
     dominant = model.skin_links[:, 0]

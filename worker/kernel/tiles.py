@@ -1,7 +1,7 @@
-"""A tile of observed points in vector registers, against model points and boxes; and its box against many.
+"""Compares a tile of observed points in vector registers with model points and boxes.
 
-Written in the compiler's own vector type: of loops over arrays it makes code that loads and stores what was
-found so far again for every model point, and of loops that keep what passes a test, code that guesses.
+It uses LLVM's vector type. Loops over arrays would be compiled to code that loads and stores the result for
+every model point, and loops with a test to code with unpredictable branches.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ def search_lanes(  # type: ignore[no-untyped-def]
 ):
     """Lower the squared distances of one tile by those of the model points start..stop.
 
-    points (3, P) float32, of which the tile begins at `first`; model (M, 3) float32; nearest (P,) float32
-    and index (P,) uint32 take what is found.
+    points (3, P) float32, with the tile from `first`; model (M, 3) float32; the results are nearest (P,)
+    float32 and index (P,) uint32.
     """
     return types.void(points, first, model, start, stop, nearest, index), write_search
 
 
 @intrinsic
 def largest_of(_, nearest, first):  # type: ignore[no-untyped-def]
-    """The largest squared distance of the tile that begins at `first`; nearest (P,) as for `search_lanes`."""
+    """The largest squared distance of the tile from `first`; nearest (P,) as for `search_lanes`."""
     return types.float32(nearest, first), write_largest
 
 
 @intrinsic
 def boxes_within(_, one, k, boxes, first, bound):  # type: ignore[no-untyped-def]
-    """Which TILE columns of boxes (6, K) from `first` on are less than sqrt(bound) from column k of `one`.
+    """Which of TILE columns of boxes (6, K) from `first` are nearer than sqrt(bound) to column k of `one`.
 
-    A bit for each, the lowest for the first.
+    One bit per column, the lowest for the first.
     """
     return types.int64(one, k, boxes, first, bound), write_boxes_within
 
@@ -59,12 +59,12 @@ def box_within(_, points, first, boxes, k, nearest):  # type: ignore[no-untyped-
 
 @intrinsic
 def lowest_bit(_, bits):  # type: ignore[no-untyped-def]
-    """The place of the lowest bit that is set in an integer other than 0."""
+    """The index of the lowest set bit of an integer other than 0."""
     return types.int64(bits), write_lowest_bit
 
 
 def write_search(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """The code of `search_lanes`."""
+    """Generate the code of `search_lanes`."""
     first, start, stop = (context.cast(builder, values[k], signature.args[k], types.intp) for k in (1, 3, 4))
     points, model, nearest, index = (
         context.make_array(signature.args[k])(context, builder, values[k]) for k in (0, 2, 5, 6)
@@ -88,14 +88,14 @@ def write_search(context: Any, builder: Any, signature: Any, values: Sequence[An
 
 
 def write_largest(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """The code of `largest_of`."""
+    """Generate the code of `largest_of`."""
     nearest = context.make_array(signature.args[0])(context, builder, values[0])
     first = context.cast(builder, values[1], signature.args[1], types.intp)
     return largest(builder, builder.load(lanes_at(builder, nearest, first, FLOATS), align=4))
 
 
 def write_boxes_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """The code of `boxes_within`."""
+    """Generate the code of `boxes_within`."""
     k, first = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 3))
     bound = context.cast(builder, values[4], signature.args[4], types.float32)
     one, boxes = (context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 2))
@@ -111,7 +111,7 @@ def write_boxes_within(context: Any, builder: Any, signature: Any, values: Seque
 
 
 def write_box_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """The code of `box_within`."""
+    """Generate the code of `box_within`."""
     first, k = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 3))
     points, boxes, nearest = (
         context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 2, 4)
@@ -126,7 +126,7 @@ def write_box_within(context: Any, builder: Any, signature: Any, values: Sequenc
 
 
 def write_lowest_bit(_: Any, builder: Any, __: Any, values: Sequence[Any]) -> Any:
-    """The code of `lowest_bit`."""
+    """Generate the code of `lowest_bit`."""
     return builder.cttz(values[0], ir.IntType(1)(1))
 
 
@@ -137,7 +137,7 @@ def column(builder: Any, boxes: Any, k: Any) -> list[Any]:
 
 
 def squared_gaps(builder: Any, one: Sequence[Any], other: Sequence[Any]) -> Any:
-    """Squared distances of boxes, each three lowest and three highest coordinates; 0 where they meet."""
+    """Squared distances of boxes, given by smallest and largest coordinates; 0 if they overlap."""
     total = FLOATS([0.0] * TILE)
     for low, high, other_low, other_high in zip(one[:3], one[3:], other[:3], other[3:], strict=True):
         below = builder.fsub(low, other_high, flags=FINITE)
@@ -148,12 +148,12 @@ def squared_gaps(builder: Any, one: Sequence[Any], other: Sequence[Any]) -> Any:
 
 
 def larger(builder: Any, one: Any, other: Any) -> Any:
-    """The larger, lane by lane."""
+    """The maximum of each lane."""
     return builder.select(builder.fcmp_ordered(">", one, other, flags=FINITE), one, other)
 
 
 def squared_distances(builder: Any, tile: Sequence[Any], model: Any, m: Any) -> Any:
-    """Of a tile (three vectors) from model point m."""
+    """Squared distances of a tile (three vectors) from model point m."""
     total = FLOATS([0.0] * TILE)
     for axis, lanes in enumerate(tile):
         place = builder.add(builder.mul(m, SIZE(3)), SIZE(axis))
@@ -164,7 +164,7 @@ def squared_distances(builder: Any, tile: Sequence[Any], model: Any, m: Any) -> 
 
 
 def largest(builder: Any, lanes: Any) -> Any:
-    """The largest of all lanes, by folding them in half."""
+    """The maximum of all lanes, by repeated halving."""
     width = TILE // 2
     while width > 0:
         turned = INTS([(lane + width) % TILE for lane in range(TILE)])

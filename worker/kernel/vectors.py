@@ -1,4 +1,4 @@
-"""The compiler's own vector type: what code that is written in it shares."""
+"""Common functions for code that uses LLVM's vector type."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FINITE = ("nsz", "nnan")  # everything is a number
 
 
 def multiply_add(builder: Any, one: Any, other: Any, addend: Any) -> Any:
-    """one * other + addend, rounded once: said so, as a compiler that may choose does not always choose alike."""
+    """one * other + addend, rounded once. It is explicit because the choice of a compiler can vary."""
     lanes = one.type
     name = f"llvm.fma.v{lanes.count}f{32 if lanes.element == FLOAT else 64}"
     kind = ir.FunctionType(lanes, [lanes] * 3)
@@ -19,12 +19,12 @@ def multiply_add(builder: Any, one: Any, other: Any, addend: Any) -> Any:
 
 
 def lanes_at(builder: Any, array: Any, place: Any, lanes: ir.VectorType) -> Any:
-    """Pointer to as many elements from a place on as there are lanes."""
+    """Pointer to a vector of elements from a place on."""
     return builder.bitcast(builder.gep(array.data, [place]), lanes.as_pointer())
 
 
 def spread(builder: Any, value: Any, lanes: ir.VectorType) -> Any:
-    """One value in every lane."""
+    """A vector with one value in every lane."""
     nothing = ir.Constant(lanes, ir.Undefined)
     alone = builder.insert_element(nothing, value, INT(0))
     return builder.shuffle_vector(alone, nothing, ir.VectorType(INT, lanes.count)([0] * lanes.count))

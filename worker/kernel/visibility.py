@@ -1,7 +1,7 @@
-"""The model in a pose, and which of its points the camera sees (steps 4a and 4b).
+"""The posed model and its visible points (steps 4a and 4b).
 
-The depth image need not be finer than the surface's sampling: its pixels are about PIXEL_M wide at the
-body's distance, whatever the real camera's resolution.
+The depth image does not need a higher resolution than the vertices: its pixels are about PIXEL_M wide at the
+distance of the body, independent of the camera.
 """
 
 from __future__ import annotations
@@ -23,18 +23,16 @@ Indices = NDArray[np.int64]
 Numbers = NDArray[np.uint32]  # of vertices and triangles
 
 PIXEL_M = 0.012  # at the body's mean distance
-TOLERANCE_M = 0.03  # that a visible point may lie behind the depth image
-NEAREST_M = 0.1  # what is closer to the camera's plane is not drawn
-EDGE = 1e-9  # share of a triangle by which a pixel may lie outside, so that no gaps show
+TOLERANCE_M = 0.03  # largest distance of a visible point behind the depth image
+NEAREST_M = 0.1  # smallest depth that is drawn
+EDGE = 1e-9  # tolerance of a pixel at the edge of a triangle, against gaps
 
 
 class DepthImage(NamedTuple):
-    """The posed surface as the camera sees it; pixel (0, 0) is on the ray through (left, top, focal)."""
+    """The depth image of the posed surface; pixel (0, 0) is on the ray through (left, top, focal)."""
 
-    depth: NDArray[
-        np.float32
-    ]  # (H, W) metres, infinite where there is nothing; in the last columns nothing is
-    triangles: Numbers  # (H, W) which one is seen there, if that is asked for
+    depth: NDArray[np.float32]  # (H, W) metres, infinite without surface; the last columns are empty
+    triangles: Numbers  # (H, W) the visible triangle, if requested
     left: int
     top: int
     focal: float  # pixels
@@ -51,7 +49,7 @@ def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Work
 
 @numba.njit(cache=True, nogil=True)
 def visible_vertices(surface: Surface, workspace: Workspace) -> Numbers:
-    """Indices, ascending, of the posed vertices that the camera at the origin sees (4b)."""
+    """Indices, ascending, of the posed vertices that are visible from the origin (4b)."""
     posed, image, front, visible = workspace.posed, workspace.image, workspace.front, workspace.visible
     seen = draw(surface.triangles, False, workspace)
     height, width = seen.depth.shape
@@ -69,7 +67,7 @@ def visible_vertices(surface: Surface, workspace: Workspace) -> Numbers:
 
 @numba.njit(cache=True, nogil=True)
 def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
-    """The depth image of workspace.posed, and which triangles it shows; fills workspace.front, too."""
+    """The depth image of workspace.posed, and the visible triangles; also fills workspace.front."""
     focal = float(np.mean(workspace.posed[:, 2])) / PIXEL_M
     left, top, right, bottom = project(workspace.posed, focal, workspace.image)
     width = max(1, min(LARGEST_SIDE_PX, right - left + 1)) + LANES - 1  # edges far off overflow
@@ -103,8 +101,8 @@ def project(posed: Array, focal: float, image: Array) -> tuple[int, int, int, in
 def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: DepthImage) -> None:
     """Mark the vertices of triangles that face the camera in workspace.front, and draw these triangles.
 
-    What would be drawn after MOST_PIXELS, of which a body takes a small part, hides nothing, so that the work
-    is bounded for any surface. All in one function: one that is called for each triangle counts references.
+    At most MOST_PIXELS are drawn, so that the work is bounded for any surface; a body needs far fewer. It is
+    one function because a call for each triangle would count references.
     """
     posed, image, front, budget = workspace.posed, workspace.image, workspace.front, MOST_PIXELS
     depth, owners, left, top = seen.depth, seen.triangles, seen.left, seen.top
@@ -144,6 +142,6 @@ def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: Depth
 
 @numba.njit(cache=True, nogil=True)
 def ceiling(value: float) -> int:
-    """The least integer that is not below a value; numpy's is a float, which takes longer."""
+    """The smallest integer not below a value; numpy returns a float, which is slower."""
     below = int(value)
     return below + (below < value)

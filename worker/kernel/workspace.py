@@ -1,6 +1,6 @@
-"""Arrays that the refinement of a particle writes to, allocated once for many particles.
+"""Arrays for the refinement of a particle, allocated once for many particles.
 
-Nothing passes from one particle to the next: all is written before it is read.
+No data passes from one particle to the next: everything is written before it is read.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class Search(NamedTuple):
 
     model: Points  # (V, 3) visible vertices, depth stretched
     last_visible: Numbers  # (V,) the vertices of the last search
-    remapped: Numbers  # (V,) their places among the visible ones now
-    starts: Indices  # (K + 1,) where their leaves begin, and the last ends
-    leaves: Points  # (6, K) bounding boxes, padded to whole tiles with what is infinitely far
-    groups: Points  # (6, K / TILE) those of TILE leaves in a row, padded alike
-    closest: Numbers  # (P,) which of them; what the last search found is the guess of the next
+    remapped: Numbers  # (V,) their indices among the visible ones now
+    starts: Indices  # (K + 1,) starts of the leaves, and end of the last
+    leaves: Points  # (6, K) bounding boxes, padded to whole tiles with infinitely distant ones
+    groups: Points  # (6, K / TILE) bounding boxes of TILE successive leaves, padded alike
+    closest: Numbers  # (P,) their indices; the initial guess of the next search
     squared: Points  # (P,)
     largest: Points  # (P / TILE,) of a tile's
 
@@ -42,7 +42,7 @@ class Equations(NamedTuple):
     sums: Array  # (L, 4, 7) M and C of each link, side by side; see `normal_equations`
     gram: Array  # (D, D)
     gradient: Array  # (D,)
-    information: Array  # (D, D) the last step's gram, before it is damped and limits hold
+    information: Array  # (D, D) gram of the last step, before damping and limits
 
 
 class Workspace(NamedTuple):
@@ -53,7 +53,7 @@ class Workspace(NamedTuple):
     image: Array  # (V, 2) pixels of the depth image
     front: NDArray[np.bool_]  # (V,) part of a triangle that faces the camera
     visible: Numbers  # (V,)
-    depth: Points  # of the depth image, as large as it may be
+    depth: Points  # buffer for the largest depth image
     seen_triangles: Numbers
     targets: Array  # (V, 4) of visible vertices: weighted sum of observed points, weight
     offsets: Array  # (V, 3) of visible vertices, see `fill_silhouette_offsets`
@@ -87,7 +87,7 @@ def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObserva
 
 
 def make_search(vertices: int, leaves: int, points: int) -> Search:
-    """Allocate what the search for the closest of so many vertices to so many points, padded, needs."""
+    """Allocate the arrays of the closest-point search for these numbers of vertices and padded points."""
     groups = -(-leaves // TILE)
     return Search(
         model=np.empty((vertices, 3), np.float32),
