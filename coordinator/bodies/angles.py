@@ -1,16 +1,16 @@
-"""Angles of a body as people publish them: continuous, with plain names and meanings.
+"""Anatomical angles of a body: continuous, with plain names.
 
-The pose keeps the degrees of freedom that the tracker moves; three of them in a spherical joint are Euler
-angles, which jump where the middle one is near 90 degrees. These angles are for reading: of a person flexion,
-abduction and rotation from swing and twist, of a robot joint values.
+The pose has the degrees of freedom of the tracker; the three of a spherical joint are Euler angles, which
+jump if the middle one is near 90 degrees. The angles here are for users: flexion, abduction and rotation of a
+person, from swing and twist; joint values of a robot.
 
-A joint is the motion of one segment relative to the one that carries it. Three angles describe it: two of the
-swing of the moving bone and one of the twist about it. They are zero where the bone lies along the carrier's
-axis and the hinge axes run from side to side: arms straight down along the trunk (the template's arms hang
-`ARM_TILT` off it, so its rest pose has that much abduction), legs and spine straight.
+A joint is the motion of a segment relative to its carrier. It has three angles: two of the swing of the
+moving bone and one of the twist about it. They are zero if the bone is parallel to the carrier's axis and the
+hinge axes point to the side: arms straight down along the trunk (the template's arms differ from that by
+`ARM_TILT`, so its rest pose has this abduction), legs and spine straight.
 
-Signs mean the same on both sides: flexion moves forward (knee: the heel back), abduction away from the body,
-rotation inward; the trunk, neck and pelvis bend forward, lean to the person's right and turn to the left.
+Signs are alike on both sides: flexion is forward (knee: the heel back), abduction away from the body,
+rotation inward; trunk, neck and pelvis bend forward, lean to the person's right and turn to the left.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SHOWN_FROM_BEND = np.radians(20.0)
 """From this bend on of its elbow, an upper arm's rotation is seen."""
 
 _LIMB_BONES = {
-    # joint: carrier, moving segment, how far the bone hangs off the vertical at rest
+    # joint: carrier, moving segment, angle of the bone to the vertical at rest
     "shoulder": ("vt1", "{side}_upper_arm", ARM_TILT),
     "hip": ("pelvis", "{side}_thigh", 0.0),
 }
@@ -61,11 +61,11 @@ class SphericalJoint:
     """A joint with swing and twist.
 
     Args:
-        names: Of the forward, the sideways and the twisting angle.
-        dofs: What moves it, from the carrier outward.
+        names: Names of the forward, sideways and twist angles.
+        dofs: Its degrees of freedom, from the carrier outward.
         mirrored: Whether it belongs to a right limb.
-        upward: Whether the moving segment stands upright at rest, as the trunk does; limbs hang.
-        tilt: Of the bone at rest, radians.
+        upward: Whether the moving segment points up at rest, like the trunk; limbs point down.
+        tilt: Angle of the bone to the vertical at rest, radians.
     """
 
     names: tuple[str, str, str]
@@ -77,14 +77,14 @@ class SphericalJoint:
 
 @dataclass(frozen=True, slots=True)
 class RevoluteJoint:
-    """A joint that one degree of freedom describes."""
+    """A joint with one degree of freedom."""
 
     name: str
     dof: str
 
 
 def plain_name(dof: str) -> str:
-    """What people call a degree of freedom: `r_elbow_flexion` is `right_elbow_flexion`."""
+    """The plain name of a degree of freedom: `r_elbow_flexion` is `right_elbow_flexion`."""
     side, _, motion = dof.partition("_")
     if side not in SIDES:
         return dof
@@ -100,7 +100,7 @@ def _skeleton() -> Skeleton:
 
 @cache
 def anatomical_joints() -> tuple[tuple[SphericalJoint, ...], tuple[RevoluteJoint, ...]]:
-    """All joints of the template; each degree of freedom but the root's translations belongs to one."""
+    """All joints of the template; each degree of freedom except translations of the root belongs to one."""
     spherical = tuple(_spherical_joints())
     within = {dof.name for joint in spherical for dof in joint.dofs}
     revolute = [
@@ -124,7 +124,7 @@ def _spherical_joints() -> Iterator[SphericalJoint]:
 
 
 def whole_body(name: str) -> SphericalJoint:
-    """How the root lies in the camera's axes, in the body's own heading."""
+    """The orientation of the root in the camera's axes, relative to the body's heading."""
     names = (f"{name}_forward_tilt", f"{name}_side_tilt", f"{name}_turn")
     return SphericalJoint(names, tuple(d for d in _skeleton().dofs if d.name in ROOT_DOFS[3:]), upward=True)
 
@@ -142,20 +142,20 @@ def _between(carrier: str, segment: str) -> tuple[Dof, ...]:
 
 
 def hanging(joint: SphericalJoint) -> NDArray[np.float64]:
-    """Rotation vector (3,) that takes the vertical to the left limb's bone at rest."""
+    """Rotation vector (3,) from the vertical to the left limb's bone at rest."""
     return np.array([0.0, 0.0, -joint.tilt])
 
 
 @dataclass(frozen=True, slots=True)
 class Angles:
-    """Which angles a body has, and how they follow from its pose.
+    """The angles of a body, as functions of its pose.
 
     Args:
         dof_names: Degrees of freedom (D,) of the poses.
-        spherical: Joints with swing and twist; the whole body's turn is the first, if it moves.
-        revolute: Joints of one degree of freedom.
-        held: Values of degrees of freedom that do not move, radians; what is not named is zero.
-        level: Rotation vector from the camera's axes to those in which the whole body's turn is given.
+        spherical: Joints with swing and twist; the first is the rotation of the whole body, if it moves.
+        revolute: Joints with one degree of freedom.
+        held: Values of held degrees of freedom, radians; zero if missing.
+        level: Rotation vector from the camera's axes to those for the rotation of the whole body.
     """
 
     dof_names: tuple[str, ...]
@@ -166,22 +166,23 @@ class Angles:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the angles (A,) are called; three of each spherical joint first, then the others."""
+        """Names of the angles (A,); first three per spherical joint, then the others."""
         return (
             *(name for joint in self.spherical for name in joint.names),
             *(joint.name for joint in self.revolute),
         )
 
     def measure(self, poses: Array) -> Array:
-        """Angles (N, A) of poses (N, D), radians; of each the value nearest to zero."""
+        """Angles (N, A) of poses (N, D), radians, each the value nearest to zero."""
         parts = [self._spherical(joint, poses) for joint in self.spherical]
         revolute = [self._value(joint.dof, poses)[:, None] for joint in self.revolute]
         return np.concatenate([np.empty((len(poses), 0)), *parts, *revolute], axis=1)
 
     def near(self, angles: Array, reference: Array) -> Array:
-        """The same angles (N, A), each on the turn nearest to `reference` (A,) or (N, A).
+        """The angles (N, A), each at the equivalent value nearest to `reference` (A,) or (N, A).
 
-        A swing of s is also one of 360 degrees less s the other way about, and a turn is also one more.
+        A swing by s equals a swing by 360 degrees - s in the opposite direction, and angles can differ by
+        full turns.
         """
         near, reference = angles.copy(), np.broadcast_to(reference, angles.shape)
         for b, joint in enumerate(self.spherical):
@@ -195,7 +196,7 @@ class Angles:
 
     @property
     def levers(self) -> dict[int, int]:
-        """Angles that are seen only where another one is bent, and that other one: upper arms' rotation."""
+        """Angles that are visible only if another is bent, with that other: rotations of upper arms."""
         names = self.names
         return {
             names.index(f"{side}_shoulder_rotation"): names.index(f"{side}_elbow_flexion")
@@ -204,10 +205,10 @@ class Angles:
         }
 
     def follow(self, poses: Array, unknown: NDArray[np.bool_] | None = None) -> Array:
-        """Angles (F, A) of the poses (F, D) of successive frames, each on the turn nearest to the one before.
+        """Angles (F, A) of the poses (F, D) of successive frames, each at the value nearest to the last.
 
-        A rotation that nothing shows, as the elbow is straight, does not say on which turn the next one is;
-        nor does anything of a frame that is `unknown` (F,).
+        Rotations that are not visible, because the elbow is straight, and `unknown` (F,) frames are not used
+        as reference for the next frame.
         """
         angles = self.measure(poses)
         last = angles[0].copy() if len(angles) else np.empty(0)
@@ -221,7 +222,7 @@ class Angles:
         return angles
 
     def _spherical(self, joint: SphericalJoint, poses: Array) -> Array:
-        """Forward, sideways and twisting angle (N, 3) of one joint."""
+        """Forward, sideways and twist angles (N, 3) of one joint."""
         from scipy.spatial.transform import Rotation  # slow to load
 
         turned = self.rotation(joint, poses) * Rotation.from_rotvec(hanging(joint))
@@ -231,7 +232,7 @@ class Angles:
         return np.stack([-swing[:, 0], -swing[:, 1], twist], axis=1)
 
     def rotation(self, joint: SphericalJoint, poses: Array) -> Rotation:
-        """Of the moving segment in its carrier (N,); a right limb's as that of its mirror image."""
+        """Rotations (N,) of the moving segment in its carrier; for a right limb those of its mirror image."""
         from scipy.spatial.transform import Rotation  # slow to load
 
         of_body = joint.dofs[0].name in ROOT_DOFS
@@ -249,21 +250,22 @@ class Angles:
 
 
 def upward(swing: Array, twist: Array) -> Array:
-    """Forward, to the right, to the left (N, 3) of what stands upright."""
+    """Angles (N, 3) forward, to the right, to the left, of an upright segment."""
     return np.stack([swing[:, 0], -swing[:, 1], -twist], axis=1)
 
 
 def in_heading(swing: Array, twist: Array) -> Array:
-    """The same with the swing in the axes of a body that has turned."""
+    """The angles with the swing in the axes of a body after its turn."""
     c, s = np.cos(twist), np.sin(twist)
     x, z = swing.T
     return upward(np.stack([c * x - s * z, s * x + c * z], axis=1), twist)
 
 
 def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Array | None = None) -> Angles:
-    """The angles of a body that is tracked: anatomical ones of a person, joint values of anything else.
+    """The angles of a tracked body: anatomical ones of a person, joint values of other bodies.
 
-    With `up` (3,), away from the ground in the camera frame, the whole body's are against the vertical.
+    With `up` (3,), away from the ground in the camera frame, angles of the whole body are relative to the
+    vertical.
     """
     if is_person(model.dof_names):
         return person_angles(model.dof_names, held or {}, up)
@@ -278,7 +280,7 @@ def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Arr
 
 
 def level_turn(up: Array | None) -> tuple[float, float, float]:
-    """The rotation vector into the axes of a camera that is held level."""
+    """The rotation vector to the axes of the levelled camera."""
     from scipy.spatial.transform import Rotation  # slow to load
 
     x, y, z = Rotation.from_matrix(level_from_camera(up)).as_rotvec().tolist()
@@ -286,15 +288,15 @@ def level_turn(up: Array | None) -> tuple[float, float, float]:
 
 
 def is_person(dof_names: Sequence[str]) -> bool:
-    """Whether degrees of freedom are those of a person, by their MPEG-4 names."""
+    """Whether the degrees of freedom are those of a person, by their MPEG-4 names."""
     joints = set(dof_names) - set(ROOT_DOFS)
     return bool(joints) and joints <= set(JOINT_ANGLES)
 
 
 def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float], up: Array | None = None) -> Angles:
-    """The anatomical angles of the joints in which something moves.
+    """The anatomical angles of the joints that move.
 
-    Of a neck that moves by one tilt alone that is the flexion, and there are no others.
+    If only one tilt of the neck moves, it is the flexion, and the neck has no other angles.
     """
     spherical, revolute = anatomical_joints()
     moving = set(dof_names)

@@ -1,4 +1,4 @@
-"""The body that the command line names, and its degrees of freedom."""
+"""Chooses the body and its degrees of freedom from the command line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + SPINE}
 
 
 def choose_model(model: str) -> str:
-    """The human template or a file that there is."""
+    """The human template or an existing file."""
     if model != HUMAN and not Path(model).is_file():
         what = f"no such file: {model}" if Path(model).suffix else f"unknown model '{model}'"
         raise InputError(f"{what}; give {HUMAN}, a URDF file, or a file of a person's measures")
@@ -33,10 +33,10 @@ def choose_model(model: str) -> str:
 
 
 def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMAN) -> Bodies:
-    """The bodies that `model` names: people of any stature, one person of a file, or what a URDF describes.
+    """The bodies of `model`: people of any stature, one person from a file, or a body from a URDF file.
 
-    Only the degrees of freedom `active` move: by default the preset's of a person, all of a URDF. Raises
-    InputError for a file that is none, and for unknown degrees of freedom.
+    Only the degrees of freedom `active` move: by default those of the preset for a person, all for a URDF.
+    Raises InputError for an invalid file, and for unknown degrees of freedom.
     """
     usual = USUAL[preset]
     if model == HUMAN:
@@ -48,19 +48,19 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
 
 
 def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> Bodies:
-    """One person who was measured: the same surface, moved, as that of people who are measured."""
+    """One person with known measures, with the surface of people of unknown size."""
     usual = USUAL[preset]
     chosen = choose_active(active, usual, HUMAN_DOFS)
     return OneBody(shape_space().person(measures), usual, chosen, (measures.stature, measures.girth))
 
 
 def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
-    """One body that is given with all its degrees of freedom; all of them move by default."""
+    """One body with all its degrees of freedom; all of them move by default."""
     return OneBody(model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
 
 
 def load_body(model: str) -> BodyModel:
-    """One body with all its degrees of freedom; of people, an average one."""
+    """One body with all its degrees of freedom; for people, an average person."""
     if model == HUMAN:
         return human()
     path = Path(model)
@@ -72,9 +72,9 @@ def load_body(model: str) -> BodyModel:
 
 
 def read_person(path: Path) -> Measures:
-    """Measures in metres from a JSON file; what is missing follows from stature.
+    """Measures in metres from a JSON file; missing ones follow from stature.
 
-    InputError for what is no person's, and for entries that are no measures.
+    InputError for implausible measures and unknown entries.
     """
     values = read_numbers(path, "give --model a file of a person's measures", "measure: metres")
     stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
@@ -87,7 +87,7 @@ def read_person(path: Path) -> Measures:
 def choose_active(
     wanted: tuple[str, ...] | None, usual: tuple[str, ...], known: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """What a user wants to move, `usual` for None; InputError for what is not `known`."""
+    """The active degrees of freedom, `usual` for None; InputError if one is not `known`."""
     if wanted is None:
         return usual
     chosen: list[str] = []

@@ -1,7 +1,7 @@
-"""Angles of a person whose joints alone are known, as of many truths: elbows, knees, shoulders and hips.
+"""Angles of a person from joint positions alone, as in many truths: elbows, knees, shoulders and hips.
 
-They are named and mean the same as those of `coordinator.bodies.angles`, but for the trunk and pelvis: these
-share one upright here, from the middle of the hips to that of the shoulders.
+They have the names and definitions of `coordinator.bodies.angles`, except that trunk and pelvis have a common
+axis here, from the centre of the hips to that of the shoulders.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ TRUNK = ("right_shoulder", "left_shoulder", "right_hip", "left_hip")
 
 
 def angles_from_joints(names: tuple[str, ...], joints: Array) -> dict[str, Array]:
-    """Angles (F,), radians, of joints (F, J, 3), any unit and axes; those whose joints have a name here.
+    """Angles (F,), radians, of joints (F, J, 3), any unit and axes, for the known joint names.
 
-    NaN where a joint is, or where two coincide.
+    NaN if a joint is NaN or two coincide.
     """
     at = {name: joints[:, j] for j, name in enumerate(names)}
     return dict([*bends(at), *swings(at)])
 
 
 def bends(at: Places) -> Iterator[tuple[str, Array]]:
-    """Flexion of elbows and knees: 0 where the limb is straight."""
+    """Flexion of elbows and knees: 0 if the limb is straight."""
     for side in OUTWARD:
         for hinge, ends in HINGES.items():
             first, middle, last = (f"{side}_{name}" for name in (ends[0], hinge, ends[1]))
@@ -66,6 +66,6 @@ def carrier(upright: Array, leftward: Array) -> Array:
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors (F, 3) at length 1; NaN where they have none."""
+    """Vectors (F, 3) normalised to length 1; NaN if their length is 0."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0.0, length, np.nan)

@@ -1,8 +1,8 @@
 """The surfaces of a URDF's links, with evenly spaced vertices.
 
-Correspondences go to vertices: a box has eight, a rounded edge from a CAD program a thousand, and neither can
-be tracked as it is. Long edges are split, then vertices that lie close together on one side of the surface
-become one. Kept vertices stay where they were; corners and sharp edges are kept first.
+Correspondences refer to vertices. A box has eight, and a rounded edge from a CAD program has a thousand;
+neither is suitable. Long edges are split, then nearby vertices on one side of the surface are merged.
+Remaining vertices are not moved; corners and sharp edges have priority.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from common.errors import InputError
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-VERTICES = 4_500  # about as many as a whole body is to have
+VERTICES = 4_500  # approximate number for a whole body
 SHARP_RAD = np.radians(30.0)
 LONGEST_EDGE, LEAST_DISTANCE = 1.3, 0.55  # in spacings
 
 
 def link_surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
-    """The surface of every link that has one, at rest: what is seen, or else what is for collisions.
+    """The surface of every link that has one, at rest: the visual geometry, or else the collision geometry.
 
-    `t_links` are T_rest_link (4, 4). Raises InputError where a mesh is missing, or there is none.
+    `t_links` are T_rest_link (4, 4). Raises InputError if a mesh is missing, or there is none.
     """
     found = surfaces_in(load_urdf(path).scene, t_links)
     if not found:
@@ -52,8 +52,8 @@ def link_surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Tr
 
 
 def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
-    """The parsed file with `what` yourdfpy is to load of it; InputError for whatever goes wrong."""
-    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # what matters is raised here
+    """The parsed file, with the parts `what` that yourdfpy loads; InputError for any error."""
+    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # errors are raised here
     try:
         return yourdfpy.URDF.load(str(path), filename_handler=partial(find_mesh, path=path), **what)
     except InputError:
@@ -65,7 +65,7 @@ def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
 
 
 def find_mesh(fname: str, path: Path) -> str:
-    """Where a mesh is: as named, or below the URDF's folder or one above it, without its package."""
+    """The path of a mesh: as named, or below the URDF's folder or its parents, without the package."""
     found: str = yourdfpy.urdf.filename_handler_magic(fname, str(path.parent.absolute()))
     if not Path(found).is_file():
         raise InputError(f"{path} names the mesh {fname}, which is not there; add it or correct the name")
@@ -91,7 +91,7 @@ def joined(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def outside_out(mesh: trimesh.Trimesh, transform: Array) -> trimesh.Trimesh:
-    """The mesh moved; counter-clockwise from outside where it is closed, so that there is an outside."""
+    """The transformed mesh; counter-clockwise from outside if it is closed."""
     bare = trimesh.Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), process=True)
     bare.apply_transform(transform)
     if bare.is_watertight:
@@ -105,7 +105,7 @@ def resample(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
         mesh.vertices, mesh.faces, max_edge=LONGEST_EDGE * spacing, max_iter=20
     )
     fine = merged(vertices, faces)
-    place = np.hstack([fine.vertices, spacing * fine.vertex_normals])  # the sides of a plate lie apart
+    place = np.hstack([fine.vertices, spacing * fine.vertex_normals])  # separates the sides of a plate
     sharp = fine.face_adjacency_edges[fine.face_adjacency_angles > SHARP_RAD]
     corners_first = np.argsort(-np.bincount(sharp.ravel(), minlength=len(place)), kind="stable")
     kept = thin_out(place, corners_first, LEAST_DISTANCE * spacing)
@@ -114,7 +114,7 @@ def resample(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
 
 
 def merged(vertices: Array, faces: Indices) -> trimesh.Trimesh:
-    """Equal vertices made one, without triangles that have no area and vertices that have no triangle."""
+    """Merge equal vertices; remove triangles without area and vertices without triangles."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces())
@@ -123,7 +123,7 @@ def merged(vertices: Array, faces: Indices) -> trimesh.Trimesh:
 
 
 def thin_out(points: Array, order: Indices, distance: float) -> Indices:
-    """Points (n, k) of which no two are closer than `distance`, taken in `order`; indices, ascending."""
+    """Indices, ascending, of points (n, k) of which no two are closer than `distance`, chosen in `order`."""
     neighbours = cKDTree(points).query_ball_point(points, distance)
     gone, kept = np.zeros(len(points), dtype=bool), []
     for i in order:

@@ -1,17 +1,16 @@
-"""Rotations taken apart: a swing that moves a bone's line, after a twist about that line.
+"""Decomposition of rotations: a twist about a bone, followed by a swing of the bone.
 
-R = swing(s) twist(t): the twist turns about the vertical (y) by `t`, the swing about the horizontal vector
-`s` by its length. The components of `s` are singular only where the bone points the opposite way (a swing of
-180 degrees), and nowhere else; Euler angles are singular at 90. See Grassia, "Practical parameterization of
+R = swing(s) twist(t): the twist rotates about the vertical (y) by `t`, the swing about the horizontal vector
+`s` by its length. The components of `s` are singular only if the bone points in the opposite direction (a
+swing of 180 degrees); Euler angles are singular at 90 degrees. See Grassia, "Practical parameterization of
 rotations using the exponential map", Journal of Graphics Tools 3 (1998).
 
 From these follow the shoulder's angles that the International Society of Biomechanics recommends, in the
 order Y, X, Y (Wu et al., "ISB recommendation on definitions of joint coordinate systems ... part II:
 shoulder, elbow, wrist and hand", Journal of Biomechanics 38, 2005): plane of elevation (0 is abduction, 90
 degrees forward flexion), elevation, and axial rotation (inward positive) of the upper arm against the trunk.
-With the arm straight down or straight up, plane and axial rotation turn about the same line: only their sum
-is known there, and each may jump from frame to frame. Flexion, abduction and rotation do not with the arm
-down.
+If the arm is straight down or straight up, plane and axial rotation have the same axis: only their sum is
+defined, and each may jump from frame to frame. Flexion, abduction and rotation do not jump with the arm down.
 
 For the hip (Wu et al. 2002) the pose itself is the recommended joint coordinate system: `r_hip_flexion`,
 `r_hip_abduct` (its sign is the opposite of adduction's) and `r_hip_twisting`, in this order.
@@ -53,9 +52,10 @@ def swing_twist(rotations: Rotation) -> tuple[Array, Array]:
 
 
 def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
-    """The same swings (N, 2), or a full turn less the other way about, whichever is nearer to `reference`.
+    """The swings (N, 2), or the equivalent opposite ones, whichever are nearer to `reference`.
 
-    Where a limb hops by more than `BEHIND`, it is not the way that no limb goes, backward or inward.
+    For a jump by more than `BEHIND`, directions that are impossible for limbs, backward or inward, are not
+    chosen.
     """
     angle = np.linalg.norm(swings, axis=-1, keepdims=True)
     other = swings * (1.0 - FULL_TURN / np.maximum(angle, 1e-9))
@@ -70,7 +70,7 @@ def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
 
 
 def nearest_turn(angles: Array, reference: Array, farthest: float = np.inf) -> Array:
-    """Angles (N,) plus the full turns that bring them nearest to `reference`, within +-`farthest`."""
+    """Angles (N,) shifted by full turns towards `reference`, within +-`farthest`."""
     near = angles + FULL_TURN * np.round((reference - angles) / FULL_TURN)
     near = np.where(near > farthest, near - FULL_TURN, near)
     return np.where(near < -farthest, near + FULL_TURN, near)
@@ -101,7 +101,7 @@ def isb_names(angle_names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def isb_angles(angle_names: tuple[str, ...], angles: Array) -> Array:
-    """The shoulders' ISB angles (F, 3 or 6) that belong to anatomical angles (F, A); radians."""
+    """ISB angles (F, 3 or 6) of the shoulders from anatomical angles (F, A); radians."""
     found = [np.empty((len(angles), 0))]
     for shoulder in shoulders(angle_names):
         first = angle_names.index(f"{shoulder}_flexion")
@@ -110,6 +110,6 @@ def isb_angles(angle_names: tuple[str, ...], angles: Array) -> Array:
 
 
 def shoulders(angle_names: tuple[str, ...]) -> list[str]:
-    """The shoulders that these angles describe."""
+    """The shoulders with all three angles among these."""
     sides = ("right_shoulder", "left_shoulder")
     return [shoulder for shoulder in sides if f"{shoulder}_flexion" in angle_names]

@@ -1,4 +1,4 @@
-"""The bodies that can be tracked: people by measures, or one that is known, and what of them is active."""
+"""The bodies that can be tracked: people of any size, or one known body; with their active DOFs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ THICKER = 0.1  # than the usual girth of 1: of the second body from which people
 
 
 def scaled(model: BodyModel, factor: float) -> BodyModel:
-    """The same body, larger in all directions."""
+    """The body, scaled in all directions."""
     return replace(
         model,
         points=model.points * factor,
@@ -31,7 +31,7 @@ def scaled(model: BodyModel, factor: float) -> BodyModel:
 
 @lru_cache
 def resized(slim: BodyModel, thick: BodyModel, share: float, factor: float) -> BodyModel:
-    """A body at a share of the way from a slim one to the same one, thicker, and then larger by a factor."""
+    """A body interpolated between a slim and a thick one by a share, and scaled by a factor."""
 
     def between(one: Array, other: Array) -> Array:
         return (one + share * (other - one)) * factor
@@ -45,7 +45,7 @@ def resized(slim: BodyModel, thick: BodyModel, share: float, factor: float) -> B
 
 
 def name_pose(model: BodyModel, values: Mapping[str, float]) -> Array:
-    """Pose (D,) from values by name, zero where there is none; InputError for an unknown name."""
+    """Pose (D,) from values by name, zero if missing; InputError for an unknown name."""
     pose = np.zeros(len(model.dof_names))
     for name, value in values.items():
         pose[model.dof(name)] = value
@@ -58,21 +58,21 @@ def pose_by_name(model: BodyModel, pose: Array) -> dict[str, float]:
 
 
 class Bodies:
-    """People of any stature and girth, or one body that is known: a robot, an object, a person.
+    """People of any stature and girth, or one known body: a robot, an object, a person.
 
     Args:
-        build: Full model from stature and girth; all of them have the same vertices, moved.
-        start_dofs: Degrees of freedom that a start is searched in.
-        active: Those that are tracked.
-        measures: Stature (m) and girth, where they are known.
+        build: Full model from stature and girth; all models have corresponding vertices.
+        start_dofs: Degrees of freedom for detection.
+        active: Tracked degrees of freedom.
+        measures: Stature (m) and girth, if they are known.
         dof_names: All degrees of freedom.
     """
 
     people = True
-    """Whether it is a person, who is looked for in the postures of people."""
+    """Whether it is a person, who is detected in typical poses of people."""
 
     content: str | None = None
-    """Hash of a body that is known."""
+    """Hash of a known body."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class Bodies:
         return scaled(self._of_girth(girth), stature / REFERENCE_STATURE)
 
     def for_start(self, stature: float, girth: float) -> BodyModel:
-        """The body with the degrees of freedom that a start is searched in."""
+        """The body with the degrees of freedom for detection."""
         factor = stature / REFERENCE_STATURE
         if self.measures is not None:
             return scaled(self._activated(girth), factor)
@@ -99,7 +99,7 @@ class Bodies:
         return resized(slim, thick, (girth - 1.0) / THICKER, factor)
 
     def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
-        """The body as it is tracked, what is not active held at `values`, and its pose (D,) there."""
+        """The tracked body, with other degrees of freedom held at `values`, and its pose (D,) there."""
         full = self.full(stature, girth)
         held = name_pose(full, values)
         model = activate(full, self.active, held)
@@ -111,13 +111,13 @@ class Bodies:
 
 
 class OneBody(Bodies):
-    """A body that is known: a robot, an object, a person who was measured.
+    """A known body: a robot, an object, a person with known measures.
 
     Args:
         model: The body with all its degrees of freedom.
-        start_dofs: Degrees of freedom that a start is searched in.
-        active: Those that are tracked.
-        measures: Stature and girth of a person; None for anything else.
+        start_dofs: Degrees of freedom for detection.
+        active: Tracked degrees of freedom.
+        measures: Stature and girth of a person; None for other bodies.
     """
 
     def __init__(
@@ -136,5 +136,5 @@ class OneBody(Bodies):
         return self._of_girth(0.0)
 
     def for_start(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
-        """The body with the degrees of freedom that a start is searched in."""
+        """The body with the degrees of freedom for detection."""
         return self._activated(0.0)

@@ -1,8 +1,8 @@
 """A URDF file as a body: any tree of revolute, continuous, prismatic and fixed joints.
 
-The body's rest pose is the robot with all joints at zero, its base link's z axis up and its x axis towards
-the camera, so that a robot stands and faces the camera as a person does at rest; its root has the usual
-six degrees of freedom. Joints keep their names. Links that fixed joints hold together become one.
+In the rest pose all joints are zero, the z axis of the base link is up and its x axis points to the camera,
+so that a robot faces the camera like a person at rest. The root has the usual six degrees of freedom. Joints
+keep their names. Links connected by fixed joints are merged.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Tree:
 
 
 def read_urdf(path: Path) -> BodyModel:
-    """The body that a URDF file describes; InputError for what is none or cannot be tracked."""
+    """The body of a URDF file; InputError if the file is invalid or the body cannot be tracked."""
     if not path.is_file():
         raise InputError(f"no such file: {path}; give --model human or a URDF file")
     check_text(path)
@@ -94,7 +94,7 @@ def read_urdf(path: Path) -> BodyModel:
 
 
 def check_text(path: Path) -> None:
-    """InputError for what is no XML, no robot, or still to be expanded."""
+    """InputError if the text is not XML, not a robot, or an unexpanded xacro file."""
     try:
         root = ET.parse(path).getroot()
     except (ET.ParseError, LookupError, ValueError) as error:
@@ -122,7 +122,7 @@ def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
 
 
 def span_tree(path: Path, robot: yourdfpy.Robot) -> Tree:
-    """The tree of links and joints; InputError if they make none, or for a name that is there twice."""
+    """The tree of links and joints; InputError if they are not a tree, or a name occurs twice."""
     children, links = {joint.child for joint in robot.joints}, [link.name for link in robot.links]
     base = next((link for link in links if link not in children), "")
     t_base = np.eye(4)
@@ -145,7 +145,7 @@ def span_tree(path: Path, robot: yourdfpy.Robot) -> Tree:
 
 
 def limits_of(path: Path, joint: yourdfpy.Joint) -> tuple[float, float]:
-    """Lower and upper limit; infinite where none is given."""
+    """Lower and upper limit; infinite if missing."""
     limit = joint.limit
     if joint.type == "continuous" or limit is None or (limit.lower is None and limit.upper is None):
         return (-np.inf, np.inf)

@@ -1,4 +1,4 @@
-"""The joint angles of a person: MPEG-4's names and numbers, ranges of motion, spreads about rest.
+"""The joint angles of a person: MPEG-4 names and numbers, ranges of motion, spreads around rest.
 
 MPEG-4 (ISO/IEC 14496-2, Annex C) numbers 180 joint angles, left before right, and adds six parameters for the
 body's root. This project follows the motion that a parameter means ("up and down rotation of the toe in the
@@ -7,15 +7,15 @@ sagittal plane"), with the signs of `coordinator.bodies.human.skeleton`, and mov
 
 Ranges of limbs: the means of American Academy of Orthopaedic Surgeons, "Joint Motion" (1965) and Boone &
 Azen, "Normal range of motion of joints in male subjects", J. Bone Joint Surg. 61-A (1979), rounded outward by
-some degrees, because a limit that is too tight cannot be tracked through; joints that these leave out have
-small ranges by judgement. Spine: about the sums over the regions of White & Panjabi, "Clinical Biomechanics
+a few degrees, because limits that are too tight prevent tracking; joints that are not in these sources have
+small estimated ranges. Spine: about the sums over the regions of White & Panjabi, "Clinical Biomechanics
 of the Spine", 2nd ed. (1990).
 
-A single vertebra moves by a few degrees, but a tracker moves only one or two vertebrae, each as the
-stand-in for its region. So each vertebra's range is that of all lumbar and thoracic joints together (with
-what the pelvis adds when a person bends down), or of the whole neck; a sum over many active vertebrae is
-not limited. Shoulder and hip ranges are those of flexion, then abduction, then twisting, in this order:
-abduction reaches 180 degrees because an arm may be raised overhead by abduction alone.
+A single vertebra moves by a few degrees, but a tracker moves only one or two vertebrae, which represent their
+region. So the range of each vertebra is that of all lumbar and thoracic joints together (including the pelvis
+when a person bends down), or of the whole neck; a sum over many active vertebrae is not limited.
+Shoulder and hip ranges are those of flexion, then abduction, then twisting, in this order: abduction reaches
+180 degrees because an arm may be raised overhead by abduction alone.
 """
 
 from __future__ import annotations
@@ -119,13 +119,13 @@ subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 
 
 
 def rest_spread(dof: str) -> float:
-    """How far an angle usually is from rest: the rest prior's deviation in units of `pose_deviation`."""
+    """Standard deviation of an angle in the rest prior, in units of `pose_deviation`."""
     joint = _parts(dof)[1]
     return _REST_SPREADS.get("neck" if _is_in_neck(joint) else joint, 1.0)
 
 
 def joint_range(dof: str) -> NDArray[np.float64]:
-    """Lower and upper limit (2,) in radians, or in metres for the root; infinite where free."""
+    """Lower and upper limit (2,) in radians, or in metres for the root; infinite if free."""
     side, joint, motion = _parts(dof)
     if joint == "root":
         return np.array([-np.inf, np.inf])
@@ -137,7 +137,7 @@ def joint_range(dof: str) -> NDArray[np.float64]:
 
 
 def _parts(dof: str) -> tuple[str, str, str]:
-    """Side (nothing in the middle), joint and motion that a degree of freedom is named after."""
+    """Side (empty for the middle), joint and motion in the name of a degree of freedom."""
     side = dof[0] if dof.startswith(("l_", "r_")) else ""
     joint, _, motion = dof.removeprefix(f"{side}_").partition("_")
     return side, joint, motion

@@ -1,6 +1,6 @@
 """Measures of a person: stature, girth and segment lengths.
 
-What is not given follows from stature. The fractions lie between the segments of Drillis & Contini (1966;
+Missing lengths follow from stature. The fractions lie between the segments of Drillis & Contini (1966;
 in Winter, "Biomechanics and Motor Control of Human Movement", 4th ed. 2009, fig. 4.1), which end at
 landmarks on the skin, and the distances between joint centres of de Leva, "Adjustments to
 Zatsiorsky-Seluyanov's segment inertia parameters", J. Biomech. 29 (1996). The joint centre of the shoulder
@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 
 from common.errors import InputError
 
-REFERENCE_STATURE = 1.75  # metres, of a person whose stature is not known
+REFERENCE_STATURE = 1.75  # metres, of a person of unknown stature
 
 FRACTIONS_OF_STATURE = {
     "upper_arm": 0.166,
@@ -33,8 +33,8 @@ FRACTIONS_OF_STATURE = {
 class Measures:
     """Lengths in metres; `girth` is a factor (1 for an average person in everyday clothes).
 
-    `trunk` reaches from the hip joints up to the points about which the arms turn in it, the upper arm from
-    there down to the elbow; widths are between such points.
+    `trunk` is the length from the hip joints to the centres of rotation of the arms; the upper arm is from
+    there to the elbow; widths are between such centres.
     """
 
     stature: float
@@ -54,7 +54,7 @@ class Measures:
     def of(cls, stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: float) -> Measures:
         """Measures of a person of this stature; `lengths` (metres) replace those that stature implies.
 
-        Raises InputError for an unknown measure or one that no person has.
+        Raises InputError for an unknown or implausible measure.
         """
         known = {name: fraction * stature_m for name, fraction in FRACTIONS_OF_STATURE.items()}
         for name in lengths:

@@ -1,7 +1,7 @@
 """The surface of a signed distance as triangles with nearly evenly spaced vertices, by marching cubes.
 
-The body is the mirror image of itself, so only its left half is meshed; vertices on the mirror plane are
-shared. The result is the same, byte by byte, for the same distances.
+The body is symmetric, so only its left half is meshed; vertices on the mirror plane are shared. The same
+distances give the same bytes.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _mirrored(half: Array, triangles: Indices) -> tuple[Array, Indices, Indices]
 
 
 def _evened(distance: Distance, vertices: Array, triangles: Indices, mirror: Indices, delta: float) -> Array:
-    """Vertices moved along the surface to the middle of their neighbours, and back onto the surface."""
+    """Move vertices along the surface to the mean of their neighbours, and back onto the surface."""
     neighbours = _neighbours(triangles, len(vertices))
     left = mirror >= np.arange(len(mirror))
     for _ in range(ROUNDS):
@@ -86,7 +86,7 @@ def _onto_surface(distance: Distance, points: Array, delta: float) -> Array:
 
 
 def slope(distance: Distance, points: Array, delta: float) -> Array:
-    """The gradient (n, 3) of the distance at points (n, 3), by differences."""
+    """The gradient (n, 3) of the distance at points (n, 3), by finite differences."""
     ends = np.concatenate([points + delta * e for e in (*np.eye(3), *-np.eye(3))])
     values = distance(ends).reshape(6, -1)
     return np.asarray((values[:3] - values[3:]).T / (2.0 * delta))

@@ -1,13 +1,14 @@
-"""Signed distance to a person of given measures, in the building pose: a smooth union of tapered parts.
+"""Signed distance to a person with given measures, in the building pose: a smooth union of tapered parts.
 
 In the building pose the arms are raised to `ARMS_RAISED` from the vertical and the legs are spread by
-`LEGS_SPREAD`, half-way between the poses that people take, so that armpits and crotch are open.
+`LEGS_SPREAD`, so that armpits and crotch are open. It is in the middle of common poses.
 
-The outline of a clothed adult comes as tables of elliptic sections. Rows: position along the part, then the
-section's centre and half-widths in the two other coordinates (in the order x, y, z), in percent of stature.
+The outline of a clothed adult is given by tables of elliptic sections. Rows: position along the part, then
+the section's centre and half-widths in the two other coordinates (in the order x, y, z), in percent of
+stature.
 At chest, waist and hips, breadths and depths are the means of both sexes (as fractions of stature) in Gordon
 et al., "2012 Anthropometric Survey of U.S. Army Personnel" (NATICK/TR-15/007), plus 1-2 cm of clothes; the
-rest was drawn by eye to go with them. Caps are the lengths of the rounded ends before the first and after the
+other sections were estimated. Caps are the lengths of the rounded ends before the first and after the
 last row.
 """
 
@@ -179,7 +180,7 @@ class Loft:
     caps: tuple[float, float]
 
     def distance(self, points: Array) -> Array:
-        """Approximate signed distance (n,) of points (n, 3): right in sign, first order near the surface."""
+        """Approximate signed distance (n,) of points (n, 3): correct sign, first order near the surface."""
         low, high = self._box
         near = np.all((points > low) & (points < high), axis=1)
         distance = np.full(len(points), FAR)
@@ -223,7 +224,7 @@ class Loft:
 
 
 def smooth_union(distances: Iterable[Array], width: float) -> Array:
-    """Smooth minimum of distances: each pair's smaller one where the two differ by more than `width`."""
+    """Smooth minimum of distances; the exact minimum if two differ by more than `width`."""
 
     def of_two(first: Array, second: Array) -> Array:
         overlap = np.maximum(width - np.abs(first - second), 0.0) / width
@@ -266,7 +267,7 @@ class Shape:
 
 
 def shape_person(measures: Measures, skeleton: Skeleton) -> Shape:
-    """The outline placed on the joints of a person of these measures."""
+    """The outline on the joints of a person with these measures."""
     at = skeleton.joints
     shoulder, hip, ankle = at["l_shoulder"], at["l_hip"], at["l_ankle"]
     trunk_knots = np.array([-measures.trunk, 0.0])
@@ -316,13 +317,13 @@ def _placed(part: Part, knots: Array, origin: Array, measures: Measures) -> Loft
 
 
 def _at_knots(position: Array, knots: Array) -> Array:
-    """Metres for positions counted in knots, going on beyond the ends at the same rate."""
+    """Metres for positions in units of knots, extrapolated linearly beyond the ends."""
     first = np.clip(np.floor(position).astype(np.int64), 0, len(knots) - 2)
     return np.asarray(knots[first] + (position - first) * (knots[first + 1] - knots[first]))
 
 
 def _broadened(trunk: Loft, measures: Measures) -> Loft:
-    """The trunk as much broader as the hips are below, and as the shoulders are above."""
+    """The trunk, broadened like the hips below and like the shoulders above."""
     usual = FRACTIONS_OF_STATURE
     hips = measures.hip_width / (usual["hip_width"] * measures.stature)
     shoulders = measures.shoulder_width / (usual["shoulder_width"] * measures.stature)
@@ -332,7 +333,7 @@ def _broadened(trunk: Loft, measures: Measures) -> Loft:
 
 
 def _lowered(centre: Array, angle: float, to: Array) -> Array:
-    """(3, 4) that lowers a left limb, raised sideways by `angle` about `centre`, and puts that at `to`."""
+    """Transform (3, 4) that lowers a left limb by `angle` about `centre`, and moves `centre` to `to`."""
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return np.column_stack([turn, to - turn @ centre])

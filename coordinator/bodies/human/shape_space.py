@@ -1,9 +1,9 @@
-"""People of any measures as one surface that is moved: a linear space about the average person.
+"""People of any measures as one deformed surface: a linear space around the average person.
 
-Meshing a person takes a third of a second; moving the vertices of one who was meshed, a millisecond. For each
-measure the vertices follow the bones that carry them, and then go straight to the surface that `shape` gives
-to the changed measures. Stature is a scale, and exact; what is left is linear in girth and in the ratios of
-lengths to those that stature implies.
+Meshing a person takes a third of a second; moving the vertices of an existing mesh takes a millisecond. For
+each measure the vertices move with their bones and are then projected to the surface that `shape` gives for
+the changed measures. Stature is an exact scale; all else is linear in girth and in the ratios of lengths to
+those implied by stature.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 RATIOS = ("girth", *FRACTIONS_OF_STATURE)
 """What makes people of one stature differ."""
 
-STEP = 0.1  # of a ratio, over which its effect is taken
-NEAR = 0.003  # metres over which the surface's slope is taken
-ROUNDS = 2  # of Newton's method onto the surface, each along the usual person's normals
+STEP = 0.1  # of a ratio, for its effect
+NEAR = 0.003  # metres, for the gradient of the surface
+ROUNDS = 2  # of Newton's method to the surface, along the normals of the average person
 
 _LIMB_ENDS = {"clavicle": "shoulder", "upper_arm": "elbow", "forearm": "wrist", "hand": "middle3",
               "thigh": "knee", "shank": "ankle", "foot": "metatarsal"}  # fmt: skip
@@ -40,7 +40,7 @@ END_OF = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShapeSpace:
-    """The average person, and what each ratio (R) changes of it: metres for each unit of the ratio."""
+    """The average person, and its change by each ratio (R): metres per unit of the ratio."""
 
     usual: BodyModel
     vertices: Array  # (R, V, 3)
@@ -48,7 +48,7 @@ class ShapeSpace:
     joint_points: Array  # (R, J, 3)
 
     def person(self, measures: Measures) -> BodyModel:
-        """A person of these measures, with all degrees of freedom."""
+        """A person with these measures, with all degrees of freedom."""
         apart, scale = ratios(measures) - 1.0, measures.stature / REFERENCE_STATURE
 
         def changed(usual: Array, effects: Array) -> Array:
@@ -69,14 +69,14 @@ def person_of_size(stature_m: float, girth: float) -> BodyModel:
 
 
 def ratios(measures: Measures) -> Array:
-    """Girth, and each length's ratio (R,) to that which stature implies."""
+    """Girth, and the ratios (R,) of lengths to those implied by stature."""
     lengths = [getattr(measures, name) / (f * measures.stature) for name, f in FRACTIONS_OF_STATURE.items()]
     return np.array([measures.girth, *lengths])
 
 
 @cache
 def shape_space() -> ShapeSpace:
-    """The space of all people, made once in a process."""
+    """The space of all people, computed once per process."""
     raised = raise_arms(Measures.of())
     usual, vertices = mesh_person(raised)
     steep = slope(shape_person(raised.measures, raised.skeleton).distance, vertices, NEAR)
@@ -91,14 +91,14 @@ def shape_space() -> ShapeSpace:
 
 
 def one_changed(name: str) -> Measures:
-    """An average person with one ratio a step larger."""
+    """An average person with one ratio increased by a step."""
     if name == "girth":
         return Measures.of(girth=1.0 + STEP)
     return Measures.of(**{name: (1.0 + STEP) * FRACTIONS_OF_STATURE[name] * REFERENCE_STATURE})
 
 
 def reshape(usual: BodyModel, vertices: Array, normals: Array, before: Raised, after: Raised) -> BodyModel:
-    """The usual person made another; vertices and normals (V, 3) are the usual one's in the building pose."""
+    """Deform the average person to another; vertices and normals (V, 3) are its own in the building pose."""
     moved = follow_bones(usual, vertices, before, after)
     distance = shape_person(after.measures, after.skeleton).distance
     for _ in range(ROUNDS):
@@ -112,7 +112,7 @@ def reshape(usual: BodyModel, vertices: Array, normals: Array, before: Raised, a
 
 
 def follow_bones(usual: BodyModel, vertices: Array, before: Raised, after: Raised) -> Array:
-    """Vertices (V, 3) in the building pose, moved as the bones that carry them move and stretch."""
+    """Vertices (V, 3) in the building pose, moved and stretched with their bones."""
     moved = np.zeros_like(vertices)
     for k, link in enumerate(usual.link_names):
         share = np.where(usual.skin_links == k, usual.skin_weights, 0.0).sum(axis=1)
@@ -122,14 +122,14 @@ def follow_bones(usual: BodyModel, vertices: Array, before: Raised, after: Raise
 
 
 def bone(link: str, raised: Raised) -> tuple[Array, Array]:
-    """Where the bone of a link begins and ends; where it ends is no matter for those that carry no other."""
+    """Start and end of the bone of a link; the end is arbitrary for the last bone of a limb."""
     place = raised.skeleton.links[link]
     start = next(dof.joint for dof in raised.skeleton.dofs if dof.name == place)
     return raised.joints[start], raised.joints[END_OF.get(link, start)]
 
 
 def along_bone(points: Array, start: Array, end: Array, new_start: Array, new_end: Array) -> Array:
-    """How far points (V, 3) about a bone move that is stretched: evenly from start to end, no more beyond."""
+    """Displacement of points (V, 3) around a stretched bone: linear from start to end, constant beyond."""
     length = float((end - start) @ (end - start))
     along = np.clip((points - start) @ (end - start) / length, 0.0, 1.0) if length else np.zeros(len(points))
     moved: Array = (new_start - start) + along[:, None] * ((new_end - end) - (new_start - start))

@@ -1,8 +1,8 @@
 """Joint centres of the human template and the table of its degrees of freedom.
 
-Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms hang a little
-off the vertical, by `ARM_TILT`, so that they clear an average trunk; all angles are zero there whatever
-the girth, so that angles of different people compare. Coordinates are those of `common.body`: x to the
+Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms differ from the
+vertical by `ARM_TILT`, so that they do not touch an average trunk. All angles are zero there for any girth,
+so that angles of different people can be compared. Coordinates are those of `common.body`: x to the
 person's left, y down, z to the person's back, the root between the hip joints at the origin.
 
 Signs, the same on both sides of the body:
@@ -15,8 +15,8 @@ Signs, the same on both sides of the body:
 - pivot moves the hand or finger to the side of the thumb; the thumb's away from the palm;
 - tilt bends forward, torsion turns to the person's left, roll leans to the person's right.
 
-The legs hang off the root and the spine stands on the sacroiliac joint, so bending the waist leaves the
-legs; in the standard the spine stands on the root and the legs hang off the sacroiliac joint.
+The legs are children of the root and the spine is a child of the sacroiliac joint, so bending the waist does
+not move the legs. In the standard the spine is a child of the root and the legs of the sacroiliac joint.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ _ARM = {
 
 @dataclass(frozen=True)
 class Dof:
-    """One degree of freedom: its parent's name, its axis, and the joint through which the axis goes."""
+    """One degree of freedom: name of its parent, axis, and joint on the axis."""
 
     name: str
     kind: int
@@ -150,12 +150,12 @@ def _fingers(side: str, tilt: float) -> Iterator[Bone]:
 
 
 def _axes(side: str, joint: str, motions: Motions, tilt: float) -> Motions:
-    """Axis of each degree of freedom of a joint of either side, in a limb that hangs tilted."""
+    """Axis of each degree of freedom of a joint of either side, in a tilted limb."""
     return {f"{side}_{joint}_{motion}": _sided(side, tilted(axis, tilt)) for motion, axis in motions.items()}
 
 
 def tilted(vector: Vector, angle: float) -> Vector:
-    """A vector of an upright left limb after it was raised sideways by `angle`."""
+    """A vector of a vertical left limb after raising it sideways by `angle`."""
     c, s = float(np.cos(angle)), float(np.sin(angle))
     x, y, z = vector
     return c * x + s * y, c * y - s * x, z
@@ -223,7 +223,7 @@ def _arm(measures: Measures) -> dict[str, Array]:
 
 
 def _hand(measures: Measures, wrist: Array) -> dict[str, Array]:
-    """Finger joints, on lines down the hanging hand; the index finger is in front."""
+    """Finger joints, on lines down the hand; the index finger is in front."""
 
     def at(down: float, front: float) -> Array:
         return wrist + measures.hand * np.array(tilted((0.0, down, -front), ARM_TILT))

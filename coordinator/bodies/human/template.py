@@ -1,10 +1,10 @@
-"""The human template: a clothed adult made from measures, with every joint angle of MPEG-4.
+"""The human template: a clothed adult with given measures and all joint angles of MPEG-4.
 
 model = human(1.80)
 body = activate(model, DEFAULT_ACTIVE, np.zeros(len(model.dof_names)))
 
-Skinning is made in the building pose of `coordinator.bodies.human.shape`. A share of 1 beyond a joint and 0
-before it, blended over a width that suits the joint, splits the skin of a limb between its bones.
+Skinning is computed in the building pose of `coordinator.bodies.human.shape`. The skin of a limb is divided
+between its bones by a share of 1 beyond a joint and 0 before it, blended over a width for each joint.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _NECK_SHIFT = (0.009, 0.0, -0.018)
 
 
 def skin_shares(points: Array, joints: Joints, measures: Measures) -> dict[str, Array]:
-    """Share (V,) of each link that carries skin; the shares of a point add up to 1.
+    """Share (V,) of each link with skin; the shares of a point sum to 1.
 
     `points` (V, 3) and `joints` (3,) are both in the building pose.
     """
@@ -89,7 +89,7 @@ def _leg_shares(points: Array, at: Joints, measures: Measures) -> dict[str, Arra
 
 
 def _cylindrical(points: Array, start: Array, end: Array) -> tuple[Array, Array]:
-    """Distance (V,) along the line from `start` to `end`, and across it."""
+    """Distances (V,) along the line from `start` to `end`, and from it."""
     direction = (end - start) / np.linalg.norm(end - start)
     along = (points - start) @ direction
     return along, np.linalg.norm(points - start - along[:, None] * direction, axis=1)
@@ -110,7 +110,7 @@ def _spine_shares(points: Array, joints: Joints, measures: Measures) -> dict[str
 
 
 def _level(points: Array, joints: Joints, measures: Measures) -> Array:
-    """Height (n,) above the hips, of slanting levels at the neck: the chin is as high as the nape."""
+    """Height (n,) above the hips, with tilted levels at the neck: chin and nape have the same height."""
     height = -points[:, 1]
     slant = 0.5 * blend(height, -joints["vc7"][1] - 0.015 * measures.stature, 0.05 * measures.stature)
     return np.asarray(height - slant * points[:, 2])
@@ -154,24 +154,25 @@ _NAMED_JOINTS = {
 
 
 def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: float) -> BodyModel:
-    """A person of this stature (metres); `girth` widens trunk and limbs, `lengths` are measures in metres.
+    """A person of this stature (metres); `girth` scales the width, `lengths` are measures in metres.
 
-    All 186 degrees of freedom, root first. Raises InputError for measures that no person has.
+    All 186 degrees of freedom, root first. Raises InputError for implausible measures.
     """
     return human_of(Measures.of(stature_m, girth, **lengths))
 
 
 @lru_cache(maxsize=4)
 def human_of(measures: Measures) -> BodyModel:
-    """A person of these measures. The same measures give the same bytes; the last few are kept."""
+    """A person with these measures. The same measures give the same bytes; the last few are cached."""
     return mesh_person(raise_arms(measures))[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raised:
-    """A person without skin in the building pose, in which the surface is made.
+    """A person without skin in the building pose, in which the surface is computed.
 
-    joints: Centres (3,) there. transforms: Of each degree of freedom (D, 3, 4), from rest to there.
+    joints: Centres (3,) in this pose. transforms: Of each degree of freedom (D, 3, 4), from rest to this
+    pose.
     """
 
     measures: Measures
@@ -182,7 +183,7 @@ class Raised:
 
 
 def raise_arms(measures: Measures) -> Raised:
-    """A person of these measures in the building pose."""
+    """A person with these measures in the building pose."""
     skeleton = build_skeleton(measures)
     bare = _without_skin(skeleton)
     raised = dof_transforms(bare, _building_pose(bare)[None])[0]
@@ -251,7 +252,7 @@ def _left_half(measures: Measures) -> tuple[Array, Array]:
 
 
 def lay_to_rest(skinned: BodyModel, vertices: Array, transforms: Array) -> Array:
-    """Undo the blended motion of the building pose, which has moved each degree of freedom (D, 3, 4)."""
+    """Invert the blended motion to the building pose, given by transforms (D, 3, 4)."""
     t_links = transforms[skinned.link_dofs]
     blended = np.einsum("vkij,vk->vij", t_links[skinned.skin_links], skinned.skin_weights)
     return np.linalg.solve(blended[:, :, :3], (vertices - blended[:, :, 3])[..., None])[..., 0]
