@@ -33,7 +33,7 @@ USUAL = (
     "IPythonCacheLocator",
     "ZipCacheLocator",
 )
-"""Where numba keeps what others compile, in its own order."""
+"""Numba's own cache locators, for other packages."""
 
 
 def is_ours(file: Path) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
-"""Standard deviations, radians and metres, of the weak prior that every covariance of a pose has in it."""
+"""Standard deviations, radians and metres, of the weak prior in every covariance of a pose."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,9 +24,9 @@ class Refined:
     log_likelihood: NDArray[np.float64]  # (N,)
     residual: NDArray[np.float64]  # (N,) metres, mean distance of observed points from the model
     covariance_roots: NDArray[np.float32] | None = None
-    """Of relative motion about each pose, its Cholesky factor's lower triangle (N, D (D + 1) / 2).
+    """Lower triangles (N, D (D + 1) / 2) of Cholesky factors of the covariances, in relative motion.
 
-    None where nobody asked for it.
+    None if not requested.
     """
 
     @property

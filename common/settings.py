@@ -9,17 +9,17 @@ import msgspec
 from common.errors import InputError
 
 FAR_NOISIER = 2.0
-"""Noise along the viewing direction over that across it, from which on the closest point misleads."""
+"""Ratio of depth noise to lateral noise above which correspondences are soft."""
 
 
 Descent = Literal["plain", "accelerated"]
-"""How an iteration of ICP moves: as in the paper, or farther, with more damping and fewer looks."""
+"""Steps of ICP: as in the paper, or over-relaxed, with more damping and fewer visibility tests."""
 
 Sensor = Literal["distance", "camera"]
-"""What a pose is held against: the distances of observed points alone, or all that a camera tells.
+"""Sensor model: only the distances of observed points, or a complete model of the camera.
 
-That is empty space, too, and points that belong to nobody, and where depth is by far the noisiest, soft
-correspondences, for as many iterations more. `worker.kernel.parameters` has the numbers of both choices.
+The complete model also has empty space, outliers, and, if depth noise dominates, soft correspondences with
+the same number of additional iterations. `worker.kernel.parameters` has the constants of both.
 """
 
 

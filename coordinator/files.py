@@ -56,7 +56,7 @@ def sync_folder(folder: Path) -> None:
 
 
 KINDS = {"names": "U", "texts": "U", "whole numbers": "iu", "numbers": "iuf", "raw numbers": "iuf"}
-"""What the values of an array may be, and the kinds of numpy's types that are."""
+"""Types of values in an array, and the kinds of numpy's types for each."""
 
 READ_AS = {"whole numbers": np.int64, "numbers": np.float64}
 

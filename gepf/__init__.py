@@ -55,7 +55,7 @@ _PUBLIC = {
     "gepf.tracker": ("PeopleTracker", "Tracker"),
 }
 _HOMES = {name: module for module, names in _PUBLIC.items() for name in names}
-"""Public name -> the module that it is in, which is loaded when the name is first used."""
+"""Public name -> its module, which is loaded when the name is first used."""
 
 __all__ = list(_HOMES)
 

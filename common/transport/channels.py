@@ -15,7 +15,7 @@ from common.errors import BusError
 
 ANSWER_S = 2.0  # for quick answers of other programs
 Ending = Literal["reply", "refusal", "nothing"]
-"""How a request ended: with a result, with a reason why there is none, or without an answer."""
+"""How a request ended: with a result, with a refusal and its reason, or without an answer."""
 
 
 @contextmanager

@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 SIDES = {"r": "right", "l": "left"}
 NECK_FLEXION = "neck_flexion"
 MIRROR = np.array([1.0, -1.0, -1.0])
-"""Rotation vectors of a right limb, as those of the left limb that mirrors it."""
+"""Signs that convert rotation vectors of a right limb to those of its mirror image."""
 
 SHOWN_FROM_BEND = np.radians(20.0)
-"""From this bend on of its elbow, an upper arm's rotation is seen."""
+"""Least flexion of the elbow at which the rotation of the upper arm is visible."""
 
 _LIMB_BONES = {
     # joint: carrier, moving segment, angle of the bone to the vertical at rest

@@ -15,13 +15,13 @@ from coordinator.files import read_numbers
 
 PERSON_SUFFIX = ".json"
 JOINTS = "joints"
-"""Stands for all that is usually active but the root: what moves where the base is known to stand still."""
+"""Stands for all default degrees of freedom except the root, for a body with a fixed base."""
 
 SPINE = ("vl3_tilt", "vl3_roll", "vl3_torsion", "vc7_tilt")
-"""One joint in the small of the back and one in the neck stand in for all: people bend, and look down."""
+"""One joint of the lower back and one of the neck represent all others: people bend, and look down."""
 
 USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + SPINE}
-"""Preset -> what is active of a person unless the user says otherwise."""
+"""Preset -> default degrees of freedom of a person."""
 
 
 def choose_model(model: str) -> str:

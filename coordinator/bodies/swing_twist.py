@@ -30,11 +30,11 @@ Array = NDArray[np.float64]
 
 FULL_TURN = 2.0 * np.pi
 FARTHEST = np.radians(270.0)
-"""No joint of a person turns farther to either side: a value beyond is taken one turn back."""
+"""Largest rotation of a person's joint to either side; larger values are reduced by a full turn."""
 BEHIND = np.radians(90.0)
-"""No limb swings farther backward or inward; it may look so where it swings over the head."""
+"""Largest swing of a limb backward or inward; a larger value is a swing over the head."""
 OVERHEAD = np.radians(225.0)
-"""What looks like a swing backward or inward is taken as one over the head up to here."""
+"""Limit up to which a swing backward or inward is interpreted as one over the head."""
 
 
 def swing_twist(rotations: Rotation) -> tuple[Array, Array]:

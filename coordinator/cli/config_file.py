@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 CONFIG_FILE = Path("gepf.toml")
 
 Command = Any
-"""A command of typer, which gives its base class no public name."""
+"""A command of typer, whose base class has no public name."""
 
 
 def use_config(context: Context, given: Path | None) -> None:

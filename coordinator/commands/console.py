@@ -37,7 +37,7 @@ class Interrupts:
 
 
 INTERRUPTS = Interrupts()
-"""Those of this process, as signals are."""
+"""The interrupts of this process."""
 
 
 @contextmanager

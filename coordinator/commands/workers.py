@@ -31,7 +31,7 @@ class Workers(Refiner, Protocol):
 
 
 Connect = Callable[[Pool, Show], AbstractContextManager[Workers]]
-"""Opens a pool for as long as the context lasts."""
+"""Opens a pool until the end of the context."""
 
 
 def connect_workers(pool: Pool, show: Show) -> ZenohRefiner:

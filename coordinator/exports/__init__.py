@@ -23,7 +23,7 @@ EXPORTS = {
     "mot": "opensim.write_mot",
     "trc": "opensim.write_trc",
 }
-"""Format -> the module and function here that write it, loaded on first use."""
+"""Format -> module and function that write it, loaded on first use."""
 
 
 def export_run(

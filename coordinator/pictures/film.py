@@ -15,7 +15,7 @@ from PIL import Image
 from coordinator.files import write_atomically
 
 TICK_S = Fraction(1, 1000)
-"""Pictures are shown at the millisecond at which they were taken."""
+"""Resolution of time in a film: milliseconds."""
 
 
 def write_film(

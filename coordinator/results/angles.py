@@ -26,19 +26,19 @@ from coordinator.sources.camera import DEFAULT_FPS
 Array = NDArray[np.float64]
 
 UNSEEN = 2.0
-"""True errors are about twice as large as the hypotheses' spread, since few particles are drawn: on the same
-people 69 % of the joints lie within the deviation that follows, 96 % within twice of it."""
+"""True errors are about twice as large as the spread of hypotheses, because there are few particles: for the
+same people, 69 % of the joints are within the resulting deviation, 96 % within twice of it."""
 
 ANGLE_MISFIT = np.radians(5.0)
-"""Error that a person's angles have at least, where joints are in place and all hypotheses agree. With it,
-with the deviation of the joints and with twice the hypotheses' spread, 80 % of elbow, knee, shoulder and hip
-angles of people with exact truth lie within one deviation, 98 % within two."""
+"""Least error of a person's angles, if joints are correct and all hypotheses agree. Together with the
+deviation of the joints and twice the spread of the hypotheses, 80 % of elbow, knee, shoulder and hip angles
+of people with exact truth are within one deviation, 98 % within two."""
 
 LARGEST_DEVIATION = np.radians(60.0)
-"""Of an angle that is not visible at all: about that of any angle within a joint's range."""
+"""Deviation of an angle that is not visible: about that of a random angle within a joint's range."""
 
 SPEED = np.radians(1400.0)
-"""Radians a second, one standard deviation: a fast arm. Elbows of throwers reach 2 300 degrees."""
+"""Radians per second, one standard deviation: a fast arm. Elbows of throwers reach 2 300 degrees."""
 
 KNOWN_VARIANCE, UNKNOWN_VARIANCE = np.radians([1e-4, 1e4]) ** 2  # limits in smoothing
 

@@ -29,7 +29,7 @@ AUTOMATIC = "auto"  # the start is detected
 HASH_LETTERS = 12
 
 RunConfiguration = dict[str, Any]
-"""Nested names and values, as JSON holds them."""
+"""Nested names and values of JSON."""
 
 
 def versions() -> dict[str, str]:

@@ -72,7 +72,7 @@ CONVERSIONS = {
     ".tiff": f"TIFF is not read: {DEPTH_PNG}",
     ".png": "give the folder that the pictures are in",
 }
-"""Suffix of a file that is not read -> how to convert it."""
+"""Suffix of an unsupported file -> how to convert it."""
 
 
 def open_source(path: Path | str, options: CameraOptions = AS_RECORDED) -> Source:

@@ -19,7 +19,7 @@ DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre
 
 NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
-"""A camera of the kind of the first Kinect, where nothing says which one it was."""
+"""The camera of the first Kinect, if the camera is unknown."""
 
 Positive = Annotated[float, Meta(gt=0)]
 Size = Annotated[int, Meta(ge=1, le=32_768)]
@@ -112,7 +112,7 @@ def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> C
 
 
 NEAREST_IN_A_ROOM_M, FARTHEST_IN_A_ROOM_M = 0.4, 10.0
-"""If all depth is below or all beyond these, it is not that of a camera in a room."""
+"""Depth that is all below or all above these limits is implausible for a camera in a room."""
 
 
 def doubt_range(near: float | None, far: float | None) -> str | None:

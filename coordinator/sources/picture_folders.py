@@ -35,9 +35,9 @@ TUM_LIST = "depth.txt"
 TIME_FILES = (TUM_LIST, "timestamps.txt", "times.txt", "depth_timestamps.txt")
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?=\D*$)")
 SHORTEST_FRAME_US = 3000.0
-"""Steps between the numbers in names that are longer are micro- or nanoseconds: 300 frames a second."""
+"""Larger steps between numbers in names are micro- or nanoseconds: 300 frames per second."""
 LONGEST_FRAME_US = 2e6
-"""And those that are longer than this are nanoseconds."""
+"""Steps larger than this are nanoseconds."""
 
 TUM_UNITS_PER_METRE = 5000.0
 TUM_CAMERAS = {

@@ -110,11 +110,12 @@ _THUMB_RANGES = {
 }
 
 _REST_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125, "neck": 0.25}
-"""Where they are not 1, for a `pose_deviation` of 1.6 rad: arms go anywhere, legs are mostly straight, a
-head says little of how it is held (0.5 does as well for the skinned people).
+"""Values other than 1, for a `pose_deviation` of 1.6 rad: arms are free, legs are mostly straight, and the
+pose of the head is barely visible (0.5 gives the same result for the skinned people).
 
-Arms: the paper's arm without noise, whose angles a narrower prior draws by 0.4 degrees. Hips and knees:
-subjects 1 and 2 of UTD-MHAD as they sit down, stand up, lunge and squat, at 10 frames a second.
+Arms: from the paper's arm without noise, whose angles a narrower prior changes by 0.4 degrees. Hips and
+knees: from subjects 1 and 2 of UTD-MHAD sitting down, standing up, lunging and squatting, at 10 frames per
+second.
 """
 
 

@@ -164,7 +164,7 @@ Array = NDArray[np.float64]
 
 SAMPLES = 96
 REACH, FAR = 0.12, 1.0
-"""Farther than REACH metres from a loft's box its distance is not worth computing, and counts as FAR."""
+"""At more than REACH metres from the box of a loft, its distance is not computed but set to FAR."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from coordinator.bodies.human.template import SPINE_ANCHORS, Raised, lay_to_rest
 Array = NDArray[np.float64]
 
 RATIOS = ("girth", *FRACTIONS_OF_STATURE)
-"""What makes people of one stature differ."""
+"""The differences between people of one stature."""
 
 STEP = 0.1  # of a ratio, for its effect
 NEAR = 0.003  # metres, for the gradient of the surface
@@ -35,7 +35,7 @@ END_OF = {
     **{f"{side}_{link}": f"{side}_{end}" for side in "lr" for link, end in _LIMB_ENDS.items()},
     **dict(zip(SPINE_ANCHORS[:-1], (*SPINE_ANCHORS[1:-1], "skullbase"), strict=True)),
 }
-"""Link that carries skin -> the joint at the far end of its bone, if it has one."""
+"""Link with skin -> the joint at the far end of its bone, if there is one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

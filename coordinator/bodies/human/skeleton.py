@@ -41,11 +41,11 @@ RIGHT, UP, FRONT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
 
 ARM_TILT = np.radians(11.0)
 SHOULDER_BELOW = 0.020
-"""Of stature: how far down the arm the shoulder's centre is from where the arm turns in the trunk. Clavicle
-and scapula carry the centre with the arm; as they are held, the arm turns about a point above it. Subjects 1
-and 2 of UTD-MHAD and the two skinned people agree on 2 to 5 cm."""
+"""Share of stature: distance of the shoulder joint from the arm's centre of rotation, along the arm. Clavicle
+and scapula move the joint with the arm; as they are held, the arm rotates about a point above it. The
+distance is 2 to 5 cm for subjects 1 and 2 of UTD-MHAD and the two skinned people."""
 HEAD_CENTRE = (0.0, -0.040, 0.012)
-"""Of stature, from the skull's base: the middle of the skull as both of these have it."""
+"""Share of stature: distance of the centre of the skull from its base, by the same data."""
 
 _SPINE_MOTIONS = {"roll": FRONT, "torsion": UP, "tilt": LEFT}
 _THUMB_DIRECTION = (0.0, 0.8, -0.6)

@@ -29,10 +29,10 @@ Joints = dict[str, Array]
 KEPT = 4
 
 SPINE_ANCHORS = ("pelvis", "vl5", "vl3", "vl1", "vt11", "vt8", "vt5", "vt2", "vc7", "vc4", "skull")
-"""Bones of the spine that carry skin: far enough apart for one active vertebra to bend it smoothly."""
+"""Bones of the spine with skin: far enough apart that one active vertebra bends it smoothly."""
 
 _NECK_SHIFT = (0.009, 0.0, -0.018)
-"""How much higher than their joints vc7, vc4 and skull hold the skin, as fractions of stature."""
+"""Height of the skin of vc7, vc4 and skull above their joints, as fractions of stature."""
 
 
 def skin_shares(points: Array, joints: Joints, measures: Measures) -> dict[str, Array]:
@@ -136,7 +136,7 @@ DEFAULT_ACTIVE: tuple[str, ...] = (
 """The 24 degrees of freedom of the paper's section 5."""
 
 CELL = 0.0164
-"""Distance of neighbouring vertices, about, as a fraction of stature."""
+"""Approximate distance of neighbouring vertices, as a fraction of stature."""
 
 _NAMED_JOINTS = {
     "pelvis": ("pelvis", "pelvis"), "neck": ("vt1", "vc7"), "head": ("skull", "head"),
@@ -150,7 +150,7 @@ _NAMED_JOINTS = {
         )
     },
 }  # fmt: skip
-"""Output joint -> its link and its place in the skeleton."""
+"""Output joint -> its link and its joint in the skeleton."""
 
 
 def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: float) -> BodyModel:

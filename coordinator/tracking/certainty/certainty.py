@@ -64,7 +64,7 @@ FIT = Fit(
     },
     deviation=(-2.060, 0.2367, 0.7348),
 )
-"""By `python -m benchmarks.certainty --fit`."""
+"""Fitted by `python -m benchmarks.certainty --fit`."""
 
 
 def unknown_certainty(joints: int) -> Certainty:
