@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.frame import SubjectFrame
+from common.recent import FRAMES_KEPT
 from common.refinement import Refined
 from common.settings import RefineSettings
 from worker.kernel.icp import refine
@@ -34,11 +36,12 @@ class DirectRefiner:
     """Implements the coordinator's interface with the worker's kernel, on one core."""
 
     def __init__(self) -> None:
+        self._observe = lru_cache(FRAMES_KEPT)(observe)
         self._observation: Observation | None = None
 
     def publish(self, subject: SubjectFrame) -> None:
         """Keep the frame for later calls of `submit`."""
-        self._observation = observe(subject)
+        self._observation = self._observe(subject)
 
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Nothing to do without workers."""

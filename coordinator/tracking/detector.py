@@ -2,13 +2,17 @@
 
 Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations
 on few points; the best distinct ones on all points; the best of these with bodies of several sizes.
+
+A search is a generator. It yields before every request to the workers, so that a caller can do its slices
+between other work. Each slice publishes the subject that it needs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -23,7 +27,7 @@ from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.scene.planes import Planes
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
-from coordinator.tracking.observation import observed_points
+from coordinator.tracking.observation import observed_points, some_points
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
@@ -39,6 +43,7 @@ USUAL_GIRTH = GIRTHS[1]
 FIRST_ITERATIONS, FIRST_POINTS = 3, 1_000  # of the first stage
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
 FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
+SLICE_ITERATIONS = 104  # of ICP in one request: about 10 ms on two lanes
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 
 
@@ -104,6 +109,10 @@ class Detection:
         return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - FACING_LOG_LIKELIHOOD))
 
 
+Search = Generator[None, None, Detection]
+"""A detection in slices: yields before every request to the workers, and returns the detection."""
+
+
 class Detector:
     """Detects the tracked body: with any size at first, with its own size when it is redetected.
 
@@ -136,16 +145,16 @@ class Detector:
             self._bodies.full(REFERENCE_STATURE, girth)
             self._bodies.for_start(REFERENCE_STATURE, girth)
 
-    def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Detection:
+    def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room."""
         settings = assume_noise(self._refine, noise)
-        size, found = self._search(
+        size, found = yield from self._search(
             subject, settings, FULL, self._bodies.measures, upright_ways(planes, self._ways_up)
         )
         model = self._bodies.for_start(*size)
         start = detected_start(model, found.poses[0], size, self._bodies, noise)
         settled = iterations(settings, FULL.iterations)
-        candidates = self._refine_tracked(start, found.poses, settled)
+        candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
             gate = gate.against(is_no_person(observed_points(subject), size[0]))
@@ -158,7 +167,7 @@ class Detector:
 
     def redetect(
         self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
-    ) -> Detection:
+    ) -> Search:
         """Redetect a known body anywhere; `last` (D,) is its last pose.
 
         For a person who is not lost and has the same orientation as at the start, only that one is searched.
@@ -173,11 +182,25 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        _, found = self._search(subject, settings, KNOWN_SIZE, size, ways, known)
+        _, found = yield from self._search(subject, settings, KNOWN_SIZE, size, ways, known)
         settled = iterations(rules, KNOWN_SIZE.iterations)
-        candidates = self._refine_tracked(start, found.poses, settled)
+        candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(start, candidates, gate)
+
+    def transfer(
+        self, detection: Detection, before: SubjectFrame, now: SubjectFrame, rules: RefineSettings
+    ) -> Detection:
+        """A detection in the frame `before`, moved to the frame `now` and refined and gated there."""
+        model, poses = detection.start.model, detection.candidates.poses.copy()
+        moved = [np.median(some_points(each), axis=0) for each in (now, before)]
+        for name, step in zip(ROOT_DOFS[:3], moved[0] - moved[1], strict=True):
+            if name in model.dof_names:
+                poses[:, model.dof(name)] += step
+        self._refiner.publish(now)
+        candidates = ordered([refine(self._refiner, model, poses, iterations(rules, FIRST_ITERATIONS), 0)])
+        gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
+        return Detection(detection.start, candidates, gate)
 
     def can_redetect(self, start: Start) -> bool:
         """Whether the body can move: its root is not held."""
@@ -191,7 +214,7 @@ class Detector:
         size: tuple[float, float] | None,
         ways_up: Sequence[float],
         last: Array | None = None,
-    ) -> tuple[tuple[float, float], Candidates]:
+    ) -> Generator[None, None, tuple[tuple[float, float], Candidates]]:
         """The poses that explain a frame best, with bodies of this size, or of any size if it is None.
 
         Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
@@ -200,12 +223,11 @@ class Detector:
         sizes = [size] if size else [(stature, USUAL_GIRTH) for stature in STATURES_M]
         names = self._bodies.for_start(*sizes[0]).joint_names
         poses, of = self._match(subject, sizes, effort, ways_up, last)
-        self._refiner.publish(thin(subject, FIRST_POINTS))
-        found = self._refine_candidates(sizes, poses, of, iterations(settings, FIRST_ITERATIONS))
+        first = iterations(settings, FIRST_ITERATIONS)
+        found = yield from self._refine_candidates(thin(subject, FIRST_POINTS), sizes, poses, of, first)
         found = found.distinct(names, effort.survivors)
-        self._refiner.publish(subject)
         then = iterations(settings, effort.iterations)
-        found = self._refine_candidates(sizes, found.poses, found.sizes, then)
+        found = yield from self._refine_candidates(subject, sizes, found.poses, found.sizes, then)
         found = found.distinct(names, effort.finalists)
         if size is None:
             steps = [(step, girth) for step in STATURE_STEPS for girth in GIRTHS]
@@ -213,7 +235,8 @@ class Detector:
             sizes = list(dict.fromkeys(tried))
             poses = np.repeat(found.poses, len(steps), axis=0)
             of = np.array([sizes.index(each) for each in tried])
-            found = self._refine_candidates(sizes, poses, of, then).distinct(names, effort.finalists)
+            found = yield from self._refine_candidates(subject, sizes, poses, of, then)
+            found = found.distinct(names, effort.finalists)
         return sizes[found.sizes[0]], found
 
     def _match(
@@ -238,23 +261,50 @@ class Detector:
         return np.concatenate([poses for poses, _ in matched]), np.concatenate([of for _, of in matched])
 
     def _refine_candidates(
-        self, sizes: Sequence[tuple[float, float]], poses: Array, of: Indices, settings: RefineSettings
-    ) -> Candidates:
-        """Refine poses (N, D) of bodies of sizes (N,) on the last published frame."""
-        models = [self._bodies.for_start(*size) for size in sizes]
-        parts = [
-            refine(self._refiner, models[size], poses[of == size], settings, size) for size in np.unique(of)
-        ]
+        self,
+        subject: SubjectFrame,
+        sizes: Sequence[tuple[float, float]],
+        poses: Array,
+        of: Indices,
+        settings: RefineSettings,
+    ) -> Generator[None, None, Candidates]:
+        """Refine poses (N, D) of bodies of sizes (N,)."""
+        parts = list[Candidates]()
+        for size in np.unique(of):
+            model = self._bodies.for_start(*sizes[size])
+            parts += yield from self._refine_slices(subject, model, poses[of == size], settings, size)
         return ordered(parts)
 
-    def _refine_tracked(self, start: Start, poses: Array, settings: RefineSettings) -> Candidates:
+    def _refine_tracked(
+        self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
+    ) -> Generator[None, None, Candidates]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay."""
         searched, model = self._bodies.for_start(start.stature, start.girth), start.model
         taken = np.tile(start.pose, (len(poses), 1))
         for j, name in enumerate(model.dof_names):
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
-        return ordered([refine(self._refiner, model, taken, settings, 0)])
+        return ordered((yield from self._refine_slices(subject, model, taken, settings, 0)))
+
+    def _refine_slices(
+        self, subject: SubjectFrame, model: BodyModel, poses: Array, settings: RefineSettings, size: int
+    ) -> Generator[None, None, list[Candidates]]:
+        """Refine poses (N, D) of one body in requests of bounded duration; yields before each of them."""
+        parts, most = list[Candidates](), max(1, SLICE_ITERATIONS // (settings.icp_iterations + 1))
+        for first in range(0, len(poses), most):
+            yield
+            self._refiner.publish(subject)
+            parts.append(refine(self._refiner, model, poses[first : first + most], settings, size))
+        return parts
+
+
+def complete(search: Search) -> Detection:
+    """Run a search to its end."""
+    while True:
+        try:
+            next(search)
+        except StopIteration as end:
+            return cast("Detection", end.value)
 
 
 def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:

@@ -27,7 +27,7 @@ from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.features import Measurement
-from coordinator.tracking.detector import Candidates, Detection, Detector
+from coordinator.tracking.detector import Candidates, Detection, Detector, complete
 from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
@@ -233,7 +233,8 @@ class TargetTracker:
             if not (self.management.checks and self._redetects):
                 return None
             lost, last = self.management.seeks, self._belief.reported
-            return self._detector.redetect(subject, self.start, self._refine_settings, last, lost=lost)
+            rules = self._refine_settings
+            return complete(self._detector.redetect(subject, self.start, rules, last, lost=lost))
 
     def _begin(self, subject: SubjectFrame, planes: Planes) -> None:
         """Begin at the given pose, or at a detection if it passes gating."""
@@ -246,7 +247,7 @@ class TargetTracker:
         elif not self.management.searches:
             self.management = self.management.not_found(self.management.why)
         else:
-            detection = self._detector.detect(subject, noise, planes)
+            detection = complete(self._detector.detect(subject, noise, planes))
             if not detection.gate.passes:
                 self.management = self.management.not_found(detection.gate.why)
                 return

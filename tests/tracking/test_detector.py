@@ -18,7 +18,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes
-from coordinator.tracking.detector import Candidates, Detection, Detector
+from coordinator.tracking.detector import Candidates, Detection, Detector, complete
 from coordinator.tracking.gating import Gate
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.sensor_noise import SensorNoise
@@ -60,7 +60,7 @@ def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, Bo
     """What is detected in a frame that shows a pose. Candidates are never asked for their covariance."""
     subject = subject_of(show(model, pose[None]).frames[0], 2_000)
     refiner = Listening()
-    found = Detector(bodies, refiner, preset("default")).detect(subject, SensorNoise(), Planes())
+    found = complete(Detector(bodies, refiner, preset("default")).detect(subject, SensorNoise(), Planes()))
     assert refiner.asked == {False}
     return found, found.start.model
 
@@ -101,13 +101,36 @@ def test_a_known_person_is_detected_elsewhere() -> None:
     moved = name_pose(start.model, {**STANDING, "root_tx": 0.9, "l_elbow_flexion": 1.2})
     subject = subject_of(show(start.model, moved[None]).frames[0], 2_000)
     refiner = DirectRefiner()
-    found = Detector(bodies, refiner, SETTINGS).redetect(
-        subject, start, SETTINGS.refine, start.pose, lost=True
-    )
+    detector = Detector(bodies, refiner, SETTINGS)
+    found = complete(detector.redetect(subject, start, SETTINGS.refine, start.pose, lost=True))
     truth = joint_positions(start.model, moved[None])[0]
     assert found.gate.passes
     assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.1
     assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0])
+
+
+def test_a_search_runs_in_slices_between_other_work_and_its_result_moves_to_a_later_frame() -> None:
+    """Other frames are published between slices; the result is the same, and follows the person."""
+    bodies = known()
+    start = given_start(STANDING, bodies)
+    moved = name_pose(start.model, {**STANDING, "root_tx": 0.2})
+    before, now = (
+        subject_of(frame, 2_000) for frame in show(start.model, np.stack([start.pose, moved])).frames
+    )
+    refiner = DirectRefiner()
+    detector = Detector(bodies, refiner, SETTINGS)
+    whole = complete(detector.redetect(before, start, SETTINGS.refine, start.pose, lost=True))
+
+    search = detector.redetect(before, start, SETTINGS.refine, start.pose, lost=True)
+    for _ in range(3):
+        next(search)
+        refiner.publish(now)
+    found = complete(search)
+    np.testing.assert_array_equal(found.candidates.poses, whole.candidates.poses)
+    later = detector.transfer(found, before, now, SETTINGS.refine)
+    assert later.gate.passes
+    off = later.candidates.joints[0] - joint_positions(start.model, moved[None])[0]
+    assert np.linalg.norm(off, axis=-1).max() < 0.05
 
 
 def candidates(log_likelihood: list[float], *turns: float) -> Candidates:
