@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
+from common.compiling import numba
 from common.kinematics import difference, retract, within_limits
 from common.refinement import WEAK_SLIDE, WEAK_TURN
 from coordinator.filters.belief import USUAL_INTERVAL
@@ -20,15 +21,31 @@ UNEXPECTED_TURN = float(np.radians(15.0))  # standard deviation of a joint angle
 
 
 def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:
-    """Gaussian noise (N, D), each with the covariance (M, D, D) of its ancestor, in the order of particles.
-
-    Covariances can have any rank, because their eigendecomposition is used.
-    """
-    variances, directions = np.linalg.eigh(covariances)
-    roots = directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]
+    """Gaussian noise (N, D), each with the covariance (M, D, D) of its ancestor, in particle order."""
     standard = rng.standard_normal((len(ancestors), covariances.shape[1]))
-    noise: Array = (roots[ancestors] @ standard[..., None])[..., 0]
+    noise: Array = (cholesky(covariances)[ancestors] @ standard[..., None])[..., 0]
     return noise
+
+
+@numba.njit(cache=True, nogil=True)
+def cholesky(covariances: Array) -> Array:
+    """Cholesky factors (M, D, D) of covariances of any rank; a linearly dependent column is zero."""
+    roots = np.zeros_like(covariances)
+    for m in range(len(covariances)):
+        covariance, root = covariances[m], roots[m]
+        for j in range(len(root)):
+            left = covariance[j, j]
+            for k in range(j):
+                left -= root[j, k] * root[j, k]
+            if left <= len(root) * np.finfo(np.float64).eps * covariance[j, j]:
+                continue
+            root[j, j] = np.sqrt(left)
+            for i in range(j + 1, len(root)):
+                total = covariance[i, j]
+                for k in range(j):
+                    total -= root[i, k] * root[j, k]
+                root[i, j] = total / root[j, j]
+    return roots
 
 
 def hold(model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float) -> Array:
