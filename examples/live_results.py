@@ -41,7 +41,7 @@ def connect(endpoint: str) -> zenoh.Session:
             if "Unable to connect" not in str(error):
                 raise
             if not said:
-                print(f"nobody answers at {endpoint} yet; waiting", file=sys.stderr)
+                print(f"no answer at {endpoint} yet; waiting", file=sys.stderr)
             said = True
 
 

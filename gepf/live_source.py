@@ -76,7 +76,7 @@ def live(
     in use, and if the other side refuses the connection.
     """
     if listen is None and connect is None:
-        raise InputError("nobody could publish to this; give listen or connect an endpoint")
+        raise InputError("no publisher could connect; give listen or connect an endpoint")
     if idle_timeout is not None and not idle_timeout > 0.0:
         raise InputError(f"idle_timeout={idle_timeout:g} would end at once; give seconds above 0, or None")
     security = secure(listen, connect, tls, insecure=insecure)

@@ -222,7 +222,7 @@ class PeopleTracker(FrameLoop):
         tls: TlsFiles | None = None,
     ) -> None:
         if people < 1:
-            raise InputError(f"people={people} would track nobody; give 1 or more")
+            raise InputError(f"people={people} would track no one; give 1 or more")
         settings = apply_method(settings or preset("default"))
         bodies = choose_bodies(active, settings.preset, HUMAN)
         super().__init__(bodies, settings, workers, tls, camera, depth_scale, people)
@@ -250,7 +250,7 @@ class PeopleTracker(FrameLoop):
         """
         given, folder = list(estimates), Path(folder)
         if not given or not self.found:
-            raise InputError("there is nobody to save; give the estimates that `track` returned")
+            raise InputError("there is no person to save; give the estimates that `track` returned")
         return [
             self._save((frame[place] for frame in given), place, folder / f"{PERSON}{place + 1}")
             for place in range(self.found)

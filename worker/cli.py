@@ -56,7 +56,7 @@ LanesOption = Annotated[
 ]
 ConnectTimeout = Annotated[
     float | None,
-    typer.Option(metavar="SECONDS", help="Give up when nobody answers for so long (default: try for ever)."),
+    typer.Option(metavar="SECONDS", help="Give up after this time without an answer (default: never)."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only.")]
 Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
@@ -101,7 +101,7 @@ def choose_identity(
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
     if timeout is not None and not 0.0 < timeout < math.inf:
-        raise InputError(f"--connect-timeout {timeout:g} is no time to wait; give seconds above 0")
+        raise InputError(f"--connect-timeout {timeout:g} is not a valid time; give seconds above 0")
     if name is None:
         name = invent_name() if credentials is None else holder_of(credentials)
     check_name("worker name", name)
@@ -141,7 +141,7 @@ def serve(identity: Identity, load: Callable[[], Kernel], *, quiet: bool = False
     kernel = load()
     gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
     while serve_session(identity, kernel):
-        log.warning("nobody is at %s any more, though linked; connecting anew", identity.place)
+        log.warning("no coordinator is at %s any more, although linked; reconnecting", identity.place)
 
 
 def serve_session(identity: Identity, kernel: Kernel) -> bool:

@@ -44,11 +44,11 @@ def connect_to(identity: Identity) -> Bus:
     def report_silence(seconds: float) -> None:
         if identity.timeout is not None and seconds >= identity.timeout:
             raise BusError(
-                f"nobody answered at {identity.place} within {identity.timeout:g} s; start the coordinator "
+                f"no answer at {identity.place} within {identity.timeout:g} s; start the coordinator "
                 "or router there, or give more time with --connect-timeout"
             )
         if next(silences) == 0:
-            log.info("nobody answers at %s yet; trying on, Ctrl-C ends", identity.place)
+            log.info("no answer at %s yet; retrying, Ctrl-C ends", identity.place)
 
     bus = open_worker(identity.connect, identity.security, report_silence)
     bus.watch_links(report_link)

@@ -121,5 +121,5 @@ class Memory:
     def _fetch(self, key: str, name: str) -> bytes:
         payload = self._bus.fetch(key)
         if payload is None:
-            raise BusError(f"nobody has {name}")
+            raise BusError(f"{name} is not available")
         return payload

@@ -23,7 +23,7 @@ TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
 def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
     """InputError for an invalid endpoint, or one that does not fit the certificate."""
     if not ENDPOINT.fullmatch(endpoint):
-        raise InputError(f"{option} '{endpoint}' is no endpoint; give one such as tcp/127.0.0.1:7447")
+        raise InputError(f"{option} '{endpoint}' is not an endpoint; give one such as tcp/127.0.0.1:7447")
     encrypted = protocol_of(endpoint) == ENCRYPTED
     if encrypted and credentials is None:
         raise InputError(f"{option} {endpoint} needs a certificate; add {TLS_OPTIONS}")

@@ -107,7 +107,7 @@ class RecordedInput(Input):
         if done:
             return f"going on with frame {self.numbers[done]}; {done} of {total} are recorded"
         if job.resume:
-            return f"nothing to resume in {job.out}; starting anew"
+            return f"nothing to resume in {job.out}; starting again"
         return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
     def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
@@ -136,7 +136,7 @@ class LiveInput(Input):
             if given:
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")
         if job.pool.listen is None and job.pool.connect is None:
-            raise InputError("nobody could publish to this; add --listen or --connect with an endpoint")
+            raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
         self.key, self._show = check_stream(key, guarded=job.pool.security is not None), show
         super().__init__(replace(job, settings=keep_up(job.settings)), None)
         self.received = LiveFrames(self.key, show.say, idle=job.idle_timeout)

@@ -58,7 +58,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
     if options.deadline is not None and not find_method(options.method).descends:
         raise InputError(f"method {options.method} needs an answer for every particle; leave --deadline out")
     if options.workers == 0 and options.listen is None and options.connect is None:
-        raise InputError("with --workers 0 nobody could join; add --listen or --connect with an endpoint")
+        raise InputError("with --workers 0 no worker could join; add --listen or --connect with an endpoint")
     pool = Pool(
         options.workers,
         options.listen,
@@ -99,7 +99,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         raise InputError("--publish-json says how results are published; add --publish KEY")
     if job.results is not None:
         if pool.listen is None and pool.connect is None:
-            raise InputError("nobody could hear the results; add --listen or --connect with an endpoint")
+            raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
         check_stream(job.results, guarded=pool.security is not None)
     return job
 

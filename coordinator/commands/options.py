@@ -342,7 +342,7 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     def run(**values: Any) -> None:
         for name, value in values.items():
             if isinstance(value, float) and not 0.0 < value < math.inf:
-                raise InputError(f"--{name.replace('_', '-')} {value:g} is no number above 0; give another")
+                raise InputError(f"--{name.replace('_', '-')} {value:g} is not above 0; give another number")
         built = {
             name: make(**{field.name: values.pop(field.name) for field in fields(make)})
             for name, make in groups.items()

@@ -53,8 +53,8 @@ def open_session(reached: Pool, key: str, show: Show) -> Bus:
     if reached.listen is not None:
         return open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
     if reached.connect is None:
-        raise InputError("nobody could receive this; add --connect or --listen with an endpoint")
-    line = f"nobody answers at {reached.connect} yet; waiting for someone there to listen to {key}"
+        raise InputError("no subscriber could connect; add --connect or --listen with an endpoint")
+    line = f"no answer at {reached.connect} yet; waiting for someone there to listen to {key}"
     silences = count()
 
     def hear(_: float) -> None:

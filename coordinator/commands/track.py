@@ -102,7 +102,8 @@ def record(
         if recorded and not complete and total is not None:
             kept = max(len(each.estimates) for each in recorded.values())  # as in the log
             show.say(
-                f"ended early with {kept} of {total} frames in {out}; the same command with --resume goes on"
+                f"ended early with {kept} of {total} frames in {out}; "
+                "the same command with --resume continues"
             )
     return recorded, finished
 
@@ -148,7 +149,7 @@ def track_frames(
             goes_on = given.total is not None and recorder.frames > before
             if not goes_on:
                 raise
-            show.say("workers are there, and none of them answers; connecting anew: this run continues")
+            show.say("workers are connected, but none answers; reconnecting: this run continues")
         finally:
             if not goes_on:
                 for outlet in outlets:

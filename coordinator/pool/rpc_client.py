@@ -201,7 +201,7 @@ class RpcClient:
             self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason))
         except SilentWorkers as error:
             raise SilentWorkers(
-                f"workers are there, and none of them answers within {REQUEST_TIMEOUT_S:.0f} s (the last was "
+                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (the last was "
                 f"{worker}): the way to them is broken, they hang, or they have too much to do at once, with "
                 "so many particles or points"
             ) from error

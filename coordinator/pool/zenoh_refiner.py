@@ -57,7 +57,7 @@ class ZenohRefiner:
                     open_coordinator([*own, *pool.listen_endpoints], pool.connect_endpoints, pool.security)
                 )
             if pool.connect and not self._bus.is_linked():
-                self._report(f"nobody answers at {pool.connect} yet; trying on")
+                self._report(f"no answer at {pool.connect} yet; retrying")
             if pool.connect and not pool.listen and not pool.shared_at:
                 self._bus.watch_links(self._report_link)
             self._publication = Publication(self._bus, self.run)

@@ -127,7 +127,7 @@ def read_track(folder: Path) -> Track:
         if not (folder / TRACK_FILE).exists():
             raise InputError(f"{where}; end it by the same gepf track command with --resume")
         logger.warning(
-            "%s, here only its first frames; the same gepf track command with --resume goes on", where
+            "%s, here only its first frames; the same gepf track command with --resume continues", where
         )
     if not (folder / TRACK_FILE).exists():
         people = sorted(each.parent.name for each in folder.glob(f"person*/{TRACK_FILE}"))

@@ -94,7 +94,7 @@ def host_name(host: str) -> x509.GeneralName:
     try:
         return x509.DNSName(host)
     except ValueError as error:
-        raise InputError(f"'{host}' is no host name; give names or addresses between commas") from error
+        raise InputError(f"'{host}' is not a host name; give names or addresses between commas") from error
 
 
 def make_certificates(
@@ -153,7 +153,7 @@ def read_certificate(path: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(path.read_bytes())
     except ValueError as error:
-        raise InputError(f"{path} is no certificate; remove it, or use a new folder") from error
+        raise InputError(f"{path} is not a certificate; remove it, or use a new folder") from error
 
 
 def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
@@ -161,7 +161,7 @@ def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
     try:
         key = load_pem_private_key(path.read_bytes(), password=None)
     except (ValueError, TypeError) as error:
-        raise InputError(f"{path} is no key; put it back, or use a new folder") from error
+        raise InputError(f"{path} is not a key; put it back, or use a new folder") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise InputError(f"{path} is not a key that gepf certificates made; use a new folder")
     return key

@@ -60,7 +60,7 @@ FORMATS = (
 DEPTH_PNG = (
     "write its depth as 16-bit PNG of millimetres in depth/000000.png, ..., and add --intrinsics fx,fy,cx,cy"
 )
-ROS_FOLDER = "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes that anew"
+ROS_FOLDER = "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes it again"
 CONVERSIONS = {
     **dict.fromkeys((".mp4", ".avi"), f"a film holds colours, not depth; {DEPTH_PNG}"),
     **dict.fromkeys((".svo", ".svo2"), f"ZED's files need its SDK: {DEPTH_PNG}"),
@@ -98,7 +98,7 @@ def find_format(path: Path) -> Format:
     if found is None and path.suffix.lower() in CONVERSIONS:
         raise InputError(f"{path} is not read; {CONVERSIONS[path.suffix.lower()]}")
     if found is None:
-        what = "holds no depth sequence" if path.is_dir() else "is no depth sequence"
+        what = "holds no depth sequence" if path.is_dir() else "is not a depth sequence"
         raise InputError(f"{path} {what} of a known format; give {within(path)}one of: {known}")
     return found
 

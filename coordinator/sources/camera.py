@@ -96,7 +96,7 @@ def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> C
     """Parse the values of the command line; InputError if they are invalid."""
     if depth_scale is not None and not 0.0 < depth_scale < np.inf:
         raise InputError(
-            f"--depth-scale {depth_scale:g} is no number of units per metre; millimetres have 1000"
+            f"--depth-scale {depth_scale:g} is not a number of units per metre; millimetres have 1000"
         )
     if intrinsics is None:
         return CameraOptions(None, depth_scale)

@@ -119,7 +119,7 @@ class LiveFrames:
         if misfit is None:
             return None
         size = f"{frame.intrinsics.width}x{frame.intrinsics.height}"
-        return f"another stream of frames, {size}, has begun on {self._key}; tracking starts anew"
+        return f"another stream of frames, {size}, has begun on {self._key}; tracking starts again"
 
     def _take(self) -> tuple[int, DepthFrame] | None:
         """Wait for the newest frame and its stream; None at the end."""

@@ -152,7 +152,7 @@ def listed_times(path: Path, files: dict[float, Path]) -> tuple[dict[float, Path
     try:
         lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is no text that can be read ({error}); copy it again") from error
+        raise InputError(f"{path} is not a readable text ({error}); copy it again") from error
     rows = [cells for cells in lines if cells and not cells[0].startswith("#")]
     by_name = {Path(cell).name: cells for cells in rows if len(cells) > 1 for cell in cells}
     named = {value: file for value, file in files.items() if file.name in by_name}

@@ -108,7 +108,7 @@ def depth_topic(bag: Bag) -> str:
     if packed:
         raise InputError(
             f"{bag.path} holds depth as {packed[0]} only, which is not read; unpack it with ros2 run "
-            "image_transport republish compressedDepth raw while recording the topic anew"
+            "image_transport republish compressedDepth raw while recording the topic again"
         )
     raise InputError(f"{bag.path} holds no depth images (16UC1 or 32FC1); record the camera's depth topic")
 

@@ -50,7 +50,7 @@ def test_a_signal_ends_it_well(place: Place, out: Path, tmp_path: Path, number: 
     lines = (tmp_path / "log").read_text().splitlines()
     kept = recorded(out)
     assert lines[-2] == (
-        f"ended early with {kept} of {FRAMES} frames in {out}; the same command with --resume goes on"
+        f"ended early with {kept} of {FRAMES} frames in {out}; the same command with --resume continues"
     )
     assert lines[-1] == "gepf: stopped"
     assert (out / "track.npz").exists()

@@ -65,7 +65,7 @@ def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, tmp_path: Pa
     broken, calm = (tmp_path / name / "track.npz" for name in ("broken", "calm"))
     assert broken.read_bytes() == calm.read_bytes()
     assert len(opened) == 2
-    assert "none of them answers; connecting anew" in written.getvalue()
+    assert "none answers; reconnecting" in written.getvalue()
     assert "going on with frame" in written.getvalue()
 
 

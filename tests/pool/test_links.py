@@ -42,8 +42,8 @@ def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
     for says in (
         f"loading, before connecting to {endpoint}; the first time this takes a minute",
         f"connecting to {endpoint}\n",
-        f"nobody answers at {endpoint} yet; trying on",
-        f"nobody answered at {endpoint} within 5 s; start the coordinator or router there",
+        f"no answer at {endpoint} yet; retrying",
+        f"no answer at {endpoint} within 5 s; start the coordinator or router there",
     ):
         assert says in done.stderr
 
@@ -67,7 +67,7 @@ def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
         first.kill()
         wait_until(lambda: says("run", f"{endpoint} is gone; trying to reach it again"), LONG)
         worker = stack.enter_context(started(start(work, (endpoint,), "w", log=logs["worker"])))
-        wait_until(lambda: says("worker", f"nobody answers at {endpoint} yet"), LONG)
+        wait_until(lambda: says("worker", f"no answer at {endpoint} yet"), LONG)
         second = stack.enter_context(started(start(gepf, *router, log=logs["router"])))
         wait_until(lambda: says("run", f"{endpoint} is back"), LONG)
         wait_until(lambda: says("run", "joined"), LONG)

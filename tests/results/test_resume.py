@@ -115,7 +115,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does(
     interrupt(workers, 1)
     assert track(workers, sequence, out) == 130
     lines = said(capsys)
-    assert lines[-2] == f"ended early with 1 of 5 frames in {out}; the same command with --resume goes on"
+    assert lines[-2] == f"ended early with 1 of 5 frames in {out}; the same command with --resume continues"
     assert lines[-1] == "gepf: stopped"
     interrupt(workers, 4, NoWorkers("nobody came"))
     assert track(workers, sequence, out, "--resume", "--workers", "7") == 1
@@ -182,7 +182,7 @@ def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(
     """The same command may be given until it is done, and then again."""
     out = tmp_path / "out"
     assert track(workers, sequence, out, "--resume") == 0
-    assert f"nothing to resume in {out}; starting anew" in said(capsys)
+    assert f"nothing to resume in {out}; starting again" in said(capsys)
     before = {path: path.read_bytes() for path in out.iterdir()}
     assert track(workers, sequence, out, "--resume") == 0
     assert said(capsys)[1:] == [f"all 5 frames are in {out} already"]

@@ -24,7 +24,7 @@ LISTENING = {
     "tcp/10.0.0.5:7447": "lets everyone in",
     "ws/0.0.0.0:7447#iface=lo": "lets everyone in",
     "tls/0.0.0.0:7447": "needs a certificate",
-    "7447": "is no endpoint",
+    "7447": "is not an endpoint",
 }
 
 

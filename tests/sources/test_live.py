@@ -240,7 +240,7 @@ def test_a_key_without_a_place_to_listen_is_refused(
     """Without an endpoint there is no bus to hear it on; a key with a wildcard names no place."""
     command = ["track", str(recording), "--out", str(tmp_path / "run"), "--publish"]
     assert main([*command, "robot/person"]) == 2
-    assert "nobody could hear the results; add --listen" in capsys.readouterr().err
+    assert "no subscriber could connect; add --listen" in capsys.readouterr().err
     assert main([*command, "robot/*", "--listen", "tcp/127.0.0.1:7499"]) == 2
     assert "key 'robot/*' cannot be used" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
@@ -314,7 +314,7 @@ def test_a_publisher_names_an_endpoint_without_an_answer(endpoint: str, recordin
     with started(*play, command=GEPF) as publisher:
         assert publisher.stderr is not None
         assert publisher.stderr.readline() == (
-            f"nobody answers at {endpoint} yet; waiting for someone there to listen to {KEY}\n"
+            f"no answer at {endpoint} yet; waiting for someone there to listen to {KEY}\n"
         )
         assert publisher.poll() is None
 
@@ -373,7 +373,7 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize(
     ("command", "line"),
     [
-        (["track", f"zenoh:{KEY}", "--out", "x"], "nobody could publish to this; add --listen or --connect"),
+        (["track", f"zenoh:{KEY}", "--out", "x"], "no publisher could connect; add --listen or --connect"),
         (
             ["track", f"zenoh:{KEY}", "--out", "x", "--frames", "1:2", "--listen", "tcp/127.0.0.1:1"],
             "--frames",
@@ -384,11 +384,11 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
             "--depth-scale is for recorded sequences",
         ),
         (["track", "PLATE", "--out", "y", "--publish-json"], "add --publish KEY"),
-        (["track", "x", "--out", "y", "--deadline", "nan"], "--deadline nan is no number above 0"),
+        (["track", "x", "--out", "y", "--deadline", "nan"], "--deadline nan is not above 0"),
         (["track", "x", "--out", "y", "--deadline", "9", "--method", "annealed"], "leave --deadline out"),
         (["publish", "x", "--key", "a/*", "--connect", "tcp/127.0.0.1:1"], "such as camera/depth"),
         (["publish", "x", "--key", KEY, "--connect", "tcp/127.0.0.1:1", "--rate", "0"], "--rate 0"),
-        (["publish", "PLATE", "--key", KEY], "nobody could receive this"),
+        (["publish", "PLATE", "--key", KEY], "no subscriber could connect"),
     ],
 )
 def test_faults_are_reported_in_one_line(

@@ -119,7 +119,7 @@ def test_frames_that_fit_each_other_are_a_new_stream(other: dict[str, object]) -
     assert (frames.stream, frame.number) == (1, 4)
     assert frames.counts["rejected"] == 4
     assert len(reports) == 2
-    assert reports[1].endswith("tracking starts anew")
+    assert reports[1].endswith("tracking starts again")
     frames.receive(encode_live(image(103)))
     frames.receive(encode_live(image(5, **other)))  # type: ignore[arg-type]
     assert next(numbers).number == (5 if other else 103)

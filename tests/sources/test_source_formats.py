@@ -166,7 +166,7 @@ def arrays(**values: object) -> Callable[[Path], None]:
 
 DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("tum", "depth.txt", text("# nothing\n"), "depth.txt has 0 times for 3 pictures"),
-    ("tum", "depth.txt", lambda path: path.write_bytes(b"\xff\xfe\x00"), "is no text that can be read"),
+    ("tum", "depth.txt", lambda path: path.write_bytes(b"\xff\xfe\x00"), "is not a readable text"),
     ("tum", "camera_intrinsic.json", remove, "frame 0 is 320x240, but its camera 640x480"),
     ("tum", "camera_intrinsic.json", text("{"), "camera_intrinsic.json"),
     ("ply", "cloud_1.ply", cut, "cloud_1.ply is damaged"),

@@ -203,7 +203,7 @@ def test_a_bag_of_compressed_depth_says_how_to_unpack_it(tmp_path: Path) -> None
         ("walk.svo2", "ZED's files need its SDK"),
         ("walk.db3", "give the folder that ROS 2 recorded"),
         ("walk.h5", "save depth by numpy.save"),
-        ("walk.xyz", "no depth sequence of a known format; give one of"),
+        ("walk.xyz", "not a depth sequence of a known format; give one of"),
     ],
 )
 def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path, name: str, says: str) -> None:
@@ -227,7 +227,7 @@ def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
         ("500,500,320", None, "give four numbers"),
         ("500,-1,320,240", None, "positive fx, fy"),
         ("a,b,c,d", None, "give four numbers"),
-        (None, 0.0, "is no number of units per metre"),
+        (None, 0.0, "is not a number of units per metre"),
     ],
 )
 def test_what_is_given_makes_sense(intrinsics: str | None, scale: float | None, says: str) -> None:

@@ -66,9 +66,9 @@ class Measures:
 
     def _check(self, usual: dict[str, float]) -> None:
         if not 0.5 <= self.stature <= 2.6:
-            raise InputError(f"stature {self.stature} m is no person's; give metres between 0.5 and 2.6")
+            raise InputError(f"stature {self.stature} m is implausible; give metres between 0.5 and 2.6")
         if not 0.5 <= self.girth <= 2.0:
-            raise InputError(f"girth {self.girth} is no person's; give a factor between 0.5 and 2")
+            raise InputError(f"girth {self.girth} is implausible; give a factor between 0.5 and 2")
         for field in fields(self)[2:]:
             value = getattr(self, field.name)
             if not 0.5 <= value / usual[field.name] <= 2.0:
