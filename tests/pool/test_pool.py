@@ -86,7 +86,7 @@ class WatchedBus:
 
 
 def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
-    """A number that comes again, as in a second sequence on the same pool, means a new frame, which is sent."""
+    """A repeated number, as in a second sequence on the same pool, is a new frame, which is sent."""
     fetched = SimpleQueue[str]()
     with (
         pool(endpoint) as refiner,
