@@ -20,7 +20,7 @@ from coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, pe
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
-from coordinator.filters.methods import apply_method, keep_up
+from coordinator.filters.methods import apply_method
 from coordinator.results.log import assemble, floor_up
 from coordinator.results.recorder import save_run
 from coordinator.results.summary import PERSON
@@ -68,17 +68,15 @@ class FrameLoop(Closing):
         return estimates
 
     def _follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
-        """Track a source. Each stream of live input has a new tracker, and no frame of it is read ahead."""
+        """Track a source. Each stream of live input has a new tracker, and is tracked as it comes."""
         live = frames if isinstance(frames, LiveSource) else None
         if live is not None and self._frames == 0:  # no frame waits for loading or for the frame before
-            self._settings = keep_up(self._settings)
-            self._tracker = self._make(self._settings)
             self._tracker.prepare()
         last = 0 if live is None else live.stream
         for stream, part in groupby(frames, lambda _: 0 if live is None else live.stream):
             if stream != last:
                 self._tracker, last = self._make(self._settings), stream
-            for tracked in self._tracker.follow(part, look_ahead=look_ahead and live is None):
+            for tracked in self._tracker.follow(part, look_ahead=look_ahead, live=live):
                 self._frames += 1
                 starts = [each.state.start for each in tracked]
                 yield [named(t.estimate, s.model, s.held) for t, s in zip(tracked, starts, strict=True)]

@@ -17,7 +17,6 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import Show, counted
 from coordinator.commands.workers import Workers
-from coordinator.filters.methods import keep_up
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
 from coordinator.results.evaluation import Truth, read_truth
 from coordinator.sources import Source, open_source
@@ -37,6 +36,7 @@ class Input:
 
     source: Source | None = None
     total: int | None = None  # frames
+    live: LiveFrames | None = None
     truth: Truth | None = None
     colours: ColourFolder | None = None
 
@@ -82,7 +82,6 @@ class Input:
 class RecordedInput(Input):
     """A recording, of which every frame is tracked. InputError if it does not fit the options."""
 
-    look_ahead = True
     source: Source
     total: int
 
@@ -123,8 +122,6 @@ class RecordedInput(Input):
 class LiveInput(Input):
     """Published frames, of which the newest is tracked. InputError for options of recordings."""
 
-    look_ahead = False
-
     def __init__(self, job: Job, key: str, show: Show) -> None:
         for option, given in (
             ("--frames", job.frames),
@@ -138,17 +135,17 @@ class LiveInput(Input):
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
         self.key, self._show = check_stream(key, guarded=job.pool.security is not None), show
-        super().__init__(replace(job, settings=keep_up(job.settings)), None)
-        self.received = LiveFrames(self.key, show.say, idle=job.idle_timeout)
+        super().__init__(job, None)
+        self.live: LiveFrames = LiveFrames(self.key, show.say, idle=job.idle_timeout)
         self.configuration = live_run_configuration(str(job.sequence), self.asked())
 
     def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
-        workers.listen(self.key, self.received.receive)
+        workers.listen(self.key, self.live.receive)
         how = "the newest frame is tracked as soon as the workers are ready"
         self._show.say(f"listening on {self.key}; {how}")
-        for _, frames in groupby(self.received, lambda _: self.received.stream):
+        for _, frames in groupby(self.live, lambda _: self.live.stream):
             yield from_first_seen(map(self._fitting, frames), self._show.say)
 
     def _fitting(self, frame: DepthFrame) -> DepthFrame:
@@ -158,7 +155,7 @@ class LiveInput(Input):
 
     def facts(self) -> dict[str, object]:
         """Counts of the messages."""
-        return {f"frames_{name}": count for name, count in self.received.counts.items()}
+        return {f"frames_{name}": count for name, count in self.live.counts.items()}
 
 
 def choose_start(

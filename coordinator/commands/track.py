@@ -130,18 +130,18 @@ def track_frames(
             motion=given.motion,
             states=recorder.states,
         )
-        if not given.look_ahead:
+        if given.live is not None:
             make().prepare()  # so that no frame waits for it
         try:
             for frames in given.streams(workers, before):
-                for tracked in make().follow(frames, look_ahead=given.look_ahead):
+                for tracked in make().follow(frames, live=given.live):
                     publish(tracked, outlets)
                     rate.count()
                     recorder.append(tracked, workers.statistics, rate.seconds)
                     others = [f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2)]
                     state = "".join([describe(tracked[0].estimate, rate.per_second), *others])
                     if isinstance(given, LiveInput):
-                        state += f", {given.received.counts['skipped']} frames skipped"
+                        state += f", {given.live.counts['skipped']} frames skipped"
                     advance(recorder.frames, given.total, state)
                     if recorder.frames == before + 2:
                         gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
@@ -188,7 +188,7 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson
         out = folder_of(job.out, job.people, number)
         frames = counted(len(each.estimates), "frame")
         if isinstance(given, LiveInput):
-            frames = f"{len(each.estimates)} of {counted(given.received.counts['received'], 'frame')}"
+            frames = f"{len(each.estimates)} of {counted(given.live.counts['received'], 'frame')}"
         drawn, later = "", f"; gepf pictures {out} draws them" if given.source else ""
         try:
             if job.pictures:

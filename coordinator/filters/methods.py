@@ -145,8 +145,3 @@ def pace_iterations(settings: RefineSettings, interval: float, pace: float, most
     usual = settings.icp_iterations
     paced = min(round(usual * min(factor, MOST_PACE**pace)), most)
     return msgspec.structs.replace(settings, icp_iterations=max(usual, paced))
-
-
-def keep_up(settings: Settings) -> Settings:
-    """Settings for live input, in which a slow frame delays the next one."""
-    return msgspec.structs.replace(settings, pace_iterations=min(settings.pace_iterations, 1.0))

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
 from common.camera import back_project, level_from_camera
@@ -19,7 +20,26 @@ from coordinator.scene.segmentation import label_parts
 
 AREA_M2 = (0.1, 1.6)  # visible area of a person
 LEAST_PART_M2, SAME_SPOT_M = 0.008, 0.35  # of a further part of a person, with an occluder between
-SAMPLED = 800  # points for extents and planes
+SAMPLED = 300  # points for extents and planes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """A connected component of the foreground.
+
+    mask: (H, W) its pixels in a window of the frame. points: (P, 3) their points in the camera frame, metres.
+    middle, heights: their median (3,), and the ends of their vertical range, in the level camera frame.
+    """
+
+    window: tuple[slice, slice]
+    mask: Mask
+    points: Array
+    middle: Array
+    heights: tuple[float, float]
+
+    def mark(self, mask: Mask) -> None:
+        """Set the pixels of the part in a mask of the whole frame."""
+        mask[self.window] |= self.mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,11 +47,12 @@ class Candidate:
     """A candidate for a person.
 
     mask: (H, W) its pixels. points: (P, 3) their points in the camera frame, metres. score: from 0 to 1.
-    why: its measures as text.
+    why: its measures as text. part: the component with the trunk.
     """
 
     mask: Mask
     points: Array
+    part: Part
     score: float
     why: str
 
@@ -45,41 +66,52 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     pixel_areas = (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel()
     areas = np.bincount(labels.ravel(), pixel_areas)
     areas[0] = 0.0  # label 0 is the rest
-    large = np.flatnonzero((areas >= AREA_M2[0]) & (areas <= AREA_M2[1]))
     windows = find_objects(labels)
-    found = [judge(view, labels == n, windows[n - 1], float(areas[n])) for n in large.tolist()]
+    large = np.flatnonzero((areas >= AREA_M2[0]) & (areas <= AREA_M2[1])).tolist()
+    found = [judge(view, part_of(view, labels, windows[n - 1], n), float(areas[n])) for n in large]
     best = sorted((each for each in found if each is not None), key=lambda each: -each.score)
-    parts = [labels == n for n in np.flatnonzero(areas >= LEAST_PART_M2).tolist()] if best else []
+    small = np.flatnonzero(areas >= LEAST_PART_M2).tolist() if best else []
+    parts = [part_of(view, labels, windows[n - 1], n) for n in small]
     return [join_hidden(view, each, parts) for each in best]
 
 
-def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Mask]) -> Candidate:
-    """Join the candidate with parts (H, W) at the same place if something nearer is between them."""
-    turn, mask = level_from_camera(view.planes.up).T, person.mask
+def part_of(view: SceneView, labels: NDArray[np.integer], window: tuple[slice, slice], label: int) -> Part:
+    """The component with a label (H, W), which lies in a window."""
+    rows, columns = window
+    camera = view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)
+    mask = labels[window] == label
+    points = back_project(view.depth[window], camera)[mask]
+    level = points @ level_from_camera(view.planes.up).T
+    heights = float(level[:, 1].min()), float(level[:, 1].max())
+    return Part(window, mask, points, np.median(level, axis=0), heights)
+
+
+def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
+    """Join the candidate with parts at the same place if something nearer is between them."""
+    own, mask, joined = person.part, person.mask.copy(), [person.points]
     for part in parts:
-        if (part & mask).any():
+        (low, high), across = zip(own.heights, part.heights, strict=True), own.middle - part.middle
+        far = np.linalg.norm(across[[0, 2]]) >= SAME_SPOT_M or max(high) - min(low) >= PERSON_LENGTH_M[1]
+        if far or (mask[part.window] & part.mask).any():
             continue
-        points = back_project(view.depth, view.camera)[part]
-        mine, other = (np.median(each @ turn, axis=0) for each in (person.points, points))
-        tall = np.ptp(np.concatenate([person.points, points]) @ turn[:, 1])
-        if np.linalg.norm((mine - other)[[0, 2]]) < SAME_SPOT_M and tall < PERSON_LENGTH_M[1]:
-            ends = [np.argwhere(each).mean(axis=0) for each in (mask, part)]
-            rows, columns = np.linspace(ends[0], ends[1], 64).round().astype(int).T
-            between = view.depth[rows, columns][~(mask | part)[rows, columns]]
-            nearest = min(float(np.percentile(each[:, 2], 5.0)) for each in (person.points, points))
-            if np.any((between > 0.0) & (between < nearest)):
-                mask = mask | part
-    return replace(person, mask=mask, points=back_project(view.depth, view.camera)[mask])
+        whole = mask.copy()
+        part.mark(whole)
+        ends = [np.argwhere(mask).mean(axis=0), np.argwhere(whole & ~mask).mean(axis=0)]
+        rows, columns = np.linspace(ends[0], ends[1], 64).round().astype(int).T
+        between = view.depth[rows, columns][~whole[rows, columns]]
+        nearest = min(float(np.percentile(each[:, 2], 5.0)) for each in (person.points, part.points))
+        if np.any((between > 0.0) & (between < nearest)):
+            mask, joined = whole, [*joined, part.points]
+    return replace(person, mask=mask, points=np.concatenate(joined))
 
 
-def judge(view: SceneView, mask: Mask, window: tuple[slice, slice], area: float) -> Candidate | None:
-    """The candidate of a part (H, W) with this area, square metres; None if it is too long or flat.
+def judge(view: SceneView, part: Part, area: float) -> Candidate | None:
+    """The candidate of a part with this area, square metres; None if it is too long or flat.
 
     The score increases towards the middle of the image and with the height up to one metre.
     """
-    rows, columns = window
-    camera = view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)
-    points = back_project(view.depth[window], camera)[mask[window]]
+    points, mask = part.points, np.zeros(view.depth.shape, dtype=np.bool_)
+    part.mark(mask)
     some = points[:: 1 + len(points) // SAMPLED]
     across, height, away = extents(some @ level_from_camera(view.planes.up).T).tolist()
     flat = share_on_plane(to_rays(some, view.growth))
@@ -92,4 +124,4 @@ def judge(view: SceneView, mask: Mask, window: tuple[slice, slice], area: float)
         f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {area:.2f} m2 seen, "
         f"{100 * flat:.0f} % in one plane"
     )
-    return Candidate(mask, points, score, why)
+    return Candidate(mask, points, part, score, why)

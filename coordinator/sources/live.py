@@ -56,6 +56,7 @@ class LiveFrames:
         self._newest: tuple[int, DepthFrame] | None = None  # its stream, and the frame to be yielded
         self._last: DepthFrame | None = None  # the last accepted frame
         self._last_stream = 0
+        self._period_s = math.inf
         self._rejected: deque[DepthFrame] = deque(maxlen=2 * NEW_STREAM_FRAMES)  # since then
         self._ended = False
         self._counts = dict.fromkeys(COUNTED, 0)
@@ -66,6 +67,18 @@ class LiveFrames:
         """Number of messages of each kind in `COUNTED` so far."""
         with self._changed:
             return self._counts.copy()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the next frame waits, or the stream has ended."""
+        with self._changed:
+            return self._is_ready()
+
+    @property
+    def period_s(self) -> float:
+        """Time in seconds between the last two frames of the stream; infinite if there are not two."""
+        with self._changed:
+            return self._period_s
 
     def receive(self, payload: bytes) -> None:
         """Receive a message; an older frame that is still waiting is skipped."""
@@ -114,6 +127,7 @@ class LiveFrames:
         if self._newest is not None:
             self._counts["skipped"] += 1
         self._newest = self._last_stream, frame
+        self._period_s = math.inf if misfit or self._last is None else frame.time_s - self._last.time_s
         self._last = frame
         self._rejected.clear()
         if misfit is None:

@@ -200,7 +200,7 @@ class Detector:
         self._refiner.publish(now)
         candidates = ordered([refine(self._refiner, model, poses, iterations(rules, FIRST_ITERATIONS), 0)])
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
-        return Detection(detection.start, candidates, gate)
+        return Detection(replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
     def can_redetect(self, start: Start) -> bool:
         """Whether the body can move: its root is not held."""

@@ -1,11 +1,11 @@
-"""Parts of the loop over frames: items that are made before their turn, and seconds by stage."""
+"""Parts of the loop over frames: items made before their turn, live frames, and seconds by stage."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Generic, Self, TypeVar
+from typing import Generic, Protocol, Self, TypeVar
 
 Item = TypeVar("Item")
 
@@ -40,6 +40,20 @@ class Lookahead(Generic[Item]):
                 self._next, self._error = None, error
             self._peeked = True
         return self._next
+
+
+class Live(Protocol):
+    """What the loop asks of frames that are published while it tracks."""
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the next frame waits, or there will be no more."""
+        ...
+
+    @property
+    def period_s(self) -> float:
+        """Usual time in seconds from one published frame to the next; infinite if it is not known yet."""
+        ...
 
 
 class Stopwatch:

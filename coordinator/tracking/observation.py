@@ -79,6 +79,12 @@ def some_points(subject: SubjectFrame) -> Array:
     return observed_points(subject, POINTS)
 
 
+def middle_of(subject: SubjectFrame) -> Array:
+    """Median (3,) of some of the observed points, camera frame, metres."""
+    middle: Array = np.median(some_points(subject), axis=0)
+    return middle
+
+
 def distance_of(subject: SubjectFrame) -> float:
     """Median depth of some of the observed points, metres; 0 if there are none."""
-    return float(np.median(some_points(subject)[:, 2])) if len(subject.picked) else 0.0
+    return float(middle_of(subject)[2]) if len(subject.picked) else 0.0

@@ -7,6 +7,7 @@ them to the workers. `update` waits for the refined particles and updates the be
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -27,11 +28,11 @@ from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.features import Measurement
-from coordinator.tracking.detector import Candidates, Detection, Detector, complete
+from coordinator.tracking.detector import Candidates, Detection, Detector, Search
 from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Stopwatch
+from coordinator.tracking.loop import Live, Stopwatch
 from coordinator.tracking.observation import distance_of, see
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Updated, is_settled
@@ -65,6 +66,26 @@ class Submitted:
     measurement: Measurement
     detection: Detection | None  # of the body elsewhere, if it was searched for
     clock: Stopwatch
+    longest: float  # interval in seconds that the iterations are paced by
+
+
+@dataclass(slots=True, eq=False)
+class Searching:
+    """A search for the body that is under way, or done."""
+
+    search: Search
+    subject: SubjectFrame  # in which the body is searched for
+    found: Detection | None = None
+
+    def advance(self) -> bool:
+        """Do the next slice; False if there is none."""
+        if self.found is None:
+            try:
+                next(self.search)
+            except StopIteration as end:
+                self.found = end.value
+            return True
+        return False
 
 
 class TargetTracker:
@@ -104,6 +125,7 @@ class TargetTracker:
         self._time_s: float | None = None  # of the last frame that showed the body
         self._distance = 0.0  # of the subject in the present frame, metres
         self._size: SizeEstimate | None = None  # None if the size is not estimated
+        self._searching: Searching | None = None
         self.scene = SceneChange()  # what the last submitted frame changed in the scene
         if state is not None:
             self._resume(state)
@@ -167,22 +189,37 @@ class TargetTracker:
         """Note that the present frame does not show the body where it was expected."""
         self.management = self.management.nothing_seen()
 
+    @property
+    def searched(self) -> SubjectFrame | None:
+        """Where the body is being searched for."""
+        return None if self._searching is None else self._searching.subject
+
+    def search(self) -> bool:
+        """Do the next slice of a search for the body; False if there is none."""
+        return self._searching is not None and self._searching.advance()
+
     def prepare(self) -> None:
         """Build what a first detection needs, unless the start is given."""
         if not self._given:
             self._detector.prepare()
 
     def submit(
-        self, frame: DepthFrame, subject: SubjectFrame | None, planes: Planes, clock: Stopwatch
+        self,
+        frame: DepthFrame,
+        subject: SubjectFrame | None,
+        planes: Planes,
+        clock: Stopwatch,
+        live: Live | None = None,
     ) -> Submitted | Updated:
         """Predict particles for the next frame and let the workers refine them.
 
-        `update` must follow. If there is nothing to refine, the frame is updated at once.
+        `update` must follow. If there is nothing to refine, the frame is updated at once. Where a search for
+        the body is due, a `live` frame does not wait for it: `search` does it in slices.
         """
         first = self._belief is None
         shows = subject is not None or (self._expected is not None and bool(frame.depth.any()))
         self._resize()
-        detection = None if subject is None else self._detect(subject, planes, clock)
+        detection = None if subject is None else self._detect(subject, planes, clock, live)
         self._expected = self._whereabouts()
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
@@ -193,8 +230,9 @@ class TargetTracker:
             settings = self._refine_settings
             stretch, past = settings.noise_lateral / settings.noise_depth, self._belief.reported
             measurement = Measurement(subject, past, proposal.interval, stretch, first)
-            pending = self._send(proposal, settings)
-        return Submitted(self.model, settings, proposal, pending, measurement, detection, clock)
+            longest = math.inf if live is None else live.period_s
+            pending = self._send(proposal, settings, longest)
+        return Submitted(self.model, settings, proposal, pending, measurement, detection, clock, longest)
 
     def send_ahead(self, subject: SubjectFrame | None, clock: Stopwatch) -> None:
         """Send the subject that will be submitted next to the workers, before its turn."""
@@ -221,44 +259,75 @@ class TargetTracker:
         """The settings for the noise at the distance of the present frame."""
         return assume_noise(self._settings.refine, self.start.noise.at(self._distance))
 
-    def _detect(self, subject: SubjectFrame, planes: Planes, clock: Stopwatch) -> Detection | None:
+    def _detect(
+        self, subject: SubjectFrame, planes: Planes, clock: Stopwatch, live: Live | None
+    ) -> Detection | None:
         """Detect the body if there is none yet; redetect it if its place is in doubt."""
+        with clock.stage("search"):
+            self._distance = distance_of(subject)
+            if self._belief is None and self._given:
+                self._begin_at_start(subject)
+            elif self._searching is None:
+                self._searching = self._begin_search(subject, planes)
+            detection = self._searched(subject, live)
+            if detection is not None and self._belief is None:
+                self._begin_at(detection, subject)
+                detection = None
         with clock.stage("publish"):
             self._refiner.publish(subject)
-            self._distance = distance_of(subject)
-        with clock.stage("search"):
-            if self._belief is None:
-                self._begin(subject, planes)
-                return None
+        return detection
+
+    def _begin_at_start(self, subject: SubjectFrame) -> None:
+        """Begin at the pose that was given."""
+        self.start = replace(self.start, noise=self._measure_noise(subject))
+        self._belief = self._method.begin(self.model, self.start.pose, self._settings.filter)
+
+    def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
+        return measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
+
+    def _begin_search(self, subject: SubjectFrame, planes: Planes) -> Searching | None:
+        """A search for the body in a frame, if one is due."""
+        if self._belief is not None:
             if not (self.management.checks and self._redetects):
                 return None
             lost, last = self.management.seeks, self._belief.reported
-            rules = self._refine_settings
-            return complete(self._detector.redetect(subject, self.start, rules, last, lost=lost))
-
-    def _begin(self, subject: SubjectFrame, planes: Planes) -> None:
-        """Begin at the given pose, or at a detection if it passes gating."""
-        noise = measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
-        if self._given:
-            self.start = replace(self.start, noise=noise)
-            self._belief = self._method.begin(self.model, self.start.pose, self._settings.filter)
+            search = self._detector.redetect(subject, self.start, self._refine_settings, last, lost=lost)
         elif len(subject.picked) < self.least_pixels:
             self.nothing_seen()
+            return None
         elif not self.management.searches:
             self.management = self.management.not_found(self.management.why)
+            return None
         else:
-            detection = complete(self._detector.detect(subject, noise, planes))
-            if not detection.gate.passes:
-                self.management = self.management.not_found(detection.gate.why)
-                return
-            self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
-            self._belief = self._believe(detection.candidates)
-            free = set(ROOT_DOFS) <= set(self.model.dof_names)
-            if self._settings.measure_person and self._bodies.people and not self._bodies.measures and free:
-                self._size = SizeEstimate()
-                measured = self._measure_stature(self.start.pose, subject)
-                # unmeasured, the detection's stature is as uncertain as the spread of statures among people
-                self.start = self.start.with_stature(measured or 0.5 * (self.start.stature + MEAN_STATURE_M))
+            search = self._detector.detect(subject, self._measure_noise(subject), planes)
+        return Searching(search, subject)
+
+    def _searched(self, subject: SubjectFrame, live: Live | None) -> Detection | None:
+        """What was detected, as the present frame shows it; None if no search has ended."""
+        searching = self._searching
+        while live is None and self.search():
+            pass
+        if searching is None or searching.found is None:
+            return None
+        self._searching, found = None, searching.found
+        if searching.subject is subject:
+            return found
+        settings = assume_noise(self._settings.refine, found.start.noise.at(self._distance))
+        return self._detector.transfer(found, searching.subject, subject, settings)
+
+    def _begin_at(self, detection: Detection, subject: SubjectFrame) -> None:
+        """Begin at a detection if it passes gating."""
+        if not detection.gate.passes:
+            self.management = self.management.not_found(detection.gate.why)
+            return
+        self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
+        self._belief = self._believe(detection.candidates)
+        free = set(ROOT_DOFS) <= set(self.model.dof_names)
+        if self._settings.measure_person and self._bodies.people and not self._bodies.measures and free:
+            self._size = SizeEstimate()
+            measured = self._measure_stature(self.start.pose, subject)
+            # unmeasured, the detection's stature is as uncertain as the spread of statures among people
+            self.start = self.start.with_stature(measured or 0.5 * (self.start.stature + MEAN_STATURE_M))
 
     def _believe(self, candidates: Candidates) -> Belief:
         """The belief in candidates: in all of them if the method has several hypotheses, else in the best."""
@@ -282,8 +351,9 @@ class TargetTracker:
         observation = see(subject, self._time_s, step)
         return self._method.propose(self.model, belief, observation, self._settings.filter, self._rng)
 
-    def _send(self, proposal: Proposal[Any], settings: RefineSettings) -> Pending:
-        paced = pace_iterations(settings, proposal.interval, self._settings.pace_iterations, MAX_ITERATIONS)
+    def _send(self, proposal: Proposal[Any], settings: RefineSettings, longest: float) -> Pending:
+        interval = min(proposal.interval, longest)
+        paced = pace_iterations(settings, interval, self._settings.pace_iterations, MAX_ITERATIONS)
         covariance = proposal.asks_covariance(paced)
         return self._refiner.submit(self.model, proposal.poses, paced, covariance=covariance)
 
@@ -302,7 +372,7 @@ class TargetTracker:
                 from_guess = submitted.measurement.first  # the change since a guess is not motion
                 return found.at_rest() if from_guess else found, answered
             with clock.stage("refine"):
-                proposal, pending = found, self._send(found, submitted.settings)
+                proposal, pending = found, self._send(found, submitted.settings, submitted.longest)
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""
@@ -349,7 +419,8 @@ class TargetTracker:
     def _lose(self, *, shows: bool) -> Status:
         """The status of a frame in which nothing of the body is seen; the hypotheses stay where they are."""
         if self._belief is None:
-            return "searching" if shows and self.management.searched else "absent"
+            searched = self._searching is not None or self.management.searched
+            return "searching" if shows and searched else "absent"
         unseen = np.full(len(self._belief.residual), np.nan)
         self._belief = replace(self._belief.at_rest(), residual=unseen)
         self.nothing_seen()

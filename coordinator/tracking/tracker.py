@@ -20,8 +20,8 @@ from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking import segmenter
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Lookahead, Stopwatch
-from coordinator.tracking.observation import some_points
+from coordinator.tracking.loop import Live, Lookahead, Stopwatch
+from coordinator.tracking.observation import middle_of
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report
 from coordinator.tracking.segmenter import Segmented, Segmenter
@@ -89,12 +89,16 @@ class Tracker:
         (tracked,) = self.follow([frame], look_ahead=False)
         return tracked
 
-    def follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Tracked]]:
+    def follow(
+        self, frames: Iterable[DepthFrame], *, look_ahead: bool = True, live: Live | None = None
+    ) -> Iterator[list[Tracked]]:
         """Track frames; each frame is reported while the workers refine the next one.
 
         The results are those of `track`. If a frame fails, the frame before is reported all the same. Without
-        `look_ahead`, for live input, a frame is reported before the next one is read.
+        `look_ahead` a frame is reported before the next one is read. So are `live` frames; of those the next
+        one is segmented ahead if it waits already, and bodies are searched for in the time between frames.
         """
+        look_ahead = look_ahead and live is None
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, clocks in upcoming:
@@ -102,26 +106,48 @@ class Tracker:
                 for n, target in enumerate(self._targets):
                     subject = self._assign(n, segmented, free)
                     target.scene = segmented.change if n == 0 else replace(segmented.change, learned=NOTHING)
-                    submitted = target.submit(segmented.frame, subject, segmented.view.planes, clocks[n])
+                    submitted = target.submit(
+                        segmented.frame, subject, segmented.view.planes, clocks[n], live
+                    )
                     # the workers are busy from here until the update
                     if unreported:
                         tracked, unreported = [report(each) for each in unreported], []
                         yield tracked
-                    if n + 1 < self.people:
-                        self._targets[n + 1].send_ahead(segmented.subjects[n + 1], clocks[n + 1])
-                    elif look_ahead and (ahead := upcoming.peek()) is not None:
-                        self._targets[0].send_ahead(ahead[0].subjects[0], ahead[1][0])
+                    waits = look_ahead or (live is not None and live.is_ready)
+                    self._send_ahead(n + 1, segmented, clocks, upcoming if waits else None)
                     updated.append(submitted if isinstance(submitted, Updated) else target.update(submitted))
                 unreported = updated
                 if not look_ahead:
                     tracked, unreported = [report(each) for each in unreported], []
                     yield tracked
+                if live is not None:
+                    self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
             if unreported:
                 yield [report(each) for each in unreported]
             raise
         if unreported:
             yield [report(each) for each in unreported]
+
+    def _send_ahead(
+        self,
+        n: int,
+        segmented: Segmented,
+        clocks: list[Stopwatch],
+        upcoming: Lookahead[tuple[Segmented, list[Stopwatch]]] | None,
+    ) -> None:
+        """Send the workers the subject that is submitted next: of the n-th person, or in the next frame."""
+        if n < self.people:
+            self._targets[n].send_ahead(segmented.subjects[n], clocks[n])
+        elif upcoming is not None and (ahead := upcoming.peek()) is not None:
+            self._targets[0].send_ahead(ahead[0].subjects[0], ahead[1][0])
+
+    def _search_until_ready(self, live: Live) -> None:
+        """Search for bodies, at least a slice, until all searches are done or, to track, the next frame waits."""
+        searching = True
+        while searching:
+            due = live.is_ready and any(target.start.found for target in self._targets)
+            searching = max(target.search() for target in self._targets) and not due
 
     def _segment(self, frame: DepthFrame) -> tuple[Segmented, list[Stopwatch]]:
         """A segmented frame, and a stopwatch for each person in it."""
@@ -139,6 +165,8 @@ class Tracker:
             if not all(each.start.found for each in self._targets[:place]) or not free:
                 return None
             chosen = free[target.management.searched // SEARCH_INTERVAL_FRAMES % len(free)]
+            if (searched := target.searched) is not None:
+                chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
         elif target.expected is None:
             chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)
         elif target.misses(segmented.pixels(place)):
@@ -161,4 +189,4 @@ class Tracker:
 
 def distance(subject: SubjectFrame, place: Array) -> float:
     """Distance in metres from the median of a person's observed points to a place (3,)."""
-    return float(np.linalg.norm(np.median(some_points(subject), axis=0) - place))
+    return float(np.linalg.norm(middle_of(subject) - place))

@@ -8,21 +8,20 @@ import pytest
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
-from coordinator.filters.methods import keep_up, pace_iterations
+from coordinator.filters.methods import pace_iterations
 from coordinator.tracking.observation import isolate, see
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 
 
 @pytest.mark.parametrize(
-    ("interval", "iterations", "live"),
-    [(1 / 60, 3, 3), (1 / 30, 3, 3), (1 / 15, 9, 6), (0.1, 15, 9), (1 / 6, 27, 9), (2.0, 27, 9)],
+    ("interval", "iterations"), [(1 / 60, 3), (1 / 30, 3), (1 / 15, 9), (0.1, 15), (1 / 6, 27), (2.0, 27)]
 )
-def test_iterations_go_with_the_time_between_frames(interval: float, iterations: int, live: int) -> None:
-    """Three at 30 frames a second and more, nine times as many at the most; live no more a second."""
+def test_iterations_go_with_the_time_between_frames(interval: float, iterations: int) -> None:
+    """Three at 30 frames a second and more, nine times as many at the most."""
     settings = preset("default")
     assert settings.refine.icp_iterations == 3
-    for each, many in ((settings, iterations), (keep_up(settings), live), (preset("paper"), 3)):
+    for each, many in ((settings, iterations), (preset("paper"), 3)):
         assert pace_iterations(each.refine, interval, each.pace_iterations, 100).icp_iterations == many
 
 
