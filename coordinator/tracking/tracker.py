@@ -136,14 +136,14 @@ class Tracker:
         clocks: list[Stopwatch],
         upcoming: Lookahead[tuple[Segmented, list[Stopwatch]]] | None,
     ) -> None:
-        """Send the workers the subject that is submitted next: of the n-th person, or in the next frame."""
+        """Send the workers the subject that is next: of the n-th person, or of the next frame."""
         if n < self.people:
             self._targets[n].send_ahead(segmented.subjects[n], clocks[n])
         elif upcoming is not None and (ahead := upcoming.peek()) is not None:
             self._targets[0].send_ahead(ahead[0].subjects[0], ahead[1][0])
 
     def _search_until_ready(self, live: Live) -> None:
-        """Search for bodies, at least a slice, until all searches are done or, to track, the next frame waits."""
+        """Search for bodies until that is done or, where somebody is tracked, the next frame waits."""
         searching = True
         while searching:
             due = live.is_ready and any(target.start.found for target in self._targets)
