@@ -198,7 +198,7 @@ class Detector:
             if name in model.dof_names:
                 poses[:, model.dof(name)] += step
         self._refiner.publish(now)
-        candidates = ordered([refine(self._refiner, model, poses, iterations(rules, FIRST_ITERATIONS), 0)])
+        candidates = ordered([refine(self._refiner, model, poses, iterations(rules, FULL.iterations), 0)])
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 

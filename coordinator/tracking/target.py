@@ -313,7 +313,9 @@ class TargetTracker:
         if searching.subject is subject:
             return found
         settings = assume_noise(self._settings.refine, found.start.noise.at(self._distance))
-        return self._detector.transfer(found, searching.subject, subject, settings)
+        moved = self._detector.transfer(found, searching.subject, subject, settings)
+        # a body that has moved a lot since is not wrong, and may be found again
+        return moved if self._belief is not None else replace(moved, gate=found.gate)
 
     def _begin_at(self, detection: Detection, subject: SubjectFrame) -> None:
         """Begin at a detection if it passes gating."""
