@@ -20,7 +20,7 @@ from coordinator.scene.segmentation import label_parts
 
 AREA_M2 = (0.1, 1.6)  # visible area of a person
 LEAST_PART_M2, SAME_SPOT_M = 0.008, 0.35  # of a further part of a person, with an occluder between
-SAMPLED = 300  # points for extents and planes
+SAMPLED = 800  # points for extents and planes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
