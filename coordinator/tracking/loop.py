@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, Self, TypeVar
+
+import numpy as np
 
 Item = TypeVar("Item")
 
@@ -70,3 +74,23 @@ class Stopwatch:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What a live frame has time for."""
+
+    period_s: float  # between published frames
+    particles: float = math.inf  # for each person
+
+    def after(self, clocks: Sequence[Stopwatch], answered: Sequence[int], period_s: float) -> Self:
+        """The pace after a frame with these times and refined particles of each person.
+
+        The next one has as many particles as would have made this one last a period.
+        """
+        refine = sum(clock.seconds.get("refine", 0.0) for clock in clocks)
+        others = sum(sum(clock.seconds.values()) for clock in clocks) - refine
+        if refine == 0.0 or not any(answered):
+            return replace(self, period_s=period_s)
+        affordable = sum(answered) * (period_s - others) / refine
+        return type(self)(period_s, max(1.0, affordable / np.count_nonzero(answered)))

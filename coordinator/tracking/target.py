@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,7 +33,7 @@ from coordinator.tracking.detector import Candidates, Detection, Detector, Searc
 from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Live, Stopwatch
+from coordinator.tracking.loop import Pace, Stopwatch
 from coordinator.tracking.observation import distance_of, see
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Updated, is_settled
@@ -209,28 +210,28 @@ class TargetTracker:
         subject: SubjectFrame | None,
         planes: Planes,
         clock: Stopwatch,
-        live: Live | None = None,
+        pace: Pace | None = None,
     ) -> Submitted | Updated:
         """Predict particles for the next frame and let the workers refine them.
 
-        `update` must follow. If there is nothing to refine, the frame is updated at once. Where a search for
-        the body is due, a `live` frame does not wait for it: `search` does it in slices.
+        `update` must follow. If there is nothing to refine, the frame is updated at once. A live frame has
+        a pace, and does not wait where a search for the body is due: `search` does it in slices.
         """
         first = self._belief is None
         shows = subject is not None or (self._expected is not None and bool(frame.depth.any()))
         self._resize()
-        detection = None if subject is None else self._detect(subject, planes, clock, live)
+        detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
         self._expected = self._whereabouts()
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
         with clock.stage("draw"):
-            proposal = self._predict(self._belief, subject)
+            proposal = self._predict(self._belief, subject, math.inf if pace is None else pace.particles)
         with clock.stage("refine"):
             settings = self._refine_settings
             stretch, past = settings.noise_lateral / settings.noise_depth, self._belief.reported
             measurement = Measurement(subject, past, proposal.interval, stretch, first)
-            longest = math.inf if live is None else live.period_s
+            longest = math.inf if pace is None else pace.period_s
             pending = self._send(proposal, settings, longest)
         return Submitted(self.model, settings, proposal, pending, measurement, detection, clock, longest)
 
@@ -260,7 +261,7 @@ class TargetTracker:
         return assume_noise(self._settings.refine, self.start.noise.at(self._distance))
 
     def _detect(
-        self, subject: SubjectFrame, planes: Planes, clock: Stopwatch, live: Live | None
+        self, subject: SubjectFrame, planes: Planes, clock: Stopwatch, *, live: bool
     ) -> Detection | None:
         """Detect the body if there is none yet; redetect it if its place is in doubt."""
         with clock.stage("search"):
@@ -269,7 +270,9 @@ class TargetTracker:
                 self._begin_at_start(subject)
             elif self._searching is None:
                 self._searching = self._begin_search(subject, planes)
-            detection = self._searched(subject, live)
+            while not live and self.search():
+                pass
+            detection = self._searched(subject)
             if detection is not None and self._belief is None:
                 self._begin_at(detection, subject)
                 detection = None
@@ -302,11 +305,9 @@ class TargetTracker:
             search = self._detector.detect(subject, self._measure_noise(subject), planes)
         return Searching(search, subject)
 
-    def _searched(self, subject: SubjectFrame, live: Live | None) -> Detection | None:
+    def _searched(self, subject: SubjectFrame) -> Detection | None:
         """What was detected, as the present frame shows it; None if no search has ended."""
         searching = self._searching
-        while live is None and self.search():
-            pass
         if searching is None or searching.found is None:
             return None
         self._searching, found = None, searching.found
@@ -345,13 +346,16 @@ class TargetTracker:
             covariances=np.repeat(begun.covariances, len(candidates.poses), axis=0),
         )
 
-    def _predict(self, belief: Belief, subject: SubjectFrame) -> Proposal[Any]:
-        """Particles for the next frame."""
+    def _predict(self, belief: Belief, subject: SubjectFrame, most: float) -> Proposal[Any]:
+        """Particles for the next frame, at most so many."""
         step = None
         if self._motion is not None:
             step = self._motion.step(self.model, belief.reported, self._time_s, subject.frame.time_s)
         observation = see(subject, self._time_s, step)
-        return self._method.propose(self.model, belief, observation, self._settings.filter, self._rng)
+        settings = self._settings.filter
+        if most < settings.particles:
+            settings = msgspec.structs.replace(settings, particles=int(most))
+        return self._method.propose(self.model, belief, observation, settings, self._rng)
 
     def _send(self, proposal: Proposal[Any], settings: RefineSettings, longest: float) -> Pending:
         interval = min(proposal.interval, longest)

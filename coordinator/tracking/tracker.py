@@ -20,7 +20,7 @@ from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
 from coordinator.tracking import segmenter
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Live, Lookahead, Stopwatch
+from coordinator.tracking.loop import Live, Lookahead, Pace, Stopwatch
 from coordinator.tracking.observation import middle_of
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report
@@ -98,7 +98,7 @@ class Tracker:
         `look_ahead` a frame is reported before the next one is read. So are `live` frames; of those the next
         one is segmented ahead if it waits already, and bodies are searched for in the time between frames.
         """
-        look_ahead = look_ahead and live is None
+        look_ahead, pace = look_ahead and live is None, None if live is None else Pace(live.period_s)
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, clocks in upcoming:
@@ -107,7 +107,7 @@ class Tracker:
                     subject = self._assign(n, segmented, free)
                     target.scene = segmented.change if n == 0 else replace(segmented.change, learned=NOTHING)
                     submitted = target.submit(
-                        segmented.frame, subject, segmented.view.planes, clocks[n], live
+                        segmented.frame, subject, segmented.view.planes, clocks[n], pace
                     )
                     # the workers are busy from here until the update
                     if unreported:
@@ -120,7 +120,8 @@ class Tracker:
                 if not look_ahead:
                     tracked, unreported = [report(each) for each in unreported], []
                     yield tracked
-                if live is not None:
+                if live is not None and pace is not None:
+                    pace = pace.after(clocks, [each.answered for each in updated], live.period_s)
                     self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
             if unreported:

@@ -9,6 +9,7 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
 from coordinator.filters.methods import pace_iterations
+from coordinator.tracking.loop import Pace, Stopwatch
 from coordinator.tracking.observation import isolate, see
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
@@ -23,6 +24,19 @@ def test_iterations_go_with_the_time_between_frames(interval: float, iterations:
     assert settings.refine.icp_iterations == 3
     for each, many in ((settings, iterations), (preset("paper"), 3)):
         assert pace_iterations(each.refine, interval, each.pace_iterations, 100).icp_iterations == many
+
+
+@pytest.mark.parametrize(("period_s", "people", "particles"), [(0.05, 1, 40), (0.02, 1, 10), (0.02, 2, 5)])
+def test_a_live_frame_has_the_particles_that_it_has_time_for(
+    period_s: float, people: int, particles: int
+) -> None:
+    """Of a frame that took 30 ms with 20 particles, 20 ms of it for them; at least one for each person."""
+    clocks = [Stopwatch() for _ in range(people)]
+    for clock in clocks:
+        clock.seconds.update({"refine": 0.02 / people, "report": 0.01 / people})
+    answered = [20 // people] * people
+    assert Pace(period_s).after(clocks, answered, period_s).particles == pytest.approx(particles)
+    assert Pace(period_s).after(clocks, answered, 0.001).particles == 1.0
 
 
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:

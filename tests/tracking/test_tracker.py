@@ -30,6 +30,7 @@ from coordinator.tracking.reporting import judge
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
+from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
 from tests.support.people import (
@@ -225,6 +226,23 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
         assert state.checkpoint.generator == one_by_one.state.checkpoint.generator
         for name, array in state.checkpoint.belief.items():
             np.testing.assert_array_equal(array, one_by_one.state.checkpoint.belief[name])
+
+
+class Waiting:
+    """Live frames of which the next one always waits."""
+
+    is_ready, period_s = True, 1 / 30
+
+
+def test_a_live_frame_does_not_wait_for_a_search() -> None:
+    """The body that was searched for in the first frame is tracked in the others, where it is by then."""
+    posture = shown("standing")
+    live = Tracker(DirectRefiner(), SETTINGS, people()).follow(posture.frames, live=Waiting())
+    first, *others = [tracked[0].estimate for tracked in live]
+    assert first.status == "searching"
+    for each, joints in zip(others, posture.joints[1:], strict=True):
+        assert each.status == "tracked"
+        assert apart(each, joints).mean() < 0.04
 
 
 @pytest.mark.parametrize("fault", ["the workers are gone", "frame 2 is torn"])
