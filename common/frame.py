@@ -41,15 +41,13 @@ class SubjectFrame:
     picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points. view:
     (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open. Pixels outside
     are unknown; pixels inside it but outside the crop are empty. kinds: labels (H, W) of the crop, uint8;
-    None if all pixels but the subject's are empty. emptiness: from 0 to 1, probability that unmeasured pixels
-    are empty.
+    None if all pixels but the subject's are empty.
     """
 
     frame: DepthFrame
     picked: NDArray[np.uint32]  # (P,)
     view: tuple[int, int, int, int]
     kinds: NDArray[np.uint8] | None = None  # (H, W)
-    emptiness: float = 0.0
 
     @property
     def pixels(self) -> int:

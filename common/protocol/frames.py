@@ -38,7 +38,6 @@ class FrameMessage(Message, frozen=True, tag="frame"):
     picked: Array
     view: tuple[Pixel, Pixel, Pixel, Pixel]
     kinds: Array | None
-    emptiness: float
 
 
 class Numbered(msgspec.Struct, frozen=True):
@@ -81,7 +80,6 @@ def encode_frame(subject: SubjectFrame) -> bytes:
         picked=pack(subject.picked),
         view=subject.view,
         kinds=None if subject.kinds is None else pack(subject.kinds),
-        emptiness=subject.emptiness,
     )
     return encode(message)
 
@@ -98,13 +96,12 @@ def decode_frame(payload: bytes) -> SubjectFrame:
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
-    check("emptiness", message.emptiness, 0.0, 1.0)
     kinds = None
     if message.kinds is not None:
         kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {}, 0, UNMEASURED)
         if not np.array_equal(kinds == SUBJECT, frame.depth > 0):
             raise ProtocolError("kinds and depth differ in what is the subject's")
-    return SubjectFrame(frame, picked, message.view, kinds, message.emptiness)
+    return SubjectFrame(frame, picked, message.view, kinds)
 
 
 def number_of(payload: bytes) -> int:

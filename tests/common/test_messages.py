@@ -118,7 +118,7 @@ BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no p
     ("sent", "encode", "decode"),
     [
         (FRAME, encode_frame, decode_frame),
-        (replace(FRAME, kinds=KINDS_OF_PIXELS, emptiness=0.25), encode_frame, decode_frame),
+        (replace(FRAME, kinds=KINDS_OF_PIXELS), encode_frame, decode_frame),
         (BESIDE_ALL, encode_frame, decode_frame),
         (tiny_model(), encode_model, decode_model),
         (tiny_request(), encode_request, decode_request),
@@ -266,7 +266,6 @@ BAD = {
         "kinds must be 0 to 4, not 5",
     ),
     "kinds": ("frame", set_to("kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))), "kinds and depth"),
-    "emptiness": ("frame", set_to("emptiness", value=1.1), "emptiness must be 0 to 1, not 1.1"),
     "view": ("frame", set_to("view", value=[3, 0, 2, 9]), "ends before it begins"),
     "vertex": (
         "model",

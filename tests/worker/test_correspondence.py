@@ -74,7 +74,7 @@ def search(
     observed: Points, model: Points, guess: NDArray[np.uint32] | None = None
 ) -> tuple[NDArray[np.uint32], Points]:
     """Indices (P,) and squared distances (P,) as the kernel finds them, from a guess (P,) if there is one."""
-    nothing = np.zeros((1, 1), np.float32), np.zeros((2, 1, 1), np.int32)
+    nothing = np.zeros((1, 1), np.bool_), np.zeros((2, 1, 1), np.int32)
     camera = Intrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
     points = np.concatenate([observed, np.repeat(observed[-1:], -len(observed) % TILE, axis=0)])
     packed = pack_observation(Observation(points, len(observed), *nothing, camera, np.zeros(4, int)), PAPER)

@@ -64,7 +64,7 @@ def cropped(name: str, *, kinds: bool) -> SubjectFrame:
     marks[::3][depth[::3] == 0] = UNMEASURED
     picked = np.flatnonzero(depth)[::2].astype(np.uint32)
     view = (-left, -top, WHOLE.width - left, WHOLE.height - top)
-    return SubjectFrame(frame, picked, view, marks if kinds else None, emptiness=0.5)
+    return SubjectFrame(frame, picked, view, marks if kinds else None)
 
 
 def guarded(array: NDArray[Any], guards: list[NDArray[np.uint8]]) -> NDArray[Any]:

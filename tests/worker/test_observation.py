@@ -69,25 +69,12 @@ def test_a_picture_of_nothing_points_nowhere(size: tuple[int, int]) -> None:
 
 @given(st.integers(0, 2**32 - 1))
 def test_what_may_hide_the_subject_is_no_evidence_against_it(seed: int) -> None:
-    """Of the other pixels only empty ones are where the body is not; the nearest of the others is named."""
+    """The body is excluded from empty pixels only; the nearest pixel is the nearest that is not empty."""
     depth = some_depth(seed)
-    other = np.random.default_rng(seed).choice([UNKNOWN, EMPTY, HIDDEN], size=depth.shape)
+    other = np.random.default_rng(seed).choice([UNKNOWN, EMPTY, HIDDEN, UNMEASURED], size=depth.shape)
     kinds = np.where(depth > 0, SUBJECT, other).astype(np.uint8)
     frame = frame_of(depth, np.flatnonzero(depth).astype(np.uint32))
     observation = observe(replace(frame, kinds=kinds))
-    np.testing.assert_array_equal(observation.emptiness == 0.0, kinds != EMPTY)
+    np.testing.assert_array_equal(observation.empty, kinds == EMPTY)
     np.testing.assert_array_equal(observation.nearest, nearest_occupied_pixels(kinds != EMPTY))
     np.testing.assert_array_equal(observation.points, observe(frame).points)
-
-
-@pytest.mark.parametrize("emptiness", [0.0, 0.25, 1.0])
-def test_what_was_not_measured_is_as_empty_as_is_said(emptiness: float) -> None:
-    """Unmeasured pixels have the frame's emptiness; they draw nothing unless that is nothing."""
-    depth = some_depth(1)
-    kinds = np.where(depth > 0, SUBJECT, UNMEASURED).astype(np.uint8)
-    frame = replace(frame_of(depth, np.flatnonzero(depth).astype(np.uint32)), kinds=kinds)
-    observation = observe(replace(frame, emptiness=emptiness))
-    np.testing.assert_array_equal(observation.emptiness, np.where(depth > 0, 0.0, emptiness))
-    np.testing.assert_array_equal(
-        observation.nearest, nearest_occupied_pixels((depth > 0) | (emptiness == 0.0))
-    )

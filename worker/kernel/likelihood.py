@@ -99,7 +99,7 @@ def mean_free_space_cost(
     fill_silhouette_offsets(visible, skeleton, surface, observed, workspace)
     cost, offsets = 0.0, workspace.offsets
     for v in visible:
-        if offsets[v, 2] > 0.0:
-            squared = offsets[v, 0] ** 2 + offsets[v, 1] ** 2
-            cost += offsets[v, 2] * robust_cost(squared, parameters.outlier_squared)
+        squared = offsets[v, 0] ** 2 + offsets[v, 1] ** 2
+        if squared > 0.0:
+            cost += robust_cost(squared, parameters.outlier_squared)
     return cost / len(visible)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.compiling import numba
-from common.frame import EMPTY, UNMEASURED, SubjectFrame
+from common.frame import EMPTY, SubjectFrame
 from common.settings import RefineSettings
 from worker.kernel.neighbourhoods import boxes_of, neighbourhoods
 
@@ -28,13 +28,13 @@ NONE = -1  # in place of a row: no occupied pixel in a column
 class Observation:
     """Observed points in the camera frame, ordered by neighbourhood, padded to whole tiles with the last.
 
-    emptiness: probability that a pixel is empty: 0 if the body may be visible or hidden there, 1 if it cannot
-    be. nearest: for each pixel the nearest pixel (row, column) with emptiness 0.
+    empty: the pixels in which the body can be neither visible nor hidden. nearest: for each pixel the nearest
+    pixel (row, column) that is not empty.
     """
 
     points: NDArray[np.float32]  # (tiles * TILE, 3)
     count: int  # points that are not padding
-    emptiness: NDArray[np.float32]  # (H, W)
+    empty: NDArray[np.bool_]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
     view: NDArray[np.int64]  # (4,) left, top, right, bottom of the whole image
@@ -46,7 +46,7 @@ class PackedObservation(NamedTuple):
     points: NDArray[np.float32]  # (3, tiles * TILE) metres, z times `stretch`
     tiles: NDArray[np.float32]  # (6, tiles) bounding boxes
     count: int  # type: ignore[assignment]  # tuples have a method of that name
-    emptiness: NDArray[np.float32]  # (H, W)
+    empty: NDArray[np.bool_]  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     seen: NDArray[np.int64]  # (4,) the observation's view
     fx: float
@@ -65,24 +65,15 @@ def observe(subject: SubjectFrame) -> Observation:
     z = depth.ravel()[picked].astype(np.float64)
     points = np.column_stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z])
     ordered = points[neighbourhoods(points, TILE)].astype(np.float32)
-    emptiness = tell_emptiness(subject)
+    empty = subject.frame.depth == 0 if subject.kinds is None else subject.kinds == EMPTY
     return Observation(
         points=np.concatenate([ordered, np.repeat(ordered[-1:], -len(points) % TILE, axis=0)]),
         count=len(points),
-        emptiness=emptiness,
-        nearest=nearest_occupied_pixels(emptiness == 0.0),
+        empty=empty,
+        nearest=nearest_occupied_pixels(~empty),
         camera=camera,
         view=np.array(subject.view, dtype=np.int64),
     )
-
-
-def tell_emptiness(subject: SubjectFrame) -> NDArray[np.float32]:
-    """Probability that each pixel (H, W) of a frame is empty."""
-    empty = subject.frame.depth == 0 if subject.kinds is None else subject.kinds == EMPTY
-    emptiness = np.where(empty, np.float32(1.0), np.float32(0.0))
-    if subject.kinds is not None:
-        emptiness[subject.kinds == UNMEASURED] = subject.emptiness
-    return emptiness
 
 
 def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
@@ -100,7 +91,7 @@ def stretch(observation: Observation, ratio: float) -> PackedObservation:
         points,
         boxes_of(points, TILE),
         observation.count,
-        observation.emptiness,
+        observation.empty,
         observation.nearest,
         observation.view,
         camera.fx,

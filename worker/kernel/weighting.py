@@ -97,10 +97,10 @@ def add_free_space(
     posed, targets, offsets = workspace.posed, workspace.targets, workspace.offsets
     share = observed.count / len(visible)
     for v in visible:
-        dx, dy, emptiness = offsets[v, 0], offsets[v, 1], offsets[v, 2]
-        if emptiness > 0.0:
+        dx, dy = offsets[v, 0], offsets[v, 1]
+        if dx != 0.0 or dy != 0.0:
             x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
-            weight = share * emptiness * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
+            weight = share * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
             along = (dx * (x + dx) + dy * (y + dy)) / z
             targets[v, 0] += weight * (x + dx)
             targets[v, 1] += weight * (y + dy)
@@ -112,23 +112,22 @@ def add_free_space(
 def fill_silhouette_offsets(
     visible: Numbers, skeleton: Skeleton, surface: Surface, observed: PackedObservation, workspace: Workspace
 ) -> None:
-    """Fill workspace.offsets (V, 3): from each visible vertex to the nearest ray of the silhouette.
+    """Fill workspace.offsets (V, 2): from each visible vertex to the nearest ray of the silhouette.
 
-    The offset is in metres to the right and down, at the vertex's depth. The third value is the probability
-    that the vertex's pixel is empty. It is 0 if the pixel shows the subject or something that may hide it, if
-    it is at most one pixel from the ray, if it is outside the image, or if the surface is seen at a grazing
-    angle.
+    The offset is in metres to the right and down, at the vertex's depth. It is 0 if the vertex's pixel shows
+    the subject or something that may hide it, if it is at most one pixel from the ray, if it is outside the
+    image, or if the surface is seen at a grazing angle.
     """
     fx, fy, cx, cy = observed.fx, observed.fy, observed.cx, observed.cy
     left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
-    emptiness, nearest = observed.emptiness, observed.nearest
+    empty, nearest = observed.empty, observed.nearest
     posed, offsets = workspace.posed, workspace.offsets
     transforms, normals, links = workspace.transforms, surface.normals, surface.skin_links
     link_dofs = skeleton.link_dofs
-    height, width = emptiness.shape
+    height, width = empty.shape
     for vertex in visible:
         x, y, z = posed[vertex, 0], posed[vertex, 1], posed[vertex, 2]
-        offsets[vertex, 2] = 0.0
+        offsets[vertex] = 0.0
         per_z = 1.0 / z
         u, v = cx + fx * x * per_z, cy + fy * y * per_z
         across, along = u + (0.5 - left), v + (0.5 - top)
@@ -136,12 +135,12 @@ def fill_silhouette_offsets(
             continue
         column, row = left + int(across), top + int(along)
         i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
-        empty = emptiness[i, j] if 0 <= column < width and 0 <= row < height else np.float32(1.0)
+        free = empty[i, j] or not (0 <= column < width and 0 <= row < height)
         du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
-        if empty > 0.0 and (abs(du) > 1.0 or abs(dv) > 1.0):
+        if free and (abs(du) > 1.0 or abs(dv) > 1.0):
             link_dof = link_dofs[links[vertex, 0]]
             if is_measurable(transforms, link_dof, normals, vertex, x, y, z):
-                offsets[vertex, 0], offsets[vertex, 1], offsets[vertex, 2] = du * z / fx, dv * z / fy, empty
+                offsets[vertex, 0], offsets[vertex, 1] = du * z / fx, dv * z / fy
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

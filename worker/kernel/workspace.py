@@ -56,7 +56,7 @@ class Workspace(NamedTuple):
     depth: Points  # buffer for the largest depth image
     seen_triangles: Numbers
     targets: Array  # (V, 4) of visible vertices: weighted sum of observed points, weight
-    offsets: Array  # (V, 3) of visible vertices, see `fill_silhouette_offsets`
+    offsets: Array  # (V, 2) of visible vertices, see `fill_silhouette_offsets`
     search: Search
     equations: Equations
     wrenches: Array  # (L, 7) of one point, see `fill_wrenches`
@@ -74,7 +74,7 @@ def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObserva
         depth=np.empty(LARGEST_SIDE_PX * (LARGEST_SIDE_PX + LANES - 1), np.float32),
         seen_triangles=np.empty(LARGEST_SIDE_PX * (LARGEST_SIDE_PX + LANES - 1), np.uint32),
         targets=np.empty((vertices, 4)),
-        offsets=np.empty((vertices, 3)),
+        offsets=np.empty((vertices, 2)),
         search=make_search(vertices, surface.leaves[-1] + 1, observed.points.shape[1]),
         equations=Equations(
             sums=np.empty((links, 4, 7)),

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics, back_project, project
-from common.frame import EMPTY, UNMEASURED, DepthFrame, SubjectFrame
+from common.frame import EMPTY, DepthFrame, SubjectFrame
 from common.kinematics import (
     difference,
     dof_transforms,
@@ -146,42 +146,35 @@ def is_measurable(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.boo
     return facing
 
 
-def emptiness_of(subject: SubjectFrame) -> Array:
-    """How surely the subject is not in each pixel (H, W)."""
-    if subject.kinds is None:
-        return np.where(subject.frame.depth == 0, 1.0, 0.0)
-    known = np.where(subject.kinds == EMPTY, 1.0, 0.0)
-    return np.where(subject.kinds == UNMEASURED, subject.emptiness, known).astype(np.float32).astype(float)
-
-
-def nearest_outline(seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame) -> tuple[Array, Array]:
-    """Of model points (Q, 3) the outline's nearest pixel (column, row); how surely (Q,) in free space."""
+def nearest_outline(
+    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Nearest pixel (column, row) of the outline to model points (Q, 3); which (Q,) are in free space."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
     pixels = project(seen, camera)
     cells = np.floor(pixels + 0.5).astype(int)
     viewed = np.all((cells >= (left, top)) & (cells < (right, bottom)), axis=1)
     inside = np.clip(cells, 0, np.array(depth.shape[::-1]) - 1)
-    empty = emptiness_of(subject)
-    nearest = distance_transform_edt(empty > 0.0, return_distances=False, return_indices=True)
+    empty = depth == 0 if subject.kinds is None else subject.kinds == EMPTY
+    nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
     outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
     off = outline - pixels
     free = facing & viewed & np.any(np.abs(off) > 1.0, axis=1) & (seen[:, 2] > NEAREST_M)
-    in_crop = np.all(cells == inside, axis=1)
-    return outline, np.where(free, np.where(in_crop, empty[inside[:, 1], inside[:, 0]], 1.0), 0.0)
+    outside = np.any(cells != inside, axis=1)
+    return outline, free & (outside | empty[inside[:, 1], inside[:, 0]])
 
 
 def project_onto_silhouette(
     seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame, settings: RefineSettings
-) -> tuple[Array, Array, Array]:
-    """For model points (Q, 3) in free space what draws them to the outline; distance squared, weight (Q,)."""
+) -> tuple[Array, Array]:
+    """The targets of model points (Q, 3) and the squared distances (Q,), 0 for those not in free space."""
     camera = subject.frame.intrinsics
     outline, free = nearest_outline(seen, facing, subject)
-    apart = free > 0.0
     rays = (outline - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
-    shift = np.column_stack([rays * seen[:, 2:] - seen[:, :2], np.zeros(len(seen))]) * apart[:, None]
+    shift = np.column_stack([rays * seen[:, 2:] - seen[:, :2], np.zeros(len(seen))]) * free[:, None]
     along = np.sum(shift[:, :2] * rays, axis=1) / (settings.noise_lateral / settings.noise_depth) ** 2
-    return seen + shift - along[:, None] * (0.0, 0.0, 1.0), np.sum(shift**2, axis=1), free
+    return seen + shift - along[:, None] * (0.0, 0.0, 1.0), np.sum(shift**2, axis=1)
 
 
 def weigh_correspondences(
@@ -197,10 +190,10 @@ def weigh_correspondences(
     index, squared = closest_points(points, posed[visible], settings)
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
     if settings.sensor == "camera":
-        outline, away, free = project_onto_silhouette(
+        outline, away = project_onto_silhouette(
             posed[visible], is_measurable(model, pose, posed)[visible], subject, settings
         )
-        pull = free * len(points) / len(visible) * robust_weight(away, settings)
+        pull = len(points) / len(visible) * robust_weight(away, settings)
         vertices = np.concatenate([vertices, visible[away > 0.0]])
         targets = np.concatenate([targets, outline[away > 0.0]])
         weights = np.concatenate([weights, pull[away > 0.0]])
@@ -351,9 +344,9 @@ def evaluate(
     index, squared = closest_points(points, posed[visible], settings)
     cost = robust_cost(squared, settings).mean()
     measurable = is_measurable(model, pose, posed)[visible]
-    _, away, free = project_onto_silhouette(posed[visible], measurable, subject, settings)
+    _, away = project_onto_silhouette(posed[visible], measurable, subject, settings)
     if settings.sensor == "camera":
-        cost += (free * robust_cost(away, settings)).mean()
+        cost += robust_cost(away, settings).mean()
     cost += prior_costs(model, pose[None], settings)[0]
     residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)

@@ -73,7 +73,7 @@ def in_a_room(subject: SubjectFrame) -> SubjectFrame:
     patches = rng.choice([EMPTY, EMPTY, UNMEASURED, HIDDEN], size=-(-np.array(depth.shape) // 6))
     beside = np.kron(patches, np.ones((6, 6), dtype=np.uint8))[: depth.shape[0], : depth.shape[1]]
     kinds = np.where(depth > 0, SUBJECT, beside).astype(np.uint8)
-    return replace(subject, kinds=kinds, emptiness=0.4)
+    return replace(subject, kinds=kinds)
 
 
 def random_poses(of: PosteriorCase, count: int) -> Array:
@@ -107,7 +107,7 @@ class Held:
     closest: Indices  # (P,) vertices
     visible: Indices  # (Q,) vertices
     rays: Array  # (Q, 2) of the outline's nearest pixels, for each metre of depth
-    free: Array  # (Q,) how surely each of them is in free space
+    free: NDArray[np.bool_]  # (Q,) whether each of them is in free space
     samples: Samples | None  # of soft correspondences
 
 
