@@ -17,10 +17,10 @@ from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.files import TRUTH_FILE
 from coordinator.results.evaluation import positions
+from coordinator.stopwatch import Stopwatch
 from coordinator.synthesis.sequence import PERSON, synthesise
 from coordinator.tracking.certainty.features import Features, measure_features
 from coordinator.tracking.estimate import UNKNOWN
-from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker

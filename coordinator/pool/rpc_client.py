@@ -21,7 +21,7 @@ from common.transport.channels import Ending, RequestSender
 from coordinator.pool.local_worker import LocalWorker
 from coordinator.pool.options import Pool
 from coordinator.pool.scheduler import REQUEST_TIMEOUT_S, TICK_S, Outcome, Request, Scheduler
-from coordinator.tracking.loop import Stopwatch
+from coordinator.stopwatch import Stopwatch
 
 ALONE_S = 5.0  # without a worker before this is reported
 

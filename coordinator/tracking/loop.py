@@ -1,15 +1,15 @@
-"""Parts of the loop over frames: items made before their turn, live frames, and seconds by stage."""
+"""Parts of the loop over frames: items made before their turn, and the pace of live frames."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, Self, TypeVar
 
 import numpy as np
+
+from coordinator.stopwatch import Stopwatch
 
 Item = TypeVar("Item")
 
@@ -58,22 +58,6 @@ class Live(Protocol):
     def period_s(self) -> float:
         """Usual time in seconds from one published frame to the next; infinite if it is not known yet."""
         ...
-
-
-class Stopwatch:
-    """Seconds by stage of one frame: the time that the coordinator works on it or waits for it."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the time of a `with` block to a stage."""
-        began = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
 
 
 @dataclass(frozen=True, slots=True)

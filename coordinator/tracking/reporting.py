@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from common.frame import DepthFrame
 from common.kinematics import joint_positions
 from coordinator.filters.belief import Belief
+from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
 from coordinator.tracking.certainty.features import Measurement, measure_features
 from coordinator.tracking.estimate import RECORDED, UNKNOWN, Estimate, Status
-from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
 

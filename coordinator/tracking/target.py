@@ -28,12 +28,13 @@ from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
+from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.features import Measurement
 from coordinator.tracking.detector import Candidates, Detection, Detector, Search
 from coordinator.tracking.estimate import RECORDED, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Pace, Stopwatch
+from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import distance_of, see
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Updated, is_settled

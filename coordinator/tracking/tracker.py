@@ -18,9 +18,10 @@ from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING
 from coordinator.scene.scope import Scope
+from coordinator.stopwatch import Stopwatch
 from coordinator.tracking import segmenter
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Live, Lookahead, Pace, Stopwatch
+from coordinator.tracking.loop import Live, Lookahead, Pace
 from coordinator.tracking.observation import middle_of
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report

@@ -19,8 +19,8 @@ from coordinator.filters.methods import METHODS, settings_for
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Entry, Opening, append_records, read_log
 from coordinator.scene.planes import Planes
+from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.loop import Stopwatch
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.target import Submitted, TargetTracker

@@ -9,7 +9,8 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
 from coordinator.filters.methods import pace_iterations
-from coordinator.tracking.loop import Pace, Stopwatch
+from coordinator.stopwatch import Stopwatch
+from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import isolate, see
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
