@@ -80,8 +80,13 @@ class Segmenter:
         """Restore what was known after a frame; the changes of the frames before it come first."""
         self._scene.recall(change)
 
-    def segment(self, frame: DepthFrame, bodies: Sequence[PosedBody | None]) -> Segmented:
-        """Segment the next frame: near each body, and, if a body may be anywhere, other people."""
+    def segment(
+        self, frame: DepthFrame, bodies: Sequence[PosedBody | None], *, rejected: bool = False
+    ) -> Segmented:
+        """Segment the next frame: near each body, and, if a body may be anywhere, other people.
+
+        These are not learned as the room, unless they have been `rejected` for a while.
+        """
         whole = frame
         frame, left_out = self._scope.limit(frame)
         view = self._scene.see(frame, left_out)
@@ -100,7 +105,7 @@ class Segmenter:
             strangers = self._people(frame, view, found_masks, known)
             for mask in found_masks:
                 others = [mask if other is None else mask | other for other in others]
-            for each in possible:
+            for each in () if rejected else possible:
                 theirs |= each.mask
         segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
         if any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True)):

@@ -426,6 +426,8 @@ class TargetTracker:
     def _lose(self, *, shows: bool) -> Status:
         """The status of a frame in which nothing of the body is seen; the hypotheses stay where they are."""
         if self._belief is None:
+            if not shows:
+                self.nothing_seen()
             searched = self._searching is not None or self.management.searched
             return "searching" if shows and searched else "absent"
         unseen = np.full(len(self._belief.residual), np.nan)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from common.frame import DepthFrame, SubjectFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
-from coordinator.scene.scene import NOTHING
+from coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from coordinator.scene.scope import Scope
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking import segmenter
@@ -155,7 +155,9 @@ class Tracker:
         """A segmented frame, and a stopwatch for each person in it."""
         clocks = [Stopwatch() for _ in self._targets]
         with clocks[0].stage("segment"):
-            return self._segmenter.segment(frame, [target.expected for target in self._targets]), clocks
+            bodies = [target.expected for target in self._targets]
+            rejected = any(target.management.searched > SETTLED_FRAMES for target in self._targets)
+            return self._segmenter.segment(frame, bodies, rejected=rejected), clocks
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the subject of a person: a free candidate if the person is undetected or lost.
