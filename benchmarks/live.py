@@ -1,0 +1,293 @@
+"""Live input as a camera sends it: python -m benchmarks.live [--minutes M].
+
+A camera of its own publishes recorded frames at their rate, and a listener notes when each result comes. By
+default each sequence is shown once; a frame is known if its result is tracked or ambiguous. With --minutes
+the first sequence is shown for so long, through a router and two workers, while the camera stalls, restarts,
+changes its rate and sends frames that do not fit, the router and a worker are killed, and a worker stops.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field, replace
+from itertools import chain, cycle
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.running import add_data, command_line, keep
+from common.camera import Intrinsics
+from common.frame import DepthFrame
+from common.protocol.frames import encode_live, encode_live_end
+from common.transport.bus import Bus
+from common.transport.opening import open_worker
+from coordinator.sources import open_source
+
+KEY, RESULTS = "camera/depth", "camera/results"
+SEQUENCES = ("skinned/dance", "skinned/turn", "rooms/table", "real_rooms/ist_um")
+IN_TIME_S, READY_S = 0.067, 5.0
+SMALL = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
+
+
+@dataclass
+class Log:
+    """When frames were sent, and what came back, by the monotonic clock."""
+
+    sent: list[tuple[float, int]] = field(default_factory=list)
+    came: list[tuple[float, int, str]] = field(default_factory=list)  # time, number, status
+
+    def receive(self, _: str, payload: bytes) -> None:
+        """Note a result."""
+        result = msgspec.msgpack.decode(payload)
+        if result["kind"] == "estimate":
+            self.came.append((time.monotonic(), result["frame"], result["status"]))
+
+    def delays(self) -> dict[int, tuple[float, float, str]]:
+        """When each answered frame was sent, after how long it was answered, and with which status."""
+        found: dict[int, tuple[float, float, str]] = {}
+        sent = sorted(self.sent)
+        for at, number, status in self.came:
+            begun = [t for t, n in sent if n == number and t <= at]
+            if begun:
+                found[sent.index((begun[-1], number))] = (begun[-1], at - begun[-1], status)
+        return found
+
+
+@dataclass
+class Camera:
+    """Publishes frames, renumbered, at a rate."""
+
+    bus: Bus
+    frames: Sequence[DepthFrame]
+    log: Log
+    number: int = 0
+
+    def show(self, count: int, fps: float, shown: Iterator[DepthFrame] | None = None) -> None:
+        """Publish so many frames; each is dropped if the link is busy."""
+        publisher, began = self.bus.publish(KEY), time.monotonic()
+        of = iter(self.frames) if shown is None else shown
+        for k in range(count):
+            time.sleep(max(0.0, began + k / fps - time.monotonic()))
+            self.log.sent.append((time.monotonic(), self.number))
+            publisher.put(encode_live(replace(next(of), number=self.number, time_s=self.number / fps)))
+            self.number += 1
+
+    def end(self) -> None:
+        """End the stream."""
+        self.bus.publish(KEY).put_surely(encode_live_end())
+
+
+def main() -> int:
+    """Show sequences, or one for a long time; print a table and keep the numbers."""
+    parser = command_line("live", __doc__)
+    add_data(parser)
+    parser.add_argument("--only", nargs="+", default=list(SEQUENCES), metavar="SEQ")
+    parser.add_argument("--runs", type=int, default=1, metavar="N")
+    parser.add_argument("--busy", action="store_true", help="one busy loop runs beside")
+    parser.add_argument("--minutes", type=float, help="show the first sequence so long, with disturbances")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw latency and memory of --minutes here"
+    )
+    chosen = parser.parse_args()
+    with ExitStack() as stack:
+        if chosen.busy:
+            stack.callback(subprocess.Popen([sys.executable, "-c", "while True: pass"]).kill)
+        if chosen.minutes:
+            return endure(chosen)
+        results = [show(chosen.data, name) for name in chosen.only for _ in range(chosen.runs)]
+    keep(results, chosen.out)
+    return int(any(result["exit"] not in {0, 3} for result in results))
+
+
+def show(data: Path, name: str) -> dict[str, Any]:
+    """How many frames of a sequence are known, and how soon."""
+    frames = list(open_source(data / name))
+    fps = 4.0 if name.startswith("real_rooms") else 30.0
+    with tempfile.TemporaryDirectory() as folder:
+        endpoint, log = f"unixsock-stream/{folder}/bus", Log()
+        run = start("track", f"zenoh:{KEY}", "--out", f"{folder}/run", "--listen", endpoint, *TRACKED)
+        bus = open_worker([endpoint])
+        bus.subscribe(RESULTS, log.receive)
+        time.sleep(READY_S)
+        camera = Camera(bus, frames, log)
+        camera.show(len(frames), fps)
+        time.sleep(2.0)
+        camera.end()
+        code = run.wait(60.0)
+        bus.close()
+    delays = log.delays()
+    known = sorted(k for k, (_, _, status) in delays.items() if status in {"tracked", "ambiguous"})
+    late = [1e3 * delay for _, delay, _ in delays.values()]
+    first = known[0] if known else len(frames)
+    soon = [k for k in known if delays[k][1] <= IN_TIME_S]
+    result = {
+        "sequence": name,
+        "frames": len(frames),
+        "answered": len(delays),
+        "first_known_s": (log.sent[first][0] + delays[first][1] - log.sent[0][0]) if known else None,
+        "known_in_time_percent": 100.0 * len(soon) / max(1, len(frames) - first),
+        "median_ms": float(np.median(late)) if late else None,
+        "exit": code,
+    }
+    print(result, flush=True)
+    return result
+
+
+TRACKED = ("--publish", RESULTS, "--no-pictures", "--idle-timeout", "120")
+
+
+def start(*arguments: str) -> subprocess.Popen[bytes]:
+    """A `gepf` process."""
+    return subprocess.Popen([sys.executable, "-m", "coordinator.cli", *arguments], stdout=subprocess.DEVNULL)
+
+
+def start_worker(endpoint: str) -> subprocess.Popen[bytes]:
+    """A worker of one lane."""
+    return subprocess.Popen([sys.executable, "-m", "worker.cli", "--lanes", "1", "--connect", endpoint])
+
+
+def kill(processes: dict[str, subprocess.Popen[bytes]]) -> None:
+    """End all processes."""
+    for each in processes.values():
+        each.kill()
+
+
+def endure(chosen: argparse.Namespace) -> int:
+    """Show one sequence, forth and back, while things go wrong; what each disturbance cost."""
+    frames = list(open_source(chosen.data / chosen.only[0]))
+    shown, log, memory = cycle(chain(frames, frames[-2:0:-1])), Log(), list[tuple[float, float]]()
+    ends = time.monotonic() + 60.0 * chosen.minutes
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        endpoint, done = f"unixsock-stream/{folder}/bus", threading.Event()
+        processes = {"router": start("router", "--listen", endpoint)}
+        stack.callback(kill, processes)
+        processes |= {name: start_worker(endpoint) for name in ("worker", "second worker")}
+        run = start(
+            "track",
+            f"zenoh:{KEY}",
+            "--out",
+            f"{folder}/run",
+            "--workers",
+            "0",
+            "--connect",
+            endpoint,
+            *TRACKED,
+        )
+        processes["coordinator"] = run
+        bus = open_worker([endpoint])
+        bus.subscribe(RESULTS, log.receive)
+        stack.callback(done.set)
+        threading.Thread(target=watch_memory, args=(run.pid, memory, done), daemon=True).start()
+        time.sleep(READY_S)
+        camera, costs = Camera(bus, frames, log), list[tuple[str, float]]()
+        camera.show(300, 30.0, shown)
+        while time.monotonic() < ends and run.poll() is None:
+            for name in DISTURBANCES:
+                disturb(name, camera, shown, processes, endpoint)
+                began = time.monotonic()
+                camera.show(300, 30.0, shown)
+                costs.append((name, recovery(log, began)))
+                print(f"{name}: known again after {costs[-1][1]:.2f} s", flush=True)
+        camera.end()
+        code = run.wait(60.0)
+    keep({"exit": code, "recovery_s": costs, "memory_mb": memory}, chosen.out)
+    if chosen.picture:
+        draw(log, memory, chosen.picture)
+    print(f"exit {code}; memory from {memory[2][1]:.0f} to {memory[-1][1]:.0f} MB")
+    return int(code != 0)
+
+
+DISTURBANCES = (
+    *("the camera stalls", "the camera restarts", "15 frames a second", "60 frames a second"),
+    *("a frame of another size", "a frame from the past", "the router restarts", "a worker is killed"),
+    *("a worker stops for a while", "a gap of a minute"),
+)
+
+
+def disturb(
+    name: str,
+    camera: Camera,
+    shown: Iterator[DepthFrame],
+    processes: dict[str, subprocess.Popen[bytes]],
+    endpoint: str,
+) -> None:
+    """Make something go wrong; what is killed is started again."""
+    match name:
+        case "the camera stalls":
+            time.sleep(5.0)
+        case "the camera restarts":
+            camera.number = 0
+            camera.show(5, 30.0, shown)  # that fit each other begin a stream
+        case "15 frames a second":
+            camera.show(150, 15.0, shown)
+        case "60 frames a second":
+            camera.show(300, 60.0, shown)
+        case "a frame of another size":
+            odd = DepthFrame(0, 0.0, np.full((48, 64), 2000, np.uint16), 1000.0, SMALL)
+            camera.show(1, 30.0, iter([odd]))
+        case "a frame from the past":
+            camera.number -= 100
+            camera.show(1, 30.0, shown)
+            camera.number += 99
+        case "the router restarts":
+            processes["router"].kill()
+            time.sleep(1.0)
+            Path(endpoint.split("/", 1)[1]).unlink(missing_ok=True)
+            processes["router"] = start("router", "--listen", endpoint)
+            time.sleep(5.0)
+        case "a worker is killed":
+            processes["worker"].kill()
+            processes["worker"] = start_worker(endpoint)
+        case "a worker stops for a while":
+            processes["second worker"].send_signal(signal.SIGSTOP)
+            camera.show(60, 30.0, shown)
+            processes["second worker"].send_signal(signal.SIGCONT)
+        case _:
+            time.sleep(60.0)
+
+
+def recovery(log: Log, began: float) -> float:
+    """Seconds from the first frame after a time to the first known result of a frame from then on."""
+    known = [
+        at + delay
+        for at, delay, status in log.delays().values()
+        if at >= began and status in {"tracked", "ambiguous"}
+    ]
+    return min(known, default=np.inf) - began
+
+
+def watch_memory(pid: int, memory: list[tuple[float, float]], done: threading.Event) -> None:
+    """Note the memory of a process (MB) every second."""
+    while not done.wait(1.0):
+        with suppress(OSError, StopIteration):
+            lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+            held = next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
+            memory.append((time.monotonic(), held / 1024.0))
+
+
+def draw(log: Log, memory: Sequence[tuple[float, float]], file: Path) -> None:
+    """Latency and memory over time."""
+    figure = Figure((10.0, 6.0), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    began = log.sent[0][0]
+    delays = np.array([(at - began, 1e3 * delay) for at, delay, _ in log.delays().values()])
+    above.semilogy(*delays.T, ".", markersize=2)
+    above.set_ylabel("latency, ms")
+    below.plot(*(np.array(memory) - [began, 0.0]).T)
+    below.set(xlabel="seconds", ylabel="memory of the coordinator, MB", ylim=(0.0, None))
+    figure.savefig(file, dpi=120)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
