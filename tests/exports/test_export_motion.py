@@ -184,7 +184,9 @@ def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.Captur
     assert "is there already; replace it with --force" in capsys.readouterr().err
     assert out.read_text() == "mine"
     assert main([*command, "--smooth", "6", "--force"]) == 0
-    said = " ".join(capsys.readouterr().err.split())
+    written = capsys.readouterr()
+    said = " ".join(written.err.split())
+    assert written.out == ""
     assert "9 frames, 1 of them lost, low pass 6 Hz" in said
     head = out.read_text().splitlines()[0].split(",")
     assert {"upper_deg", "upper_raw_deg"} <= set(head)

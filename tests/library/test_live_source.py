@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
@@ -20,7 +19,7 @@ import gepf
 from common.protocol.frames import encode_live, encode_live_end
 from common.transport.opening import open_router, open_worker
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
-from tests.support.processes.programs import in_thread, wait_until
+from tests.support.processes.programs import in_thread
 from tests.support.processes.warm_processes import gepf as gepf_command
 from tests.support.processes.warm_processes import start
 from tests.support.refusals import refused
@@ -69,20 +68,6 @@ def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) 
     run = gepf.load(tracker.save(found, tmp_path / "run"))
     assert run.frame.tolist() == [0, 1, 2]
     assert np.array_equal(run.time_s, [frame.time_s for frame in frames])
-
-
-def test_the_newest_frame_is_always_the_next(endpoint: str) -> None:
-    """What comes while a frame is tracked is superseded, and counted."""
-    frames = [replace(shown("standing").frames[0], number=n, time_s=n / 30) for n in range(20)]
-    messages = [*map(encode_live, frames), END]
-    with camera(endpoint, messages), gepf.live(KEY, listen=endpoint, idle_timeout=60.0) as live:
-        seen = []
-        for frame in live:
-            seen.append(frame.number)
-            wait_until(lambda: live.counts["received"] == 20)
-    assert seen[-1] == 19
-    assert len(seen) <= 2  # the last alone, if all came at once
-    assert (live.counts["received"], live.counts["skipped"]) == (20, 20 - len(seen))
 
 
 def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:

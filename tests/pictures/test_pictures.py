@@ -287,17 +287,6 @@ def test_a_sheet_holds_every_picture_once() -> None:
         assert np.sum(np.all(sheet == colour, axis=-1)) == 200
 
 
-def test_depth_is_brightest_where_it_faces_the_light() -> None:
-    """A sphere is brighter towards the upper left than towards the lower right, and has a background."""
-    camera = Intrinsics(101, 101, 200.0, 200.0, 50.0, 50.0)
-    v, u = np.indices((101, 101)) - 50.0
-    inside = np.hypot(u, v) < 40
-    bulge = np.sqrt(np.maximum(1600.0 - u**2 - v**2, 0.0)) / 200.0
-    shown = np.asarray(shade_depth(np.where(inside, 1.0 - bulge, 0.0).astype(np.float32), camera), float)
-    assert shown[35, 40, 0] > shown[50, 50, 0] > shown[65, 70, 0]
-    assert len(np.unique(shown[~inside], axis=0)) == 1
-
-
 def test_a_portrait_shows_the_body_from_three_sides(tmp_path: Path) -> None:
     """Each third holds the model's colour, the front the widest."""
     draw_portrait(person(), tmp_path / "person.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -101,15 +102,21 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
     assert fetched.empty()
 
 
-def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
-    """An idle worker lays it out for the settings of its run before it is asked; used when published."""
-    coming, observed, prepared = frame(2), SimpleQueue[int](), SimpleQueue[RefineSettings]()
+def telling(observed: SimpleQueue[int]) -> Callable[[SubjectFrame], Any]:
+    """Observe frames, and tell their numbers."""
 
     def observe_and_tell(subject: SubjectFrame) -> Any:
         observed.put(subject.frame.number)
         return observe(subject)
 
-    kernel = Kernel(observe_and_tell, refine, prepare=lambda _, settings: prepared.put(settings))
+    return observe_and_tell
+
+
+def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
+    """An idle worker lays it out for the settings of its run before it is asked; used when published."""
+    coming, observed, prepared = frame(2), SimpleQueue[int](), SimpleQueue[RefineSettings]()
+
+    kernel = Kernel(telling(observed), refine, prepare=lambda _, settings: prepared.put(settings))
     with pool(endpoint) as refiner, serving(endpoint, "w", kernel):
         refiner.wait_for(1)
         refiner.publish(frame(1))
@@ -131,19 +138,15 @@ def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
     first, other, coming = frame(1), frame(2), frame(3)
     observed = SimpleQueue[int]()
 
-    def observe_and_tell(subject: SubjectFrame) -> Any:
-        observed.put(subject.frame.number)
-        return observe(subject)
-
     with pool(endpoint) as refiner:
-        with serving(endpoint, "early", Kernel(observe_and_tell, refine)):
+        with serving(endpoint, "early", Kernel(telling(observed), refine)):
             for subject in (first, other, first):
                 refiner.publish(subject)
                 refiner.submit(MODEL, POSES, SETTINGS).result()
             assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
             assert observed.empty()
         refiner.send_ahead(coming)
-        with serving(endpoint, "late", Kernel(observe_and_tell, refine)):
+        with serving(endpoint, "late", Kernel(telling(observed), refine)):
             assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(1)
         refiner.publish(coming)
         with serving(endpoint, "later"):
@@ -187,17 +190,6 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
         assert refined_bytes(refiner, 1) == expected(1)
         assert refiner.statistics.batches_sent_again >= 6
     assert sum("is not available" in line for line in said) == 1
-
-
-def test_worker_joins_while_others_are_waited_for(endpoint: str) -> None:
-    """A run without workers waits, and goes on by itself when one comes."""
-    said: list[str] = []
-    with ZenohRefiner(Pool(workers=0, listen=endpoint), said.append) as refiner, ExitStack() as stack:
-        timer = threading.Timer(0.5, lambda: stack.enter_context(serving(endpoint, "w")))
-        timer.start()
-        assert refined_bytes(refiner, 1) == expected(1)
-        timer.join()
-    assert said == ["worker w joined"]
 
 
 def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
@@ -354,13 +346,7 @@ def test_request_that_cannot_be_served_gets_a_reason(endpoint: str, payload: byt
         for _ in range(2):
             kind, answer = someone.ask(payload)
             assert kind == "refusal"
-            assert_matches(decode_refusal(answer).reason, reason)
-
-
-def assert_matches(text: str, pattern: str) -> None:
-    """The text must hold the pattern."""
-    with pytest.raises(ProtocolError, match=pattern):
-        raise ProtocolError(text)
+            assert re.search(reason, decode_refusal(answer).reason)
 
 
 def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) -> None:

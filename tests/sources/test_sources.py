@@ -149,13 +149,6 @@ def test_a_camera_file_that_makes_no_sense_is_refused(
         open_source(folder)
 
 
-def test_a_missing_camera_file_says_what_to_write(folder: Path) -> None:
-    """The mend names the keys."""
-    (folder / "camera_intrinsic.json").unlink()
-    with pytest.raises(InputError, match=r"is missing; add --intrinsics .*or write it with width, height, "):
-        open_source(folder)
-
-
 def test_a_path_without_a_sequence_says_what_was_expected(tmp_path: Path) -> None:
     """No path and an empty folder each have their line."""
     with pytest.raises(InputError, match="no such file or folder"):

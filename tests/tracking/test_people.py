@@ -22,7 +22,6 @@ from tests.support.people import SETTINGS, as_bytes
 
 BODIES = Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
-STOOD = ((-0.4, 2.6), (0.05, 2.6))
 
 
 def tracker(people: int, states: Sequence[TrackerState] | None = None) -> Tracker:
@@ -51,13 +50,6 @@ def test_a_third_person_who_is_not_there_is_absent() -> None:
     for results in tracker(3).follow(pair()[0].frames[:3]):
         assert results[2].estimate.status in ("absent", "searching")
         assert [each.state.start.found for each in results] == [True, True, False]
-
-
-def test_an_empty_room_has_no_people() -> None:
-    """None are detected in it, and nothing fails."""
-    empty = [replace(frame, depth=np.full_like(frame.depth, 3000)) for frame in pair()[0].frames[:2]]
-    for results in tracker(2).follow(empty):
-        assert [each.estimate.status for each in results] == ["absent", "absent"]
 
 
 @pytest.mark.parametrize("stop", [1, 3])

@@ -14,11 +14,9 @@ from typing import Any
 
 import pytest
 
-from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start
-from tests.support.runs import swing, write_run
 from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
@@ -70,27 +68,6 @@ def test_every_command_says_that_a_killed_run_can_be_continued(
         assert main([word.format(run=run) for word in command]) == 2
         said = capsys.readouterr().err
         assert "was interrupted; end it by the same gepf track command with --resume" in said
-
-
-@pytest.mark.usefixtures("no_traces")
-def test_an_export_says_what_it_wrote_and_replaces_nothing_unless_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A file in the way stays, and the line names --force; with it, the new one is there and said."""
-    body = human()
-    write_run(tmp_path / "run", body, swing(body, 3))
-    out = tmp_path / "walk.csv"
-    line = ("export", str(tmp_path / "run"), "--to", "csv", "--out", str(out))
-    assert main(line) == 0
-    written = capsys.readouterr()
-    assert written.out == ""
-    assert str(out) in written.err
-    out.write_text("mine")
-    assert main(line) == 2
-    assert "--force" in capsys.readouterr().err
-    assert out.read_text() == "mine"
-    assert main([*line, "--force"]) == 0
-    assert out.read_text().startswith("frame,time_s,status,")
 
 
 def test_results_of_a_part_of_a_run_are_said_to_be_that(

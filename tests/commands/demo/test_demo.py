@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from common.errors import InputError
-from coordinator.cli import main
 from coordinator.commands.demo import (
     FILTER,
     LONE,
@@ -68,15 +66,6 @@ def test_the_demo_leaves_a_sequence_runs_and_pictures_and_makes_room_for_the_nex
     assert not list(out.iterdir())
 
 
-def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
-    """The demo removes only what a demo wrote."""
-    (tmp_path / "gepf").mkdir()
-    (tmp_path / "thesis.tex").write_text("mine")
-    with pytest.raises(InputError, match="choose another --out"):
-        make_room(tmp_path)
-    assert {p.name for p in tmp_path.iterdir()} == {"gepf", "thesis.tex"}
-
-
 def test_people_are_tracked_in_both_ways_and_compared(tmp_path: Path) -> None:
     """Real processes over one pool: a run of each person and way, pictures of the first person's."""
     out, screen = tmp_path / "demo", io.StringIO()
@@ -98,9 +87,3 @@ def test_the_table_of_people_has_means_of_both_ways() -> None:
     screen, good, fair = io.StringIO(), (100.0, 1.0), (80.0, 5.0)
     Console(file=screen, width=150).print(tabulate(np.array([[good, fair], [fair, good], [good, good]])))
     assert screen.getvalue().splitlines()[-1].split() == ["mean", *2 * ("93.3", "%", "(2.3", "cm)")]
-
-
-def test_an_unknown_scene_is_refused_with_the_choices(capsys: pytest.CaptureFixture[str]) -> None:
-    """Before a folder is made."""
-    assert main(["demo", "--scene", "dog"]) == 2
-    assert "unknown scene 'dog'; choose from person, arm" in capsys.readouterr().err

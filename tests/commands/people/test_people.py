@@ -149,13 +149,3 @@ def test_workers_change_no_byte(sequence: Path, calm: Path, tmp_path: Path) -> N
     assert main(["track", str(sequence), "--out", str(out), *OPTIONS, "--workers", "3"]) == 0
     for person in ("person1", "person2"):
         assert (out / person / "track.npz").read_bytes() == (calm / person / "track.npz").read_bytes()
-
-
-@pytest.mark.parametrize(("rotate", "up"), [("0", [0.0, -1.0, 0.0]), ("90", [-1.0, 0.0, 0.0])])
-def test_the_cameras_way_up_counts_for_several_people(
-    sequence: Path, tmp_path: Path, rotate: str, up: list[float]
-) -> None:
-    """--rotate says where up is, as it does for one person."""
-    track(sequence, tmp_path / "out", "--frames", "0:1", "--rotate", rotate)
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["scene"]["up"] == pytest.approx(up, abs=1e-9)
