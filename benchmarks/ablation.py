@@ -1,8 +1,9 @@
-"""What each refine and filter setting of preset default is worth: python -m benchmarks.ablation.
+"""The effect of each refine and filter setting of preset default: python -m benchmarks.ablation.
 
-One setting at a time has preset paper's value, or where the presets agree half of a count and the double of
-another number. People at 10 frames a second: the hard actions, a wave and a jog in place, whose differences
-from the unchanged preset are paired by recording. Lines on stderr, a Markdown table on stdout.
+One setting at a time has the value of preset paper. If the presets agree, a count is halved and any other
+number is doubled. The recordings are people at 10 frames a second: the hard actions, a wave and a jog in
+place. Differences from the unchanged preset are paired by recording. Progress on stderr, a Markdown table on
+stdout.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ SURE = 0.95  # of an interval
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """Points of per cent by which a change is better than the unchanged preset, and its interval of 95 %."""
+    """Percentage points by which a change is better than the unchanged preset, with the 95 % interval."""
 
     mean: float
     low: float
@@ -38,7 +39,7 @@ class Difference(msgspec.Struct, frozen=True):
 
     @property
     def shows(self) -> bool:
-        """Whether the interval leaves zero out."""
+        """Whether the interval excludes zero."""
         return not self.low <= 0.0 <= self.high
 
     def __str__(self) -> str:
@@ -46,7 +47,7 @@ class Difference(msgspec.Struct, frozen=True):
 
 
 class Effect(msgspec.Struct, frozen=True):
-    """What came of one row: means over recordings of their means over seeds, of all joints within 10 cm."""
+    """The result of one row, for all joints within 10 cm: means over seeds, then over recordings."""
 
     row: str
     percent: float  # constant offsets removed
@@ -56,13 +57,13 @@ class Effect(msgspec.Struct, frozen=True):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, keep the numbers."""
+    """Measure, print the table, write the numbers."""
     parser = command_line("ablation", __doc__)
     add = parser.add_argument
     add_data(parser)
     add("--subjects", nargs="+", type=int, default=[1, 2], metavar="S")
-    add("--only", nargs="+", metavar="SETTING", help="only these, beside the unchanged preset; default: all")
-    add("--every", type=int, default=3, metavar="N", help="of 30 frames a second; default: %(default)s")
+    add("--only", nargs="+", metavar="SETTING", help="only these and the unchanged preset; default: all")
+    add("--every", type=int, default=3, metavar="N", help="every n-th of 30 frames; default: %(default)s")
     add("--frames", type=int, default=14, metavar="N", help="of each recording; default: the first 14")
     add("--seeds", type=int, default=3, metavar="N", help="default: %(default)s")
     add_processes(parser)
@@ -87,7 +88,7 @@ def measure(chosen: argparse.Namespace) -> int:
 
 
 def choose_rows(only: Sequence[str] | None = None) -> list[Row]:
-    """The unchanged preset, a row for each refine and filter setting, or only these, and the simplest."""
+    """Rows: the unchanged preset, each refine and filter setting (or only these), and the simplest."""
     paper, default = (msgspec.to_builtins(PRESETS[name]) for name in ("paper", "default"))
     changes = {
         key: f"{key}={text(other(value, paper[part][key]))}"
@@ -100,14 +101,14 @@ def choose_rows(only: Sequence[str] | None = None) -> list[Row]:
 
 
 def other(mine: Any, papers: Any) -> Any:
-    """The paper's value; where that is the same, half of a count or the double of another number."""
+    """The value of preset paper. If that is the same: half of a count, or twice any other number."""
     if papers != mine:
         return papers
     return mine // 2 if isinstance(mine, int) else 2.0 * mine
 
 
 def text(value: Any) -> str:
-    """As `key=value` has it."""
+    """The value as written in `key=value`."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
@@ -130,14 +131,14 @@ def effects_of(outcomes: Mapping[Trial, Outcome]) -> list[Effect]:
 
 
 def t_interval(differences: np.ndarray) -> Difference:
-    """Mean of paired differences (n,) and the interval that holds it with 95 %, by Student's t."""
+    """Mean of paired differences (n,) and its 95 % interval, by Student's t."""
     count, mean = len(differences), float(differences.mean())
     half = float(stats.t.ppf(0.5 + 0.5 * SURE, count - 1) * differences.std(ddof=1) / np.sqrt(count))
     return Difference(round(mean, 2), round(mean - half, 2), round(mean + half, 2))
 
 
 def markdown(effects: Sequence[Effect]) -> Iterator[str]:
-    """The table's lines."""
+    """Lines of the table."""
     yield "| | within 10 cm | difference (95 %) | raw | difference (95 %) | shows |"
     yield "| --- | --- | --- | --- | --- | --- |"
     for one in effects:

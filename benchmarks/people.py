@@ -1,8 +1,9 @@
-"""How well people are tracked: python -m benchmarks.people.
+"""Accuracy on people: python -m benchmarks.people.
 
-Real people (UTD-MHAD, against the vendor's joints) and skinned ones (exact joints), at one frame rate or at
-several, each way to track a row. By default all recordings at 30 frames a second, as `gepf track` does
-without options. Progress on stderr, a table on stdout, numbers in a JSON file. Exit code 1 after a crash.
+Real people (UTD-MHAD, compared with the vendor's joints) and skinned people (exact joints), at one or
+several frame rates. Each way to track is a row. By default: all recordings at 30 frames a second, as with
+`gepf track` without options. Progress on stderr, a table on stdout, numbers in a JSON file. Exit code 1 if a
+recording crashed.
 """
 
 from __future__ import annotations
@@ -44,14 +45,14 @@ COLOURS = {30.0: "#1b1f27", 15.0: "#2f9e44", 10.0: "#3b82c4", 6.0: "#e8590c"}  #
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A way to track: settings in place of those of `gepf track`, or None for a tracker that never moves."""
+    """A way to track: changes of the settings of `gepf track`, or None for a tracker that never moves."""
 
     name: str
     changes: tuple[str, ...] | None = ()  # `key=value`
     particles: int | None = None
 
     def settings(self, seed: int, more: Sequence[str] = ()) -> Settings | None:
-        """What is tracked with; `more` changes come last."""
+        """The settings; `more` changes are applied last."""
         if self.changes is None:
             return None
         return settings_with((*self.changes, *more), self.particles, seed)
@@ -86,10 +87,10 @@ class Trial:
 
 
 class Score(msgspec.Struct, frozen=True):
-    """Recordings that one row tracked at one frame rate: means over the seeds; every joint counts the same.
+    """Scores of recordings with one row and one frame rate: means over the seeds; all joints weigh the same.
 
-    Per cent are of joints within 10 cm; offsets removed, unless raw; joints whose reference the depth does
-    not contradict, unless all.
+    Percentages are of joints within 10 cm, with offsets removed unless raw, and of joints with a valid
+    reference unless all.
     """
 
     group: str
@@ -120,7 +121,7 @@ GROUPS: dict[str, Callable[[Recording], str]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, keep the numbers."""
+    """Measure, print the table, write the numbers."""
     parser = command_line("people", __doc__)
     add = parser.add_argument
     add_data(parser)
@@ -161,7 +162,7 @@ def measure(chosen: argparse.Namespace) -> int:
 
 
 def choose_rows(names: Sequence[str]) -> list[Row]:
-    """The rows of these names; InputError for an unknown one."""
+    """The rows with these names; InputError if one is unknown."""
     known = {row.name: row for row in ROWS}
     if unknown := [name for name in names if name not in known]:
         raise InputError(f"no row '{unknown[0]}'; choose from {', '.join(known)}")
@@ -171,7 +172,7 @@ def choose_rows(names: Sequence[str]) -> list[Row]:
 def run_trials(
     trials: Sequence[Trial], processes: int, changes: Sequence[str] = (), frames: int | None = None
 ) -> dict[Trial, Outcome]:
-    """What came of the trials that did not crash, each in a process of its own; a line on stderr for each."""
+    """Results of the trials that did not crash, each in its own process; a line on stderr for each."""
     console, found = progress(), dict[Trial, Outcome]()
     console.print("loading kernels and bodies")
     prepare()
@@ -200,7 +201,7 @@ def score_all(outcomes: Mapping[Trial, Outcome], group: Callable[[Recording], st
 
 
 def score(group: str, row: str, frames_per_second: float, seeds: Sequence[Sequence[Outcome]]) -> Score:
-    """The score of the same recordings with each seed."""
+    """The score of the same recordings over all seeds."""
     kinds = [(raw, held) for held in (True, False) for raw in (False, True)]
     pooled = {kind: [pool(outcomes, *kind) for outcomes in seeds] for kind in kinds}
     near = {kind: [near_percent(one) for one in pooled[kind]] for kind in kinds}
@@ -230,17 +231,17 @@ def score(group: str, row: str, frames_per_second: float, seeds: Sequence[Sequen
 
 
 def pool(outcomes: Sequence[Outcome], raw: bool, held: bool) -> Array:
-    """Distances of all joints in one row; if held, only of those whose reference holds."""
+    """Distances of all joints in one array; if `held`, only of joints with a valid reference."""
     return np.concatenate([one.distances(raw=raw)[one.holds if held else ...].ravel() for one in outcomes])
 
 
 def mean(values: Sequence[float] | Array) -> float:
-    """To two decimals."""
+    """Mean, rounded to two decimals."""
     return round(float(np.mean(values)), 2)
 
 
 def table(scores: Sequence[Score]) -> Table:
-    """A line for each score."""
+    """The table: a line for each score."""
     shown = Table(
         title="Joints within 10 cm (offsets removed, raw), of which the reference holds, and of all"
     )
@@ -268,7 +269,7 @@ def table(scores: Sequence[Score]) -> Table:
 
 
 def draw(scores: Sequence[Score], file: Path) -> None:
-    """Draw joints within 10 cm over the number of particles, a line for each frame rate, into a PNG."""
+    """Write a PNG: joints within 10 cm over the number of particles, a curve for each frame rate."""
     particles = {row.name: row.particles for row in ROWS if row.particles and not row.changes}
     with styled():
         figure = Figure(figsize=(6.0, 3.4))

@@ -1,8 +1,8 @@
-"""How much of the error is where the reference places its joints: python -m benchmarks.placement.
+"""The part of the error that comes from the reference's joint positions: python -m benchmarks.placement.
 
-The vendor's joints are not those of an anatomical body: hips and ankles lie higher, and they move with the
-limbs. A linear map from the tracked joints to the reference's, both in the frame of the trunk, is learned on
-subjects 1 and 2 and applied to 3 and 4. What is still off then is no matter of definition.
+The vendor's joints are not anatomical: hips and ankles are higher, and they move with the limbs. A linear map
+from the tracked joints to the reference's, both in the trunk's coordinates, is fitted on subjects 1 and 2 and
+applied to 3 and 4. The remaining error does not come from the definition of the joints.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Mapped = Callable[[Array], Array]
 """Joints (F, 13, 3) as tracked -> as the reference has them."""
 
 LEARNED, APPLIED = (1, 2), (3, 4)  # subjects
-RIDGE_M2 = 0.003  # for each joint that is learned from
+RIDGE_M2 = 0.003  # for each joint of the fit
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Track, learn, and print the table."""
+    """Track, fit, and print the table."""
     parser = command_line("placement", __doc__)
     add_data(parser)
     add_processes(parser)
@@ -50,7 +50,7 @@ def measure(chosen: argparse.Namespace) -> int:
 
 
 def trunk_of(joints: Array) -> Array:
-    """Axes (F, 3, 3) to the right, up and to the back of a person's trunk, by joints (F, 13, 3)."""
+    """Axes (F, 3, 3) of a person's trunk (right, up, back), from joints (F, 13, 3)."""
     left, right, *hips = (
         joints[:, JOINTS.index(name)] for name in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
     )
@@ -61,25 +61,25 @@ def trunk_of(joints: Array) -> Array:
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors (F, 3) of length 1."""
+    """Vectors (F, 3), normalised."""
     units: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     return units
 
 
 def in_trunk(vectors: Array, joints: Array) -> Array:
-    """Vectors (F, 13, 3) in the frame of the joints' trunk."""
+    """Vectors (F, 13, 3) in the coordinates of the joints' trunk."""
     turned: Array = np.einsum("fij,fkj->fki", trunk_of(joints), vectors)
     return turned
 
 
 def features(joints: Array) -> Array:
-    """Joints (F, 39) about their mean, in the trunk's frame."""
+    """Joints (F, 39) relative to their mean, in the trunk's coordinates."""
     centred = joints - joints.mean(axis=1, keepdims=True)
     return in_trunk(centred, joints).reshape(len(joints), -1)
 
 
 def learn(outcomes: Sequence[Outcome]) -> Mapping[str, Mapped]:
-    """Ways to the reference's joints: none, a constant offset of each in the trunk's frame, a linear map."""
+    """Maps to the reference's joints: none, constant offsets in the trunk's coordinates, a linear map."""
     seen = np.concatenate([features(one.joints) for one in outcomes])
     apart = np.concatenate([in_trunk(one.reference - one.joints, one.joints) for one in outcomes])
     constant, mean = np.median(apart, axis=0), seen.mean(axis=0)
@@ -103,7 +103,7 @@ def learn(outcomes: Sequence[Outcome]) -> Mapping[str, Mapped]:
 
 
 def score(outcomes: Sequence[Outcome], mapped: Mapped) -> str:
-    """Of joints whose reference holds: per cent near and mean distance, offsets removed, and raw."""
+    """For joints with a valid reference: percentage near and mean distance, with offsets removed, and raw."""
     placed = [replace(one, joints=mapped(one.joints)) for one in outcomes]
     held = [pool(placed, raw=raw, held=True) for raw in (False, True)]
     words = [f"{near_percent(one):.1f} % within 10 cm, {100.0 * one.mean():.2f} cm" for one in held]

@@ -1,9 +1,9 @@
-"""The recordings to measure with, and the joints that each is compared with.
+"""The recordings of the benchmarks, and their reference joints.
 
-UTD-MHAD has 27 actions of real people and a vendor's skeletons, the skinned people have exact joints. The
-vendor's reference is wrong in many of the worst frames. A joint lies inside the body, so at its pixel the
-surface is in front of it, by no more than a trunk is thick, and its bone is as long as in the other frames.
-Where the picture says otherwise, the joint is contradicted and does not hold.
+UTD-MHAD has 27 actions of real people and a vendor's skeletons; the skinned people have exact joints. The
+vendor's reference is wrong in many of the worst frames. A joint lies inside the body. So at its pixel the
+surface is in front of it, at most by the thickness of a trunk, and its bone has the same length as in the
+other frames. If the depth image contradicts this, the reference of the joint is not valid.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ JOINTS = (
 )  # fmt: skip
 """The joints of UTD-MHAD that count."""
 
-SKELETON_LEAD = 2  # frames: depth frame t shows what skeleton frame t - 2 shows
+SKELETON_LEAD = 2  # frames: depth frame t belongs to skeleton frame t - 2
 SURFACE_BEFORE_M, SURFACE_BEHIND_M = 0.28, 0.08  # how far the surface may be in front of a joint, and behind
-BESIDE_PX = 4.0  # how far a joint may lie outside the silhouette
+BESIDE_PX = 4.0  # largest distance of a joint outside the silhouette
 BONE_CHANGE = 0.2  # of its median length
 
 _ROWS = (
@@ -66,7 +66,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """Joints (F, J, 3) of the depth frames numbered `frame` (F,), camera frame, metres, and which hold."""
+    """Joints (F, J, 3) of the depth frames with numbers `frame` (F,), camera frame, metres."""
 
     names: tuple[str, ...]
     frame: NDArray[np.int64]
@@ -75,7 +75,7 @@ class Reference:
 
 
 def find_people(data: Path, subjects: Sequence[int] = (1, 2, 3, 4)) -> list[Recording]:
-    """UTD-MHAD by action and subject; InputError where there is nothing."""
+    """UTD-MHAD by action and subject; InputError if nothing is found."""
     folder = data / "utd_mhad"
     matches = [match for path in folder.glob("depth/*.mat") if (match := _DEPTH.fullmatch(path.name))]
     found = [
@@ -95,13 +95,13 @@ def find_people(data: Path, subjects: Sequence[int] = (1, 2, 3, 4)) -> list[Reco
 
 
 def find_skinned(data: Path) -> list[Recording]:
-    """The synthetic people that are there."""
+    """The available synthetic people."""
     folders = [data / "skinned" / name for name in SKINNED]
     return [Recording(f.name, f, f / "truth.npz") for f in folders if f.is_dir()]
 
 
 def choose(recordings: Sequence[Recording], only: Sequence[str] | None) -> list[Recording]:
-    """Those named: `a14_s2`, `dance`, `a14` for an action, `hard`; InputError for an unknown name."""
+    """Recordings by name: `a14_s2`, `dance`, `a14` for an action, `hard`; InputError if a name is unknown."""
     if only is None:
         return list(recordings)
     for name in only:
@@ -111,7 +111,7 @@ def choose(recordings: Sequence[Recording], only: Sequence[str] | None) -> list[
 
 
 def is_meant(recording: Recording, name: str) -> bool:
-    """Whether a name is the recording's own, that of its action, or `hard`."""
+    """Whether a name means this recording: its own name, that of its action, or `hard`."""
     if name == "hard":
         return recording.action in HARD_ACTIONS
     return name in (recording.name, recording.name.partition("_s")[0])
@@ -124,7 +124,7 @@ def read_frames(recording: Recording) -> list[DepthFrame]:
 
 
 def read_reference(recording: Recording, frames: Sequence[DepthFrame]) -> Reference:
-    """What the recording's frames, all given from number 0 on, are compared with."""
+    """The reference of a recording; `frames` are all of its frames, from number 0 on."""
     if recording.action is None:
         truth = read_truth(recording.joints)
         holds = np.ones(truth.joint_positions.shape[:2], dtype=bool)
@@ -138,7 +138,7 @@ def read_reference(recording: Recording, frames: Sequence[DepthFrame]) -> Refere
 def read_skeleton(path: Path) -> Array:
     """Joints (T, 13, 3) in the camera frame, metres, in the order of JOINTS; left and right as gepf has them.
 
-    The data set's pictures are mirrored, so what its skeleton calls left is the right of the picture.
+    The images of the data set are mirrored, so its skeleton's left is the person's right.
     """
     skeleton = scipy.io.loadmat(path)["d_skel"]  # (20, 3, T)
     sides = {"left": "right", "right": "left"}
@@ -149,7 +149,7 @@ def read_skeleton(path: Path) -> Array:
 
 
 def fits_depth(joints: Array, frame: DepthFrame) -> Mask:
-    """Which joints (J, 3) lie where the surface that is seen at their pixel lets them."""
+    """Which joints (J, 3) agree with the surface at their pixel."""
     camera, depth = frame.intrinsics, frame.metres().astype(np.float64)
     away, nearest = distance_transform_edt(depth <= 0.0, return_indices=True)
     column = np.rint(camera.cx + camera.fx * joints[:, 0] / joints[:, 2]).astype(int)
@@ -163,7 +163,7 @@ def fits_depth(joints: Array, frame: DepthFrame) -> Mask:
 
 
 def fits_bones(joints: Array) -> Mask:
-    """Which joints (T, J) are as far from the upper end of their bone as usual."""
+    """Which joints (T, J) have the usual distance from the upper end of their bone."""
     fits = np.ones(joints.shape[:2], dtype=bool)
     for column, name in enumerate(JOINTS):
         side, _, kind = name.partition("_")

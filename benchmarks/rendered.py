@@ -1,7 +1,7 @@
 """The filter and single particles on rendered people who move fast: python -m benchmarks.rendered.
 
-`gepf demo` compares the filter with the best single particle; here is which one that is. Each seed is another
-person and another motion (`gepf synth person`).
+`gepf demo` compares the filter with the best single particle; this benchmark shows which one that is. Each
+seed is another person and another motion (`gepf synth person`).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def render(folder: Path, seed: int) -> Recording:
 
 
 def describe(errors: Sequence[Array]) -> str:
-    """Mean error, share within 10 cm and its worst sequence, share of frames with a joint 15 cm off."""
+    """Mean error, share within 10 cm and its worst sequence, share of frames with a joint off by 15 cm."""
     near = [near_percent(one) for one in errors]
     off = [100.0 * np.mean(np.max(one, axis=1) > FAR_M) for one in errors]
     centimetres = 100.0 * np.mean([np.nanmean(one) for one in errors])

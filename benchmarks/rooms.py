@@ -1,7 +1,7 @@
-"""How well people are tracked in rooms: python -m benchmarks.rooms.
+"""Accuracy on people in rooms: python -m benchmarks.rooms.
 
-Real people (UTD-MHAD) put into rendered rooms by the composer beside the checkout, each tracked beside the
-same recording without a room. Lines on stderr, a table on stdout, numbers in a JSON file.
+Real people (UTD-MHAD) in rendered rooms, made by the composer in a folder beside the checkout, compared with
+the same recordings without a room. Progress on stderr, a table on stdout, numbers in a JSON file.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from common.settings import preset
 from coordinator.tracking.estimate import UNKNOWN
 
 SUBJECTS = (1, 3)
-EVERYBODY = ("plain", "cluttered")  # rooms that every recording is put into
+EVERYBODY = ("plain", "cluttered")  # rooms of all recordings
 SOME = {
     "table": (
         "a2_s1", "a5_s3", "a8_s1", "a11_s3", "a13_s1", "a15_s3", "a18_s1", "a20_s3", "a23_s1", "a26_s3",
@@ -55,14 +55,14 @@ Compose = Callable[[Path, str, int, Path, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A recording, and the rooms that it is put into."""
+    """A recording and its rooms."""
 
     recording: Recording
     kinds: tuple[str, ...]
 
 
 class RoomScore(msgspec.Struct, frozen=True):
-    """One recording in one room: per cent of joints within 10 cm, constant offsets removed."""
+    """One recording in one room: percentage of joints within 10 cm, constant offsets removed."""
 
     recording: str
     subject: int
@@ -70,16 +70,16 @@ class RoomScore(msgspec.Struct, frozen=True):
     alone_percent: float  # without a room
     room_percent: float
     frames: int
-    unknown: int  # frames that are lost, searched or absent
+    unknown: int  # frames with status lost, searching or absent
 
     @property
     def points(self) -> float:
-        """How much better the joints are in the room."""
+        """Percentage points by which joints are better in the room."""
         return self.room_percent - self.alone_percent
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, keep the numbers."""
+    """Measure, print the table, write the numbers."""
     parser = command_line("rooms", __doc__)
     add = parser.add_argument
     add("--shared", type=Path, default=DATA.parent, metavar="DIR", help="holds data and tools")
@@ -124,7 +124,7 @@ def measure(chosen: argparse.Namespace) -> int:
 
 
 def choose_jobs(data: Path, only: Sequence[str] | None, kinds: Sequence[str]) -> list[Job]:
-    """Recordings with their rooms; InputError for what is not there."""
+    """Recordings with their rooms; InputError if one does not exist."""
     if unknown := [kind for kind in kinds if kind not in KINDS]:
         raise InputError(f"no room '{unknown[0]}'; choose from {', '.join(KINDS)}")
     jobs = []
@@ -135,7 +135,7 @@ def choose_jobs(data: Path, only: Sequence[str] | None, kinds: Sequence[str]) ->
 
 
 def load_composer(tools: Path) -> Compose:
-    """The composer's function; InputError where it is not."""
+    """The composer's function; InputError if it does not exist."""
     path = tools / "rooms" / "compose.py"
     spec = importlib.util.spec_from_file_location("compose", path) if path.is_file() else None
     if spec is None or spec.loader is None:
@@ -147,7 +147,7 @@ def load_composer(tools: Path) -> Compose:
 
 
 def score(kind: str, alone: Outcome, inside: Outcome) -> RoomScore:
-    """The score of a recording that was tracked without a room, and in one; all joints count."""
+    """The score of a recording tracked with and without a room; all joints count."""
     before, after = (round(near_percent(one.distances(raw=False)), 2) for one in (alone, inside))
     unknown = sum(inside.status[word] for word in UNKNOWN)
     recording = alone.recording

@@ -1,4 +1,4 @@
-"""What all benchmarks share: options, settings to measure with, jobs in processes of their own, results."""
+"""Shared by all benchmarks: options, settings, jobs in their own processes, results."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from coordinator.results.configuration import versions
 ROOT = Path(__file__).parent.parent
 DATA = ROOT.parent / "shared" / "data"
 RESULTS = ROOT / "runs" / "benchmarks"
-WIDTH = 150  # columns of a table that goes to no terminal
+WIDTH = 150  # columns of a table that is not written to a terminal
 
 J = TypeVar("J")
 R = TypeVar("R")
 
 
 def command_line(name: str, description: str | None) -> argparse.ArgumentParser:
-    """A benchmark's options; `--out` is common to all."""
+    """A parser for a benchmark's options; `--out` is common to all."""
     parser = argparse.ArgumentParser(f"python -m benchmarks.{name}", description=description)
     out = RESULTS / f"{name.replace('.', '-')}.json"
     parser.add_argument("--out", type=Path, default=out, metavar="FILE", help="numbers; default: %(default)s")
@@ -42,24 +42,24 @@ def command_line(name: str, description: str | None) -> argparse.ArgumentParser:
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:
-    """`--data`."""
+    """Add `--data`."""
     text = "default: ../shared/data beside the checkout"
     parser.add_argument("--data", type=Path, default=DATA, metavar="DIR", help=text)
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:
-    """`--set`."""
+    """Add `--set`."""
     kinds: dict[str, Any] = {"nargs": "+", "action": "extend", "default": [], "dest": "changes"}
     parser.add_argument("--set", metavar="KEY=VALUE", help="settings", **kinds)
 
 
 def add_processes(parser: argparse.ArgumentParser) -> None:
-    """`--processes`."""
+    """Add `--processes`."""
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, metavar="N")
 
 
 def measured(measure: Callable[[argparse.Namespace], int], chosen: argparse.Namespace) -> int:
-    """Measure and return the exit code; faults of the input are one line."""
+    """Measure and return the exit code; wrong input is reported in one line."""
     try:
         return measure(chosen)
     except InputError as error:
@@ -68,9 +68,9 @@ def measured(measure: Callable[[argparse.Namespace], int], chosen: argparse.Name
 
 
 def settings_with(changes: Sequence[str], particles: int | None = None, seed: int = 0) -> Settings:
-    """The default settings after changes `key=value`; InputError for one that makes no sense.
+    """The default settings with changes `key=value`; InputError if one is invalid.
 
-    `preset` and `method` mean what they mean to `gepf track`; all other keys are fields of the settings.
+    `preset` and `method` have the meaning of the options of `gepf track`; all other keys are settings.
     """
     for change in changes:
         if "=" not in change:
@@ -88,11 +88,11 @@ def settings_with(changes: Sequence[str], particles: int | None = None, seed: in
     try:
         return msgspec.convert(plain, Settings)
     except msgspec.ValidationError as error:
-        raise InputError(f"--set {' '.join(changes)} does not fit: {error}; give a fitting value") from error
+        raise InputError(f"--set {' '.join(changes)} is not valid: {error}; give another value") from error
 
 
 def read_value(text: str) -> Any:
-    """A JSON value; what is not JSON is a text."""
+    """A JSON value, or a string if it is not JSON."""
     try:
         return json.loads(text)
     except json.JSONDecodeError:
@@ -101,14 +101,14 @@ def read_value(text: str) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Crash:
-    """A job that came to no result."""
+    """A job without a result."""
 
     error: str
 
 
 def run_forked(work: Callable[[J], R], jobs: Iterable[J], processes: int) -> Iterator[tuple[J, R | Crash]]:
-    """Each job with its result as soon as that is there; processes start with all that is in memory now."""
-    global _work  # noqa: PLW0603 forked processes inherit it, so that it need not be pickled
+    """Each job with its result, when it ends; processes are forked and so start with the present memory."""
+    global _work  # noqa: PLW0603 forked processes inherit it, so it is not pickled
     _work = work
     with ProcessPoolExecutor(processes, multiprocessing.get_context("fork")) as pool:
         running = {pool.submit(_call, job): job for job in jobs}
@@ -126,17 +126,17 @@ def _call(job: Any) -> Any:
 
 
 def progress() -> Console:
-    """Where progress is written."""
+    """The console for progress."""
     return Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 
 def screen() -> Console:
-    """Where tables are written."""
+    """The console for tables."""
     return Console(width=None if sys.stdout.isatty() else WIDTH)
 
 
 def keep(result: object, path: Path) -> None:
-    """Write the numbers as JSON, with what they belong to: versions of packages and the machine."""
+    """Write the numbers as JSON, with versions of packages and the machine."""
     path.parent.mkdir(parents=True, exist_ok=True)
     whole = {"versions": versions(), "processor": processor(), "result": result}
     text = msgspec.json.format(msgspec.json.encode(whole, enc_hook=lambda value: value.tolist()), indent=2)
@@ -144,7 +144,7 @@ def keep(result: object, path: Path) -> None:
 
 
 def processor() -> str:
-    """The processor's name as Linux gives it."""
+    """The processor's name, from Linux."""
     for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
         if line.startswith("model name"):
             return line.partition(":")[2].strip()

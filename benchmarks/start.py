@@ -1,8 +1,8 @@
-"""How well a person is found: python -m benchmarks.start.
+"""Accuracy of detection: python -m benchmarks.start.
 
-A start in every 15th frame of rendered people and of real ones, the same after a gap of 15 frames, and a
-table of situations: other poses, ways up, empty frames first, a wrong scale, things that are no person, two
-people. All in this process, on one core; lines on stderr, tables on stdout.
+A start at every 15th frame of rendered and real people, the same after a gap of 15 frames, and a table of
+situations: other poses, rotated cameras, empty frames first, a wrong scale, things that are not people, two
+people. All in this process, on one core. Progress on stderr, tables on stdout.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ RENDERED = (
     "skinned/dance", "skinned/turn",
 )  # fmt: skip
 EVERY = 15  # frames between two starts
-AFTER = 10  # frames in which a start has to be right
-GAP = (10, 25)  # frames that show nothing
+AFTER = 10  # frames after which a start must be right
+GAP = (10, 25)  # first and last empty frame
 SITUATION = 30  # frames
-EXACT_M, VENDORS_M = 0.10, 0.14  # mean joint error that is right; a vendor's joints lie elsewhere themselves
+EXACT_M, VENDORS_M = 0.10, 0.14  # largest mean joint error that is right; a vendor's joints have offsets
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footage:
-    """Frames to be tracked, and joints (J, 3) by frame number; no joints where there is no person."""
+    """Frames to track, and joints (J, 3) by frame number; no joints if there is no person."""
 
     name: str
     frames: list[DepthFrame]
@@ -54,29 +54,29 @@ class Footage:
     near: float = EXACT_M
 
     def cut(self, first: int, count: int = SITUATION, name: str | None = None) -> Footage:
-        """The frames from one on, as many as there are up to a count."""
+        """At most `count` frames from one on."""
         return replace(self, name=name or f"{self.name} {first}", frames=self.frames[first : first + count])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """A case after it was tracked."""
+    """The result of a case."""
 
     name: str
     status: Sequence[str]  # by frame
-    right: Sequence[bool | None]  # by frame; None where that is not known
-    seconds: float  # of processor time, of the frame that took longest
-    why: str  # what the last frame says against itself
-    error_cm: float  # mean of the joints in the last frame; NaN where that is not known
+    right: Sequence[bool | None]  # by frame; None if not known
+    seconds: float  # processor time of the slowest frame
+    why: str  # why the last frame is in doubt
+    error_cm: float  # mean joint error in the last frame; NaN if not known
 
     @property
     def deceives(self) -> int:
-        """Frames that are wrong and are called tracked."""
+        """Number of frames that are wrong and `tracked`."""
         return sum(s == "tracked" and r is False for s, r in zip(self.status, self.right, strict=True))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure the parts that are asked for, and print their tables."""
+    """Measure the selected parts, and print their tables."""
     parser = command_line("start", __doc__)
     add_data(parser)
     parser.add_argument("--only", nargs="+", default=PARTS, choices=PARTS)
@@ -113,13 +113,13 @@ def read(recording: Recording) -> Footage:
 
 
 def starts(footage: Footage) -> Iterator[Footage]:
-    """A start in every 15th frame."""
+    """Cases that start at every 15th frame."""
     for first in range(0, len(footage.frames) - AFTER // 2, EVERY):
         yield footage.cut(first, AFTER + 1)
 
 
 def gaps(footage: Footage) -> Iterator[Footage]:
-    """Ten frames, fifteen that show nothing, and ten in which the body must be found again."""
+    """Cases of ten frames, fifteen empty ones, and ten in which the body must be found again."""
     for first in range(0, len(footage.frames) - GAP[1] - AFTER, EVERY):
         case = footage.cut(first, GAP[1] + AFTER + 1)
         frames = [blank(f) if GAP[0] <= n < GAP[1] else f for n, f in enumerate(case.frames)]
@@ -127,12 +127,12 @@ def gaps(footage: Footage) -> Iterator[Footage]:
 
 
 def blank(frame: DepthFrame) -> DepthFrame:
-    """The frame without anything in it."""
+    """The frame without depth."""
     return replace(frame, depth=np.zeros_like(frame.depth))
 
 
 def situations(dance: Footage, turn: Footage, sits: Footage) -> list[Footage]:
-    """What can go wrong at a start, thirty frames each."""
+    """Difficult starts, thirty frames each."""
     front, back = dance.cut(0, name="front"), turn.cut(75, name="back")
     pelvis = dance.names.index("pelvis")
     lowest = max(dance.joints, key=lambda n: float(dance.joints[n][pelvis, 1]))
@@ -157,7 +157,7 @@ def situations(dance: Footage, turn: Footage, sits: Footage) -> list[Footage]:
 
 
 def turned(case: Footage, quarters: int, name: str) -> Footage:
-    """A case as a camera held another way up records it: turned to the left so many times."""
+    """A case with all frames turned left by a number of quarter turns."""
     frames, joints = case.frames, case.joints
     for _ in range(quarters):
         frames = [turn_left(frame) for frame in frames]
@@ -166,7 +166,7 @@ def turned(case: Footage, quarters: int, name: str) -> Footage:
 
 
 def turn_left(frame: DepthFrame) -> DepthFrame:
-    """A frame turned by a quarter against the clock."""
+    """A frame turned left by a quarter turn."""
     camera = frame.intrinsics
     lens = (camera.fy, camera.fx, camera.cy, camera.width - 1 - camera.cx)
     depth = np.ascontiguousarray(np.rot90(frame.depth))
@@ -174,27 +174,27 @@ def turn_left(frame: DepthFrame) -> DepthFrame:
 
 
 def empty_first(case: Footage, count: int) -> Footage:
-    """A case with so many empty frames before it, numbered downwards."""
+    """A case after a number of empty frames, with numbers below its own."""
     first = case.frames[0]
     before = [replace(blank(first), number=first.number - n) for n in range(count, 0, -1)]
     return replace(case, name=f"{count} empty frames first", frames=[*before, *case.frames])
 
 
 def rescaled(case: Footage, factor: float) -> Footage:
-    """A case whose depth scale is wrong: no pose can be right."""
+    """A case with a wrong depth scale: no pose is right."""
     frames = [replace(f, depth_scale=f.depth_scale * factor) for f in case.frames]
     return replace(case, name=f"depth scale times {factor:g}", frames=frames, joints={})
 
 
 def double(frame: DepthFrame, columns: int, behind_mm: int) -> DepthFrame:
-    """A frame with its person once more, some columns to the right and farther away."""
+    """A frame with a second copy of its person, to the right and farther away."""
     other = np.roll(frame.depth, columns, axis=1)
     other = np.where(other > 0, other + behind_mm, 0).astype(np.uint16)
     return replace(frame, depth=np.where(frame.depth > 0, frame.depth, other))
 
 
 def things(camera: Intrinsics) -> list[Footage]:
-    """What is no person: boards, a box, a ball, a wall, a floor, a coat stand; with noise."""
+    """Things that are not people: boards, a box, a ball, a wall, a floor, a coat stand; with noise."""
     v, u = np.indices((camera.height, camera.width))
     board = (np.abs(u - 256) < 55) & (np.abs(v - 212) < 115)
     disc = ((u - 256) / 70.0) ** 2 + ((v - 212) / 110.0) ** 2
@@ -223,7 +223,7 @@ def noisy(depth_m: Array, camera: Intrinsics) -> list[DepthFrame]:
 
 
 def play(case: Footage, bodies: Bodies) -> Outcome:
-    """Track a case from its first frame on; a line where it ends wrong."""
+    """Track a case from its first frame; print a line if it ends wrong."""
     tracker = Tracker(DirectRefiner(), preset("default"), bodies)
     tracker.prepare()
     found, seconds = follow(tracker, case.frames)
@@ -237,7 +237,7 @@ def play(case: Footage, bodies: Bodies) -> Outcome:
 
 
 def distance(case: Footage, names: tuple[str, ...], estimate: Estimate) -> float:
-    """Mean distance of the joints from where they are, metres; NaN where that is not known."""
+    """Mean error of the joints in metres; NaN if it is not known."""
     truth = case.joints.get(estimate.frame)
     if truth is None:
         return float("nan")
@@ -246,14 +246,14 @@ def distance(case: Footage, names: tuple[str, ...], estimate: Estimate) -> float
 
 
 def judge(case: Footage, estimate: Estimate, error: float) -> bool | None:
-    """Whether an estimate is right; of what is no person, no estimate is."""
+    """Whether an estimate is right; if there is no person, none is."""
     if not case.joints:
         return False
     return None if estimate.frame not in case.joints else error < case.near
 
 
 def table_of_all(part: str, outcomes: Sequence[Outcome]) -> Table:
-    """One line for many starts."""
+    """The table: one line for many starts."""
     known = [outcome for outcome in outcomes if outcome.right[-1] is not None]
     wrong = [outcome for outcome in known if not outcome.right[-1]]
     seconds = [outcome.seconds for outcome in outcomes]
@@ -270,7 +270,7 @@ def table_of_all(part: str, outcomes: Sequence[Outcome]) -> Table:
 
 
 def table_of_each(outcomes: Sequence[Outcome]) -> Table:
-    """A line for each situation."""
+    """The table: a line for each situation."""
     table = Table("situation", "frames", "wrong and called tracked", "last", "why", title="situations")
     for one in outcomes:
         frames = ", ".join(f"{n} {status}" for status, n in Counter(one.status).items())

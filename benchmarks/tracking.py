@@ -1,4 +1,4 @@
-"""One recording tracked in this process, as `gepf track` does it, beside what it is compared with."""
+"""One recording tracked in this process as by `gepf track`, with its reference."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from worker.cli import load_kernel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came of a recording in the F frames that have a reference."""
+    """The result of a recording, for the F frames that have a reference."""
 
     recording: Recording
     joints: Array  # (F, J, 3) metres, camera frame
     reference: Array  # (F, J, 3)
-    holds: Mask  # (F, J) joints whose reference the depth does not contradict
-    seconds: NDArray[np.float64]  # of processor time, of every tracked frame
-    status: dict[str, int]  # tracked frames by what the tracker says
-    stature: float  # metres, in the end
+    holds: Mask  # (F, J) joints whose reference agrees with depth
+    seconds: NDArray[np.float64]  # processor time of each tracked frame
+    status: dict[str, int]  # number of frames by the tracker's status
+    stature: float  # metres, after the last frame
 
     def distances(self, *, raw: bool) -> Array:
-        """From the reference (F, J), metres; if not raw, without each joint's constant median offset."""
+        """Distances (F, J) from the reference, metres; without each joint's median offset if not `raw`."""
         apart = self.joints - self.reference
         if not raw:
             apart = apart - np.nanmedian(apart, axis=0)
@@ -46,12 +46,12 @@ class Outcome:
 
 @cache
 def bodies_of(preset: str) -> Bodies:
-    """The bodies that are tracked with a preset."""
+    """The bodies for a preset."""
     return choose_bodies(None, preset)
 
 
 def prepare() -> Bodies:
-    """Kernels and bodies, ready for all processes that are forked from now on."""
+    """Load kernels and bodies before processes are forked."""
     load_kernel()
     return bodies_of("default")
 
@@ -62,7 +62,7 @@ def track(
     every: int = 1,
     frames: int | None = None,
 ) -> Outcome:
-    """Track every n-th frame, `frames` of them at the most; without settings never move from the first."""
+    """Track every n-th frame, at most `frames`; without settings, keep the first reference pose."""
     read = read_frames(recording)
     reference, thinned = read_reference(recording, read), read[::every][:frames]
     numbers = [frame.number for frame in thinned]
@@ -82,7 +82,7 @@ def track(
 
 
 def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked], NDArray[np.float64]]:
-    """What is tracked in each frame, and the seconds (F,) of processor time of each, its reading aside."""
+    """Estimates, and processor time (F,) in seconds of each frame, without reading it."""
     found, seconds = [], []
     for frame in frames:
         began = time.process_time()
@@ -92,5 +92,5 @@ def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked
 
 
 def near_percent(distances: Array) -> float:
-    """Per cent of distances (metres, any shape) within 10 cm."""
+    """Percentage of distances (metres, any shape) within 10 cm."""
     return 100.0 * float(np.mean(distances <= NEAR_M)) if distances.size else float("nan")

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the images with docker, podman or buildah, whatever there is: docker/build.sh [worker] [coordinator]
-# BASE is a Debian image to build on, KERNEL_CPU the oldest processor that the kernels shall run on.
+# Builds the images with docker, podman or buildah: docker/build.sh [worker] [coordinator]
+# BASE is the Debian base image, KERNEL_CPU the oldest processor on which the kernels must run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . docker/engine.sh

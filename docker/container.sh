@@ -1,5 +1,5 @@
-# Sourced after engine.sh: runs a command in an image, as a container in production has it: its own user, a
-# read-only file system but for /tmp, the host's network. DATA is a folder of the host, there as /data.
+# Sourced after engine.sh: runs a command in an image as in production: own user, read-only file system except
+# /tmp, the host's network. The host's folder DATA is mounted as /data.
 
 # run_image IMAGE COMMAND...
 run_image() {
@@ -14,7 +14,7 @@ run_image() {
     esac
 }
 
-# Buildah only builds; this is what is left of an engine, with namespaces of mounts and processes.
+# Buildah only builds images, so this runs the command with namespaces of mounts and processes.
 run_in_chroot() {
     local image=$1 container root environment
     shift
@@ -35,7 +35,7 @@ run_in_chroot() {
     ' run "${environment[@]}" sh -c 'cd /tmp && exec entrypoint "$@"' run "$@"
 }
 
-# Engines remove a container when it ends; this removes what buildah leaves.
+# Docker and podman remove a container when it ends; this removes those of buildah.
 remove_containers() {
     [ ! -e "$DATA/containers" ] || xargs buildah rm <"$DATA/containers" >/dev/null
 }

@@ -1,4 +1,4 @@
-# A coordinator: everything that `gepf` does, rendering without a display included, and workers of its own.
+# A coordinator: all of `gepf`, including rendering without a display and local workers.
 # Build it from the root of the project: docker/build.sh coordinator
 ARG BASE=docker.io/library/debian:bookworm-slim
 
@@ -21,20 +21,20 @@ COPY common common
 COPY coordinator coordinator
 COPY gepf gepf
 COPY worker worker
-# Where packages come through a mirror or proxy: its pip.conf and, at /run/secrets/ca, its authority.
+# For packages through a mirror or proxy: its pip.conf and, at /run/secrets/ca, its certificate authority.
 RUN --mount=type=secret,id=pip,target=/etc/pip.conf --mount=type=secret,id=ca \
     /opt/pip/bin/pip wheel --no-cache-dir --no-deps --wheel-dir /wheels . \
     && /opt/pip/bin/pip --python /opt/gepf install --no-cache-dir --no-compile --constraint constraints.txt \
         "gepf[coordinator] @ file://$(echo /wheels/gepf-*.whl)" \
     && docker/finish.sh /opt/gepf
-# Kernels for every processor that has these instructions, the same machine code on all of them.
+# Kernels are compiled for all processors with these instructions, so all run the same machine code.
 ARG KERNEL_CPU=x86-64-v3
 ENV NUMBA_CPU_NAME=${KERNEL_CPU} \
     NUMBA_CPU_FEATURES="" \
     NUMBA_CACHE_DIR=/opt/gepf/kernels
 RUN /opt/gepf/bin/python -I -c "from worker.cli import load_kernel; load_kernel()"
 
-# Files alone: what the steps above removed, from the base as well, does not travel in a layer below.
+# Only the files are copied, so files that the steps above removed are in no layer of the image.
 FROM scratch
 ARG KERNEL_CPU=x86-64-v3
 # hadolint ignore=DL3067

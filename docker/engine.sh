@@ -1,4 +1,4 @@
-# Sourced: ENGINE is docker, podman or buildah; what the scripts here need of it.
+# Sourced: sets ENGINE to docker, podman or buildah, and defines functions that use it.
 
 find_engine() {
     local name
@@ -8,7 +8,7 @@ find_engine() {
             return
         fi
     done
-    echo "no docker, podman or buildah works here; install one" >&2
+    echo "docker, podman and buildah do not work here; install one" >&2
     return 1
 }
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Tracks the demo's sequence with the images: a coordinator, a router and two workers, each a container with
-# certificates; no file of this checkout is used. The bytes must be those of a run inside one container.
+# certificates. No file of this checkout is used. The bytes must be the same as those of a run in one container.
 # docker/test.sh [FRAMES]
-set -euo pipefail -m # each job is a group of processes, and ends as one
+set -euo pipefail -m # each job is a process group and is killed as one
 cd "$(dirname "$0")/.."
 . docker/engine.sh
 . docker/container.sh

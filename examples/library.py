@@ -1,4 +1,4 @@
-"""Track a recording from Python and print what is known of one joint.
+"""Track a recording from Python and print one joint.
 
 python examples/library.py SEQ [FRAMES]
 """
@@ -12,7 +12,7 @@ from gepf import Tracker, open_source
 
 
 def main(path: str, frames: int | None = None) -> None:
-    """A line for each frame: how sure the tracker is, the right wrist, and how many hypotheses there are."""
+    """Print a line for each frame: status, right wrist with its deviation, number of hypotheses."""
     source = open_source(path)
     with Tracker(workers=None, start=source.init) as tracker:  # workers=2 for two processes
         for frame in islice(source, frames):

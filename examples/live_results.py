@@ -1,4 +1,4 @@
-"""Hear what a tracker knows while it tracks.
+"""Subscribe to the results of a tracker while it tracks.
 
 gepf track SEQ --out DIR --listen tcp/127.0.0.1:7447 --publish robot/person
 python examples/live_results.py tcp/127.0.0.1:7447 robot/person [JOINT ANGLE]
@@ -13,7 +13,7 @@ import zenoh
 
 
 def main(endpoint: str, key: str, joint: str = "right_wrist", angle: str = "right_elbow_flexion") -> None:
-    """A line a frame: where a joint is, and an angle, where they are known."""
+    """Print a line for each frame: the position of a joint and an angle, if they are known."""
     with connect(endpoint) as session, session.declare_subscriber(key) as subscriber:
         for sample in subscriber:
             told = msgpack.unpackb(sample.payload.to_bytes())
@@ -23,14 +23,14 @@ def main(endpoint: str, key: str, joint: str = "right_wrist", angle: str = "righ
             if joint not in joints or angle not in angles:
                 sys.exit(f"choose a joint of {', '.join(joints)} and an angle of {', '.join(angles)}")
             known = ""
-            if joints[joint] is not None:  # as it is before anybody is found
+            if joints[joint] is not None:  # null before a person is found
                 x, y, z = joints[joint]
                 known = f": {joint} {x:.2f} {y:.2f} {z:.2f} m, {angle} {angles[angle]:.2f} rad"
             print(f"{told['frame']} {told['status']}{known}", flush=True)
 
 
 def connect(endpoint: str) -> zenoh.Session:
-    """Wait for the tracker, if it is not there yet; while an attempt lasts, 2 s, Python hears no Ctrl-C."""
+    """Connect, and wait for the tracker if necessary. Ctrl-C takes effect after an attempt, at most 2 s."""
     once = f'endpoints: ["{endpoint}"], timeout_ms: 2000, exit_on_failure: true'
     config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{{once}}}}}')
     said = False

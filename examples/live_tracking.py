@@ -1,4 +1,4 @@
-"""Track what a camera publishes, whichever of the two is started first.
+"""Track the frames that a camera publishes. Either of the two can be started first.
 
 python examples/live_tracking.py camera/depth tcp/127.0.0.1:7447 [INIT]
 gepf publish SEQ --key camera/depth --connect tcp/127.0.0.1:7447
@@ -12,7 +12,7 @@ import gepf
 
 
 def main(key: str, endpoint: str, start: str | None = None) -> None:
-    """A line a frame, with the right wrist where it is known, until the camera is silent for 10 s."""
+    """Print a line for each frame, with the right wrist if it is known, until no frame comes for 10 s."""
     camera = gepf.live(key, listen=endpoint, idle_timeout=10.0)
     with gepf.Tracker(workers=2, start=start) as tracker:
         for estimate in tracker.follow(camera):

@@ -1,7 +1,7 @@
 #!/bin/bash
-# A recording a task, as many at once as Slurm has room for; each has all the cores of its task as lanes.
+# One recording per task, with one lane per core of the task. Slurm decides how many tasks run at once.
 #   sbatch --array=1-$(wc -l < recordings.txt) slurm.sh recordings.txt runs
-# Tasks that were stopped go on where they were when the same line is typed again. Afterwards:
+# The same command again continues tasks that were stopped. Afterwards:
 #   gepf evaluate runs/* --csv
 #SBATCH --cpus-per-task=8
 #SBATCH --mem=4G

@@ -1,1 +1,1 @@
-"""Whether the tracker's word on how sure it is holds, and the fit of what it goes by."""
+"""The tracker's stated uncertainty compared with its errors, and the fit of its weights."""

@@ -1,13 +1,15 @@
-"""Whether what the tracker says of how sure it is holds: python -m benchmarks.certainty.
+"""The tracker's stated uncertainty compared with its errors: python -m benchmarks.certainty.
 
-The hard actions of UTD-MHAD at 30, 15 and 10 frames a second, where depth does not contradict the reference:
-how many joints lie within one and two deviations, and how many of those more than 15 cm off are flagged at
-which share of false alarms. With --fit the functions are fitted anew first and printed as FIT of
-coordinator/tracking/certainty/certainty.py: on subjects 1 and 2, also tracked by --method gradient and in
-pictures that end at the knees, on rendered people that --method gradient tracks, and on skinned people, alone
-and in rooms. Lines on stderr, a table
-on stdout, numbers in a JSON file where asked. Exit code 1 if a recording crashed. How well one particle knows
-that it has lost a limb: --demo 12 --set method=gradient.
+The hard actions of UTD-MHAD at 30, 15 and 10 frames a second, where depth agrees with the reference. The
+table shows how many joints lie within one and two deviations, and how many of the joints off by more than
+15 cm are flagged, over the share of false alarms.
+
+With --fit, the functions are fitted first and printed as FIT of coordinator/tracking/certainty/certainty.py.
+The data are subjects 1 and 2 (also tracked with --method gradient, and in images that end at the knees),
+rendered people tracked with --method gradient, and skinned people, alone and in rooms. To measure how often
+one particle detects a lost limb: --demo 12 --set method=gradient.
+
+Progress on stderr, a table on stdout, numbers in a JSON file. Exit code 1 if a recording crashed.
 """
 
 from __future__ import annotations
@@ -45,25 +47,25 @@ from coordinator.tracking.certainty.certainty import FIT
 EVERY = [1, 2, 3]  # n-th of 30 frames a second
 FIT_SUBJECTS = (1, 2)
 KINDS = PEOPLE, GRADIENT, CUT, RENDERED, SKINNED = "people", "gradient", "cut", "rendered", "skinned"
-FIRST_RENDERED, RENDERED_FOR_FIT = 20, range(100, 112)  # seeds beyond those that the demo itself has
+FIRST_RENDERED, RENDERED_FOR_FIT = 20, range(100, 112)  # seeds that the demo does not use
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the tables, keep the numbers."""
+    """Measure, print the tables, write the numbers."""
     parser = command_line("certainty", __doc__)
     add = parser.add_argument
     add_data(parser)
-    add("--fit", action="store_true", help="fit anew on subjects 1 and 2 and rendered people")
-    add("--subjects", nargs="+", type=int, default=[3, 4], help="default: 3 4, of whom nothing was fitted")
-    add("--demo", type=int, metavar="N", help="N rendered people of gepf demo in place of the subjects")
+    add("--fit", action="store_true", help="fit on subjects 1 and 2 and rendered people")
+    add("--subjects", nargs="+", type=int, default=[3, 4], help="default: 3 4, not used for the fit")
+    add("--demo", type=int, metavar="N", help="N rendered people of gepf demo instead of the subjects")
     add(
         "--every",
         nargs="+",
         type=int,
         metavar="N",
-        help="of 30 frames a second; default: 1 2 3. Of the demo's 10: 1",
+        help="every n-th of 30 frames a second; default: 1 2 3, with --demo 1 (of 10)",
     )
-    add("--cut", type=float, metavar="SHARE", help="pictures end so far up from the knees to the hips")
+    add("--cut", type=float, metavar="SHARE", help="images end at this share of the way from knees to hips")
     add_changes(parser)
     add("--seeds", type=int, default=3, metavar="N", help="default: 3")
     add_processes(parser)
@@ -74,9 +76,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def measure(choice: Namespace) -> int:
-    """Exit code: 1 if a recording crashed. InputError for what makes no sense."""
+    """Exit code: 1 if a recording crashed. InputError for invalid options."""
     if choice.fit and choice.demo is not None:
-        raise InputError("give --fit or --demo: what is fitted is scored on recorded people")
+        raise InputError("give either --fit or --demo; a fit is scored on recorded people")
     console = progress()
     console.print("loading kernels and bodies")
     bodies, crashes, scores, found = prepare(), list[str](), list[Score](), FIT
@@ -102,7 +104,7 @@ def measure(choice: Namespace) -> int:
 
 
 def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list[str]) -> list[Gathered]:
-    """What certainty is fitted to, of each kind of recordings."""
+    """Recordings of each kind, to which certainty is fitted."""
     people, rendered = find_hard(choice.data, FIT_SUBJECTS), render_people(folder, RENDERED_FOR_FIT)
     skinned = find_rendered(choice.data)
     plain = Namespace(**{**vars(choice), "cut": None})

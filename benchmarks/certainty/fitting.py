@@ -15,14 +15,14 @@ from coordinator.tracking.certainty.features import Features
 
 Array = NDArray[np.float64]
 
-RIDGE = 100.0  # joints that say nothing, for each weight of a feature of unit deviation
-ONE_DEVIATION = 0.683  # of the joints are to lie within it
+RIDGE = 100.0  # joints without information, for each weight of a feature of unit deviation
+ONE_DEVIATION = 0.683  # share of the joints that should lie within it
 LEAST_RESIDUAL = 1e-3  # of log metres, in the quantile's weights
-MOST_STEPS, STILL = 100, 1e-6  # the step that ends the fit of the quantile
+MOST_STEPS, STILL = 100, 1e-6  # steps, and the size of step that ends the fit of the quantile
 
 
 def distances(gathered: Sequence[Gathered]) -> list[Array]:
-    """How far off each joint (F, J) is, metres, without a person's constant offsets from a vendor's."""
+    """Error of each joint (F, J) in metres, without the constant offsets from a vendor's joints."""
     offsets = {}
     for person in {one.person for one in gathered} - {""}:
         mine = [np.where(g.holds[..., None], g.apart, np.nan) for g in gathered if g.person == person]
@@ -31,7 +31,7 @@ def distances(gathered: Sequence[Gathered]) -> list[Array]:
 
 
 def joints_of(gathered: Sequence[Gathered]) -> tuple[Features, Array, NDArray[np.str_]]:
-    """Features (n,), distances (n,) and kind (n,) of all joints whose reference holds."""
+    """Features (n,), distances (n,) and kind (n,) of all joints whose reference is valid."""
     features = Features(
         *(np.concatenate([g.features[k][g.holds] for g in gathered]) for k in range(len(Features._fields)))
     )
@@ -40,9 +40,9 @@ def joints_of(gathered: Sequence[Gathered]) -> tuple[Features, Array, NDArray[np
 
 
 def fit(gathered: Sequence[Gathered], people: Sequence[str]) -> Fit:
-    """Fit to all joints: those kinds of recordings count half together, each other kind the same share.
+    """Fit to all joints: half of the weight is on `people`, the other kinds share the rest equally.
 
-    For the deviation the others count a quarter of that: their hidden joints are nearer to the truth.
+    For the deviation, the other kinds have a quarter of that weight: their hidden joints have smaller errors.
     """
     features, off, kinds = joints_of(gathered)
     of_people = np.isin(kinds, people)
@@ -60,7 +60,7 @@ def fit(gathered: Sequence[Gathered], people: Sequence[str]) -> Fit:
 
 
 def fit_logistic(features: Array, off: NDArray[np.bool_], counts: Array) -> tuple[float, Array]:
-    """Intercept and weights (K,) of the log odds, from features (n, K) of joints that count so much (n,)."""
+    """Intercept and weights (K,) of the log odds, from features (n, K) of joints with weights (n,)."""
     mean, scale = features.mean(axis=0), features.std(axis=0) + np.finfo(float).tiny
     columns = np.column_stack([np.ones(len(off)), (features - mean) / scale])
     ridge = np.repeat([0.0, RIDGE], [1, features.shape[1]])
@@ -76,7 +76,7 @@ def fit_logistic(features: Array, off: NDArray[np.bool_], counts: Array) -> tupl
 
 
 def fit_quantile(columns: Array, log_off: Array, counts: Array) -> tuple[float, ...]:
-    """Weights of columns (n, K) whose sum is above a share of log distances (n,) that count so much (n,)."""
+    """Weights of columns (n, K) whose sum is a quantile of log distances (n,) with weights (n,)."""
     found = np.linalg.lstsq(columns, log_off, rcond=None)[0]
     for _ in range(MOST_STEPS):
         residual = log_off - columns @ found

@@ -1,4 +1,4 @@
-"""The features of each joint of recordings as they are tracked, beside how far the joint was off."""
+"""Features and errors of each joint while recordings are tracked."""
 
 from __future__ import annotations
 
@@ -37,26 +37,26 @@ class Gathered:
     """F tracked frames of one recording with J joints."""
 
     kind: str  # recordings of one kind are scored together
-    person: str  # whose constant offsets are removed; empty where the truth is exact
+    person: str  # whose constant offsets are removed; empty if the truth is exact
     features: Features  # (F, J) each
     apart: Array  # (F, J, 3) metres from the reference
-    holds: NDArray[np.bool_]  # (F, J) where the depth does not contradict the reference
+    holds: NDArray[np.bool_]  # (F, J) where depth does not contradict the reference
     status: NDArray[np.str_]  # (F,)
 
 
 def find_hard(data: Path, subjects: Sequence[int]) -> list[Recording]:
-    """The hard actions of subjects; InputError where there are none."""
+    """The hard actions of these subjects; InputError if there are none."""
     return choose(find_people(data, subjects), ["hard"])
 
 
 def find_rendered(data: Path) -> list[Recording]:
-    """The skinned people that are there, alone and in rooms, with exact truth; without a second person."""
+    """The available skinned people, alone and in rooms, with exact truth and no second person."""
     truths = sorted(path for kind in ROOMS for path in (data / kind).glob(f"*/{TRUTH_FILE}"))
     return [Recording(t.parent.name, t.parent, t) for t in truths if t.parent.name != "second"]
 
 
 def render_people(folder: Path, seeds: Sequence[int]) -> list[Recording]:
-    """People who move fast at 10 frames a second, with exact truth, written to a folder."""
+    """Render people who move fast, at 10 frames a second with exact truth, into a folder."""
     for seed in seeds:
         synthesise(PERSON, folder / str(seed), FRAMES, seed=seed, kinect=True)
     return [Recording(str(s), folder / str(s), folder / str(s) / TRUTH_FILE) for s in seeds]
@@ -65,9 +65,9 @@ def render_people(folder: Path, seeds: Sequence[int]) -> list[Recording]:
 def gather(
     kind: str, recording: Recording, every: int, settings: Settings, bodies: Bodies, cut: float | None = None
 ) -> Gathered | None:
-    """Track every n-th frame; None if the body is known in no frame that has a reference.
+    """Track every n-th frame; None if no frame with a reference has a tracked body.
 
-    cut: share of the way from knees to hips at which the picture ends; None for all of it.
+    cut: share of the way from knees to hips at which the image ends; None for the whole image.
     """
     frames = read_frames(recording)
     reference = read_reference(recording, frames)
@@ -116,7 +116,7 @@ def row_between(joints: Array, names: tuple[str, ...], share: float, camera: Int
 
 
 def cut_below(frame: DepthFrame, row: int) -> DepthFrame:
-    """What a camera sees whose picture ends at a row."""
+    """The part of a frame above a row."""
     camera = frame.intrinsics
     lens = (camera.fx, camera.fy, camera.cx, camera.cy)
     depth = np.ascontiguousarray(frame.depth[:row])

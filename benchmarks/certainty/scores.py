@@ -1,4 +1,4 @@
-"""How well the stated certainty holds: joints that are flagged, and joints within their deviation."""
+"""Scores of the stated certainty: joints that are flagged, and joints within their deviation."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED, Fi
 Array = NDArray[np.float64]
 
 FALSE_ALARMS = (0.01, 0.02, 0.05, 0.1, 0.2)
-SHOWN = 0.5  # share of its surface from which on a joint is seen
+SHOWN = 0.5  # share of its surface; a joint with more is visible
 
 
 class Calibration(msgspec.Struct, frozen=True):
-    """Per cent of joints within one and within two deviations."""
+    """Percentage of joints within one and within two deviations."""
 
     joints: int
     within_one: float
@@ -28,24 +28,24 @@ class Calibration(msgspec.Struct, frozen=True):
 
 
 class Score(msgspec.Struct, frozen=True):
-    """One set of recordings."""
+    """Scores of one set of recordings."""
 
     name: str
     joints: int
     off_percent: float  # more than 15 cm
-    flagged_percent: float  # of these, at the tracker's own limit
-    false_percent: float  # flagged, of the others
-    roc: list[tuple[float, float]]  # per cent of false alarms, and of joints off that are flagged then
-    suspected_frames_percent: float  # frames not plainly tracked, of those with a joint off
-    doubted_frames_percent: float  # and of the others
-    flagged_frames_percent: float  # one of the joints that are off is flagged, of frames with such
+    flagged_percent: float  # of these, flagged at the tracker's own limit
+    false_percent: float  # of the others, flagged
+    roc: list[tuple[float, float]]  # percentage of false alarms, and of joints off that are flagged
+    suspected_frames_percent: float  # of frames with a joint off, those that are not `tracked`
+    doubted_frames_percent: float  # of all other frames, the same
+    flagged_frames_percent: float  # of frames with a joint off, those in which one such joint is flagged
     off_frames: int
     seen: Calibration
     hidden: Calibration
 
 
 def score(name: str, gathered: Sequence[Gathered], fit: Fit) -> Score:
-    """Hold what a fit says against how far joints are off, where the reference holds."""
+    """Compare the certainty of a fit with the errors of joints, where the reference is valid."""
     features, away, _ = joints_of(gathered)
     certainty = fit.judge(features)
     probability, in_deviations = certainty.off_probability, away / certainty.deviation
@@ -80,22 +80,22 @@ def score(name: str, gathered: Sequence[Gathered], fit: Fit) -> Score:
 
 
 def limit_for(probability: Array, share: float) -> float:
-    """The probability above which this share lies."""
+    """The probability that this share exceeds."""
     return float(np.quantile(probability, 1.0 - share)) if len(probability) else np.inf
 
 
 def percent(values: NDArray[np.bool_]) -> float:
-    """Of the values that are true; NaN of none."""
+    """Percentage of values that are true; NaN if there are none."""
     return round(100.0 * float(values.mean()), 1) if len(values) else np.nan
 
 
 def calibration(in_deviations: Array) -> Calibration:
-    """Of distances in deviations."""
+    """Calibration of distances that are given in deviations."""
     return Calibration(len(in_deviations), percent(in_deviations < 1.0), percent(in_deviations < 2.0))
 
 
 def score_table(scores: Sequence[Score]) -> Table:
-    """A line for each set."""
+    """The table: a line for each set."""
     table = Table(title="how sure the tracker is, and whether that holds")
     for heading in (
         "", "joints", "off", "flagged", "of others", "flagged at 1, 2, 5, 10, 20 %",

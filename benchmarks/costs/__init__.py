@@ -1,1 +1,1 @@
-"""What a particle, a request and a frame cost, beside peers."""
+"""Cost of a particle, a request and a frame, compared with other programs."""

@@ -1,8 +1,8 @@
-"""What a particle costs, as a multiple of a rigid ICP on the same points: python -m benchmarks.costs.kernel.
+"""Cost of a particle, relative to rigid ICP on the same points: python -m benchmarks.costs.kernel.
 
-One particle is all of steps 4a to 4d and 5: pose, visibility, closest points, solve, likelihood. Its 10 000
-observed points and the visible model points are what the peers get ready made; the plain path is the same
-algorithm in numpy and scipy. Processor time on one core, calls in turns, medians.
+One particle is steps 4a to 4d and 5: pose, visibility, closest points, solve, likelihood. The other programs
+get its 10 000 observed points and the visible model points. The plain path is the same algorithm in numpy and
+scipy. Medians of processor time on one core; the calls alternate.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ Array = NDArray[np.float64]
 POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS = 10_000, 3, 51, 3
 NOISES = {"clean": SensorNoise(), "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}
 OURS, YARDSTICK = "gepf particle", "small_gicp ICP"
-REACH_M = 10.0  # every observed point has a partner, as in the paper
+REACH_M = 10.0  # every observed point has a correspondence, as in the paper
 
 
 def main() -> int:
-    """Measure, print the table, keep the numbers."""
+    """Measure, print the table, write the numbers."""
     chosen = command_line("costs.kernel", __doc__).parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # before libraries start their threads
     cases = [
@@ -53,7 +53,7 @@ def main() -> int:
 
 
 def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
-    """Median milliseconds of all calls on one case, and that the descent gets somewhere."""
+    """Median milliseconds of all calls on one case; checks that the refinement reduces the error."""
     settings = msgspec.structs.replace(preset(preset_name).refine, icp_iterations=ITERATIONS)
     observed, visible = case.observed, case.visible()
 
@@ -78,7 +78,7 @@ def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
 
 
 def take_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, float]:
-    """Median milliseconds of processor time of every call, one of each a round; the first does not count."""
+    """Median processor time (ms) of each call; the calls alternate, the first round does not count."""
     spent: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(1 + rounds):
         for name, call in calls.items():
@@ -89,7 +89,7 @@ def take_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[s
 
 
 def plainly(case: Case, settings: RefineSettings) -> Callable[[], object]:
-    """The particle refined by the plain path."""
+    """Refine the particle with the plain path."""
     return lambda: plain_path.refine(case.model, case.subject, case.start[0], settings)
 
 
@@ -109,7 +109,7 @@ def small_gicp_icp(observed: Array, model: Array) -> Callable[[], object]:
             rotation_epsilon=0.0,
             translation_epsilon=0.0,
         )
-        if result.iterations != ITERATIONS - 1:  # the number of the last one, from 0
+        if result.iterations != ITERATIONS - 1:  # the last one's number, from 0
             raise RuntimeError(f"small_gicp stopped after {result.iterations + 1} of {ITERATIONS} iterations")
         return result
 
@@ -117,7 +117,7 @@ def small_gicp_icp(observed: Array, model: Array) -> Callable[[], object]:
 
 
 def open3d_icp(observed: Array, model: Array) -> Callable[[], object]:
-    """Open3D's ICP on point clouds that stand ready; it builds its k-d tree every time."""
+    """Open3D's ICP on existing point clouds; it builds its k-d tree every time."""
     import open3d
 
     registration = open3d.pipelines.registration

@@ -1,7 +1,7 @@
-"""The same scatter and gather by other means: a process pool with shared memory, and Ray.
+"""The same scatter and gather by a process pool with shared memory, and by Ray.
 
-Batches of poses go out, the next frame is put where all workers can read it, results come back in order. A
-result is the pose itself, after as long as a kernel would take: what is above that is overhead.
+Batches of poses are sent, the next frame is stored where all workers can read it, and results are returned in
+order. A result is the pose itself, after the time that a kernel would take. All other time is overhead.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _attached: dict[str, SharedMemory] = {}
 
 @contextmanager
 def process_pool(workers: int, shape: tuple[int, int], seconds: float) -> Iterator[Frame]:
-    """ProcessPoolExecutor; two frames lie in shared memory that is allocated once, this one and the next."""
+    """ProcessPoolExecutor; this frame and the next are in shared memory that is allocated once."""
     size = int(np.prod(shape)) * np.dtype(np.uint16).itemsize
     with ExitStack() as stack:
         memories = [stack.enter_context(shared(size)) for _ in range(2)]
@@ -65,7 +65,7 @@ def shared(size: int) -> Iterator[SharedMemory]:
 
 
 def read_and_return(name: str, shape: tuple[int, int], poses: Array, seconds: float) -> Array:
-    """What a worker of the pool does: look at the frame, wait, give the poses back."""
+    """The task of a worker of the pool: read the frame, wait, return the poses."""
     if name not in _attached:
         _attached[name] = SharedMemory(name)
     look_at(np.ndarray(shape, np.uint16, _attached[name].buf))
@@ -74,13 +74,13 @@ def read_and_return(name: str, shape: tuple[int, int], poses: Array, seconds: fl
 
 
 def look_at(depth: Depth) -> int:
-    """Touch every page of a frame, as reading it would."""
+    """Read every page of a frame."""
     return int(depth.ravel()[::2048].sum())
 
 
 @contextmanager
 def ray_tasks(workers: int, shape: tuple[int, int], seconds: float) -> Iterator[Frame]:
-    """Ray: the frames in its object store, a task for each batch. ImportError where Ray is not installed."""
+    """Ray: frames in its object store, a task for each batch. ImportError if Ray is not installed."""
     import ray
 
     with warnings.catch_warnings():
@@ -102,7 +102,7 @@ def ray_tasks(workers: int, shape: tuple[int, int], seconds: float) -> Iterator[
 
 
 def look_and_return(depth: Depth, poses: Array, seconds: float) -> Array:
-    """What a worker of Ray's does."""
+    """The task of a Ray worker."""
     look_at(depth)
     time.sleep(seconds * len(poses))
     return poses

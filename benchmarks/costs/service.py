@@ -1,9 +1,9 @@
-"""What the service costs beside the kernel: python -m benchmarks.costs.service.
+"""Cost of the service in addition to the kernel: python -m benchmarks.costs.service.
 
-N particles go to a worker of two lanes that gives them back after a kernel's time, and the next frame of
-512 KB follows them: what is above the kernel's time is encode, dispatch, publish and gather. Beside it, in
-turns, the same by a process pool with shared memory and by Ray. Then how two real lanes compare with one,
-how near to the ideal 8 to 1 024 lanes come that only wait the kernel's time, and a worker's start and size.
+N particles are sent to a worker with two lanes, which returns them after a kernel's time. The next frame of
+512 KB follows them. The time beyond the kernel's is for encoding, dispatch, publication and gathering. The
+same is measured, alternately, with a process pool with shared memory and with Ray. Then: two real lanes
+compared with one, 8 to 1 024 waiting lanes compared with the ideal, and the start and memory of a worker.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ PARTICLES = (20, 100, 1000)
 KERNEL_MS = 30.0  # a frame
 ROUNDS = 60
 WAITING = (sys.executable, "-m", "benchmarks.costs.waiting_workers")
-WAIT = 0.0065  # seconds a particle, about the kernel's time
+WAIT = 0.0065  # seconds per particle, about the kernel's time
 SHARE = 10  # particles for each waiting lane
 CROWDS = ((2, 4), (4, 16), (8, 32), (16, 64))  # workers, lanes of each
 STARTS = 5
@@ -50,7 +50,7 @@ POINTS = 5_000
 
 
 def main() -> int:
-    """Measure, print, keep the numbers."""
+    """Measure, print, write the numbers."""
     parser = command_line("costs.service", __doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     chosen = parser.parse_args()
@@ -66,7 +66,7 @@ def main() -> int:
 
 
 def overhead(particles: int, rounds: int) -> dict[str, Any]:
-    """Milliseconds a frame above the kernel's, ours and others' in turns: medians, and ratios to ours."""
+    """Milliseconds per frame beyond the kernel's, measured alternately: medians, and ratios to ours."""
     case = standing(POINTS)
     poses = np.repeat(case.start, particles, axis=0)
     depth = np.full(SHAPE, 2000, np.uint16)
@@ -92,7 +92,7 @@ def overhead(particles: int, rounds: int) -> dict[str, Any]:
 
 
 def in_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Array]:
-    """Milliseconds (rounds,) of wall time of every call, one of each a round; three do not count."""
+    """Wall time (rounds,) of each call, ms; the calls alternate, the first three rounds do not count."""
     spent: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(3 + rounds):
         for name, call in calls.items():
@@ -104,7 +104,7 @@ def in_turns(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str
 
 @contextmanager
 def pretending_lanes(model: BodyModel, lanes: int, seconds: float) -> Iterator[Frame]:
-    """Refine on lanes that give poses back after so many seconds each; frames are sent ahead."""
+    """Refine on lanes that return each pose after a time in seconds; frames are sent ahead."""
     settings = preset("default").refine
     command = (*WAITING, "--seconds", str(seconds))
     with ZenohRefiner(Pool(workers=lanes, worker_command=command)) as refiner:
@@ -123,7 +123,7 @@ def pretending_lanes(model: BodyModel, lanes: int, seconds: float) -> Iterator[F
 
 
 def subject_of(depth: NDArray[np.uint16], number: int) -> SubjectFrame:
-    """A frame of which every pixel is the subject's, with 10 000 points picked."""
+    """A frame in which every pixel is the subject's, with 10 000 sampled points."""
     height, width = depth.shape
     camera = Intrinsics(width, height, 525.0, 525.0, width / 2, height / 2)
     picked = np.linspace(0, depth.size - 1, 10_000).astype(np.uint32)
@@ -131,14 +131,14 @@ def subject_of(depth: NDArray[np.uint16], number: int) -> SubjectFrame:
 
 
 def refine_now(refiner: ZenohRefiner, model: BodyModel, poses: Array, settings: RefineSettings) -> Refined:
-    """Poses (N, D) after their descent, waited for."""
+    """Poses (N, D) after their refinement."""
     return refiner.submit(model, poses, settings).result()
 
 
 def two_lanes(rounds: int) -> dict[str, Any]:
-    """The real kernel, 20 particles: median milliseconds on one lane and on two in turns, and their ratio.
+    """The real kernel, 20 particles: median milliseconds on one lane and on two, and their ratio.
 
-    Over the bus, each in a worker of its own, and the kernel alone in this process.
+    Over the bus, each in its own worker, and the kernel alone in this process.
     """
     case = standing(POINTS)
     poses = np.repeat(case.start, 20, axis=0)
@@ -161,7 +161,7 @@ def two_lanes(rounds: int) -> dict[str, Any]:
 
 
 def crowd(workers: int, lanes: int) -> dict[str, Any]:
-    """Ten particles a lane that waits: milliseconds a frame, and the share of the ideal that is reached."""
+    """Ten particles per waiting lane: milliseconds per frame, and the share of the ideal rate."""
     case = standing(POINTS)
     poses = np.repeat(case.start, SHARE * workers * lanes, axis=0)
     with tempfile.TemporaryDirectory(prefix="gepf-") as folder, ExitStack() as stack:
@@ -185,21 +185,21 @@ def crowd(workers: int, lanes: int) -> dict[str, Any]:
 
 
 def start_waiting(endpoint: str, name: str, lanes: int) -> subprocess.Popen[bytes]:
-    """A worker with so many lanes that wait."""
+    """Start a worker with this number of waiting lanes."""
     options = {"connect": endpoint, "name": name, "lanes": lanes, "seconds": WAIT}
     given = [text for option, value in options.items() for text in (f"--{option}", str(value))]
     return subprocess.Popen([*WAITING, *given], stdin=subprocess.PIPE)
 
 
 def worker_start(lanes: int) -> dict[str, float]:
-    """Medians: seconds until a local worker is there, of which its processor's; megabytes after a frame."""
+    """Medians: seconds until a local worker joins, its processor seconds, megabytes after a frame."""
     starts = np.array([start_one(lanes) for _ in range(1 + STARTS)][1:])
     names = ("lanes", "seconds", "processor_seconds", "megabytes")
     return dict(zip(names, (float(lanes), *np.median(starts, axis=0).tolist()), strict=True))
 
 
 def start_one(lanes: int) -> tuple[float, float, float]:
-    """Seconds, seconds of its processor and megabytes of a fresh worker."""
+    """Seconds, processor seconds and megabytes of a new worker."""
     case = standing(POINTS)
     began = time.perf_counter()
     with ZenohRefiner(Pool(workers=lanes)) as refiner:

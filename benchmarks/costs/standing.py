@@ -1,4 +1,4 @@
-"""A person in front of a depth camera and a pose nearby to refine: what a particle's cost is measured on."""
+"""A person in front of a depth camera and a pose nearby to refine, for the cost of a particle."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ POSE = {
     "l_hip_flexion": 0.3,
     "l_knee_flexion": 0.4,
 }
-OFF_ROTATION, OFF_TRANSLATION = np.radians(4.0), 0.03  # standard deviations of where the descent starts
+OFF_ROTATION, OFF_TRANSLATION = np.radians(4.0), 0.03  # standard deviations of the start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """A particle, what was observed, and the truth."""
+    """A particle, the observation, and the true pose."""
 
     model: BodyModel
     subject: SubjectFrame
@@ -54,20 +54,20 @@ class Case:
         return self.observation.points[: self.observation.count].astype(np.float64)
 
     def visible(self) -> NDArray[np.float64]:
-        """Model points (Q, 3) that the camera sees in the start's pose."""
+        """Model points (Q, 3) that are visible in the start pose."""
         skeleton, surface = pack_model(self.model)
         workspace = make_workspace(skeleton, surface, pack_observation(self.observation, RefineSettings()))
         pose_body(self.start[0], skeleton, surface, workspace)
         return workspace.posed[visible_vertices(surface, workspace)]
 
     def joint_error(self, poses: NDArray[np.float64]) -> float:
-        """Mean distance of the joints in poses (1, D) from the truth, metres."""
+        """Mean distance of the joints of poses (1, D) from the true ones, metres."""
         apart = joint_positions(self.model, poses) - joint_positions(self.model, self.truth)
         return float(np.linalg.norm(apart, axis=-1).mean())
 
 
 def standing(points: int, noise: SensorNoise | None = None, seed: int = 0) -> Case:
-    """A person at 2.5 m, seen by a camera with this noise in this many points."""
+    """A person at 2.5 m, observed with this noise and this number of points."""
     rng, template = np.random.default_rng(seed), human()
     held = np.array([POSE.get(name, 0.0) for name in template.dof_names])
     model = activate(template, DEFAULT_ACTIVE, held)

@@ -1,8 +1,8 @@
-"""How many frames a second a real person is tracked at: python -m benchmarks.costs.video_rate.
+"""Frames per second at which a real person is tracked: python -m benchmarks.costs.video_rate.
 
-20 particles, 5 000 points, preset `default`, a local worker with one lane and with two, as `gepf track` does
-it but for the files: frames are read from memory and nothing is recorded. Each recording again and again, in
-turns. How much of the machine's processors its host gave to others is told beside it.
+20 particles, 5 000 points, preset `default`, a local worker with one lane and with two, as `gepf track` but
+without files: frames are read from memory and nothing is recorded. The recordings alternate, several rounds.
+The share of processor time that the host gave to other machines (steal) is printed too.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SETTLED = 4  # frames that do not count: the body is detected in the first
 
 
 def main() -> int:
-    """Measure, print, keep the numbers."""
+    """Measure, print, write the numbers."""
     parser = command_line("costs.video_rate", __doc__)
     add_data(parser)
     parser.add_argument("--rounds", type=int, default=5)
@@ -60,12 +60,12 @@ def measure(chosen: argparse.Namespace) -> int:
 
 
 def run(frames: list[DepthFrame], lanes: int) -> dict[str, Any]:
-    """Frames a second, milliseconds of processor a frame, and what others took of the machine."""
+    """Frames per second, processor milliseconds per frame, and the share of the machine that others used."""
     settings = msgspec.structs.replace(preset("default"), points=POINTS)
     with ZenohRefiner(Pool(workers=lanes)) as refiner:
         refiner.wait_for(lanes)
         tracker = Tracker(refiner, settings, choose_bodies(None, settings.preset))
-        at = []  # settled, and after the last frame
+        at = []  # after the frames that do not count, and after the last frame
         for count, _ in enumerate(tracker.follow(frames)):
             if count in (SETTLED, len(frames) - 1):
                 at.append(spent(refiner))
@@ -81,7 +81,7 @@ def run(frames: list[DepthFrame], lanes: int) -> dict[str, Any]:
 
 
 def spent(refiner: ZenohRefiner) -> tuple[float, ...]:
-    """Seconds so far by the clock, of the coordinator's and the worker's processor; ticks stolen, and all."""
+    """Seconds so far: wall time, processor time of coordinator and worker; ticks stolen, and all ticks."""
     ticks = [int(word) for word in Path("/proc/stat").read_text(encoding="utf-8").split()[1:9]]
     worker = sum(processor_seconds(pid) for pid in refiner.local_pids.values())
     return time.perf_counter(), time.process_time(), worker, ticks[7], sum(ticks)

@@ -1,6 +1,6 @@
-"""A worker whose lanes only wait the kernel's time: python -m benchmarks.costs.waiting_workers.
+"""A worker whose lanes wait instead of computing: python -m benchmarks.costs.waiting_workers.
 
-A result is the particle itself. To a coordinator it looks as a real worker does.
+A result is the particle itself. A coordinator sees no difference from a real worker.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from worker.service import Kernel, Service
 
 
 def waiting(seconds: float, lanes: int) -> Kernel:
-    """A kernel that takes so long for each particle of a lane, without computing."""
+    """A kernel that waits for a time for each particle of a lane, without computing."""
 
     def observe(subject: SubjectFrame) -> None:
         del subject
@@ -34,7 +34,7 @@ def waiting(seconds: float, lanes: int) -> Kernel:
 
 
 def serve(endpoint: str, name: str, kernel: Kernel) -> None:
-    """Serve until the coordinator is gone."""
+    """Serve until the coordinator has ended."""
     with open_worker((endpoint,)) as bus:
         Service(bus, name, kernel).run()
 

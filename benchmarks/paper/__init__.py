@@ -1,1 +1,1 @@
-"""The paper's experiments with the baselines beside them: python -m benchmarks.paper."""
+"""The paper's experiments, with baselines: python -m benchmarks.paper."""

@@ -1,4 +1,4 @@
-"""The paper's experiments with the baselines beside them: python -m benchmarks.paper.
+"""The paper's experiments, with baselines: python -m benchmarks.paper.
 
 Every row is a method with a number of particles, under some noise, for some seeds, each run in a process of
 its own. Lines on stderr, tables on stdout, numbers in a JSON file, pictures in docs/ or, if only a part is
@@ -30,10 +30,10 @@ from worker.cli import load_kernel
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the tables, keep the numbers."""
+    """Measure, print the tables, write the numbers."""
     parser = command_line("paper", __doc__)
     add = parser.add_argument
-    add("--seeds", type=int, metavar="N", help="at the most; default: what each row has, 10 or less")
+    add("--seeds", type=int, metavar="N", help="at most; default: those of each row, at most 10")
     add("--only", nargs="+", metavar="NAME", help="only these rows or parts: heavy, curves, gradient-paper")
     add_processes(parser)
     return measured(measure, parser.parse_args(arguments))
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def measure(chosen: argparse.Namespace) -> int:
     """Exit code: 1 if a run crashed. InputError for what makes no sense, before anything is run."""
     rows, console = choose(chosen.only, chosen.seeds), progress()
-    console.print("rendering, loading kernels")
+    console.print("rendering and loading kernels")
     footages = {scene: shoot(scene) for scene in dict.fromkeys(row.scene for row in rows)}
     load_kernel()
     jobs = [Job(row, seed) for row in rows for seed in range(row.seeds)]

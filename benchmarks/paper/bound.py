@@ -1,22 +1,20 @@
-"""What one noisy frame can tell about the moving angles at best: a Cramer-Rao bound from the renderer.
+"""The Cramer-Rao bound of the moving angles from one noisy frame, computed with the renderer.
 
 The noise is that of `gepf synth`: a pixel reads the exact depth image at a place displaced by Gaussian
 noise, plus Gaussian noise along depth, independently of all others. So its reading z has the density
 
     p(z) = sum over pixels q of g_lateral(q) N(z; d(q), depth noise)
 
-with d the rendered depth near it, and nothing is read with the weight of the empty pixels. The Fisher
-information of angles i, j is the sum over pixels and readings of (dp/di) (dp/dj) / p, the derivatives from
-central differences of rendered images. It counts everything that the picture holds: depth, slopes, the
-outline against the background (frayed by the lateral noise) and the arm's outline against the body.
+with d the rendered depth near it. The probability of no reading is the weight of the empty pixels. The
+Fisher information of angles i, j is the sum over pixels and readings of (dp/di) (dp/dj) / p, with derivatives
+from central differences of rendered images. It includes all information of the image: depth, slopes, the
+outline against the background (blurred by the lateral noise) and the arm's outline against the body.
 
-What is not counted: that a picked point's neighbours were not picked. The points that a tracker picks are
-treated as drawn independently from all that is measured (a Poisson process), so they tell their share of
-the measured pixels' information; pixels that measured nothing count in the whole image alone. The lateral
-noise is as wide in pixels everywhere as at the shoulder's depth. The body but for the moving angles, its
-shape, and the noise are known exactly, as they are to the tracker. An estimator with a bias, such as one
-that knows joint limits, may do better than the bound; one that does not see the whole image will not
-reach it.
+Simplifications: the sampled points are treated as drawn independently from all measured pixels (a Poisson
+process). So they have their share of the measured pixels' information, and empty pixels count only for the
+whole image. The width of the lateral noise in pixels is that at the shoulder's depth. The shape, the noise
+and all other angles are known exactly, as for the tracker. A biased estimator, for example one that knows
+joint limits, can be better than the bound. One that does not use the whole image does not reach it.
 """
 
 from __future__ import annotations
@@ -42,9 +40,9 @@ EXPECTED_ABSOLUTE = np.sqrt(2.0 / np.pi)  # of a Gaussian with standard deviatio
 
 
 class Bound(msgspec.Struct, frozen=True):
-    """Least mean absolute error in degrees, by angle and over all."""
+    """Smallest mean absolute error in degrees, by angle and over all angles."""
 
-    points: int | None  # None for every pixel, the empty ones included
+    points: int | None  # None for every pixel, including empty ones
     by_angle_deg: dict[str, float]
     mean_deg: float
 
@@ -55,7 +53,7 @@ def information(
     """Fisher information (A, A) of the angles in one frame, 1/rad^2.
 
     Returns:
-        That of all measured pixels, that of all pixels, and how many measure something.
+        That of all measured pixels, that of all pixels, and the number of measured pixels.
     """
     pose, dofs = scene.poses[frame], [scene.model.dof(name) for name in active]
     steps = STEP * np.eye(len(pose))[dofs]
@@ -79,7 +77,7 @@ def exact_depth(renderer: DepthRenderer, scene: Scene, pose: Array) -> Array:
 
 
 def moving_window(images: Sequence[Array], noise: SensorNoise, scene: Scene) -> tuple[slice, slice]:
-    """Rows and columns that differ between images, and as far around as lateral noise carries them."""
+    """Rows and columns that differ between images, and a margin as wide as the lateral noise."""
     changed = np.any([image != images[0] for image in images[1:]], axis=0)
     rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
     nearest = images[0][images[0] > 0.0].min()

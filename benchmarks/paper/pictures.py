@@ -1,4 +1,4 @@
-"""The paper's figure 5 drawn again, and the cost of accuracy."""
+"""The paper's figure 5, and accuracy over cost."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PANELS = (
 
 
 def draw(runs: Mapping[str, Run | None], rows: Sequence[RowScore], folder: Path) -> list[Path]:
-    """Draw every picture whose rows are there; gives the files. `runs` are those of the first seed."""
+    """Draw every picture for which there are rows; returns the files. `runs` are those of the first seed."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     panels = [(run, title) for name, title in PANELS if (run := runs.get(name)) is not None]
@@ -45,7 +45,7 @@ def draw(runs: Mapping[str, Run | None], rows: Sequence[RowScore], folder: Path)
 
 
 def draw_noise(panels: Sequence[tuple[Run, str]], file: Path) -> None:
-    """As the paper's Fig. 5: each angle's error of the best hypothesis, one seed; and the gradient's."""
+    """As the paper's Fig. 5: errors of each angle, best hypothesis and gradient, one seed."""
     figure = Figure(figsize=(8.5, 9.4))
     axes_of = figure.subplots(len(panels), 1, sharex=True, sharey=True)
     for axes, (run, title) in zip(axes_of, panels, strict=True):
@@ -62,7 +62,7 @@ def draw_noise(panels: Sequence[tuple[Run, str]], file: Path) -> None:
 
 
 def draw_curves(rows: Sequence[RowScore], file: Path) -> None:
-    """Error against evaluations a frame, and against processor time a frame."""
+    """Error over evaluations per frame, and over processor time per frame."""
     figure = Figure(figsize=(8.5, 3.8))
     left, right = figure.subplots(1, 2, sharey=True)
     for colour, kind in zip(COLOURS, dict.fromkeys(kind_of(row) for row in rows), strict=False):

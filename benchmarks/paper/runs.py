@@ -1,6 +1,6 @@
-"""What is run: methods, particles, noise and seeds, a row of the table each; and one run of a row.
+"""The rows of the tables (method, particles, noise, seeds), and one run of a row.
 
-The scenes are rendered once for all seeds; their frames are those that `gepf synth` writes.
+The scenes are rendered once for all seeds; their frames are the same as those of `gepf synth`.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Runs that differ by their seed alone, which is that of the noise and of the tracker."""
+    """Runs that differ only in their seed, which is used for the noise and for the tracker."""
 
     name: str
-    part: str  # the table that it stands in
+    part: str  # the table that contains it
     method: str
     preset: str
     particles: int | None
@@ -52,13 +52,13 @@ class Row:
     changes: tuple[str, ...] = ()  # of settings, `key=value`
 
     def settings(self, seed: int) -> Settings:
-        """What `gepf track` computes with."""
+        """The settings, as `gepf track` uses them."""
         changes = (f"method={self.method}", f"preset={self.preset}", *self.changes)
         return settings_with(changes, self.particles, seed)
 
     @property
     def evaluations(self) -> int:
-        """Poses that are held against the points in a frame: one in each iteration, and one to weigh."""
+        """Number of poses that are evaluated: one per iteration, and one for the likelihood."""
         settings = self.settings(0)
         particles = settings.filter.particles
         if self.method == "condensation":
@@ -100,7 +100,7 @@ ROWS = [
 
 
 def choose(only: Sequence[str] | None, seeds: int | None) -> list[Row]:
-    """All rows, or those of a name or part, with so many seeds at the most. InputError if unknown."""
+    """All rows, or those with a name or part, with at most this number of seeds. InputError if unknown."""
     for name in only or ():
         if not any(name in (row.name, row.part) for row in ROWS):
             parts = ", ".join(dict.fromkeys(row.part for row in ROWS))
@@ -117,7 +117,7 @@ class Footage:
     exact: NDArray[np.float32]
 
     def frames(self, noise: SensorNoise, seed: int, count: int) -> Iterator[DepthFrame]:
-        """The first `count` frames with noise, as they come back from the files of `gepf synth`."""
+        """The first `count` frames with noise, as read from the files of `gepf synth`."""
         camera, fps = self.scene.camera, self.scene.fps
         for number, depth_m in enumerate(self.exact[:count]):
             rng = np.random.default_rng([seed, number])
@@ -126,7 +126,7 @@ class Footage:
 
 
 def shoot(scene: str) -> Footage:
-    """Render all of a scene."""
+    """Render all frames of a scene."""
     found = SCENES[scene]()
     return Footage(found, np.array([depth.astype(np.float32) for depth in render(found)]))
 
@@ -140,18 +140,18 @@ class Job:
 
 
 class Run(msgspec.Struct, frozen=True):
-    """What came of a job: errors (F, A) of angles in degrees and (F, J) of joints in metres."""
+    """The result of a job: errors (F, A) of angles in degrees and (F, J) of joints in metres."""
 
     angles: tuple[str, ...]
     joints: tuple[str, ...]
     reported_deg: Array
-    best_deg: Array  # of the hypothesis whose mean is least
+    best_deg: Array  # of the hypothesis with the smallest mean error
     joint_m: Array  # of the reported pose
-    ms: float  # of processor time a frame; making the frame does not count
+    ms: float  # processor time per frame, without rendering
 
 
 def run(job: Job, footage: Footage) -> Run:
-    """Track a row's frames, starting where the scene says."""
+    """Track the frames of a row from the scene's start pose."""
     row, scene = job.row, footage.scene
     settings = row.settings(job.seed)
     bodies = choose_bodies(ARM_DOFS if row.scene == "arm" else None, settings.preset)
@@ -164,7 +164,7 @@ def run(job: Job, footage: Footage) -> Run:
 
 
 def compare(model: BodyModel, estimates: Sequence[Estimate], scene: Scene, ms: float) -> Run:
-    """Hold the estimates against the scene's own poses."""
+    """Compare the estimates with the scene's true poses."""
     full, poses = scene.model, scene.poses[: len(estimates)]
     angles = tuple(name for name in model.dof_names if name not in ROOT_DOFS[:3])
     mine, theirs = positions(model.dof_names, angles), positions(full.dof_names, angles)

@@ -1,4 +1,4 @@
-"""Scores of a row from its runs, and their tables."""
+"""Scores of a row from its runs, and tables of scores."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 SETTLED = {"clean": 10, "turn": 0}  # frames that do not count: tracking starts with a wrong pose
 USUALLY_SETTLED = 30
 NEAR_DEG = 10.0
-AROUND_M = 0.08  # across the line of sight: the part of a limb by which a joint is seen
-HIDDEN_M = 0.005  # what is nearer than the limb by more hides it
+AROUND_M = 0.08  # across the line of sight: the part of a limb that decides whether a joint is visible
+HIDDEN_M = 0.005  # a surface that is nearer than the limb by more hides it
 LIMBS = {
     "elbow": ("upper_arm", "forearm"),
     "wrist": ("forearm", "hand"),
@@ -33,19 +33,19 @@ LIMBS = {
 
 
 class RowScore(msgspec.Struct, frozen=True):
-    """A row: means over frames and angles in degrees, over joints in centimetres; seeds count the same."""
+    """Scores of a row: mean errors of angles in degrees, of joints in centimetres; seeds weigh the same."""
 
     row: Row
     evaluations: int  # a frame
     seeds: int
-    from_frame: int  # on which errors count
+    from_frame: int  # on, errors count
     reported_deg: float
     reported_by_seed: list[float]
     best_deg: float
     by_angle_deg: dict[str, float]
-    within_10_deg_percent: float  # frames whose reported pose is that near on average
+    within_10_deg_percent: float  # frames with a reported pose of this mean error or less
     lost: int  # runs
-    limb_lost: int  # runs in which an arm or a leg was never found again
+    limb_lost: int  # runs in which an arm or a leg was not found again
     ms_per_frame: float
     joints_cm: float
     visible_cm: float
@@ -53,7 +53,7 @@ class RowScore(msgspec.Struct, frozen=True):
 
 
 def score_row(row: Row, runs: Sequence[Run], visible: NDArray[np.bool_] | None) -> RowScore:
-    """The score of a row; `visible` (F, J) where it is known which joints the camera sees."""
+    """The score of a row; `visible` (F, J): joints that the camera sees, if known."""
     first = SETTLED.get(row.part, USUALLY_SETTLED)
     reported, best = (
         np.array([getattr(one, name)[first:] for one in runs]) for name in ("reported_deg", "best_deg")
@@ -83,12 +83,12 @@ def score_row(row: Row, runs: Sequence[Run], visible: NDArray[np.bool_] | None) 
 
 
 def mean(values: Array | Sequence[float]) -> float:
-    """To five decimals."""
+    """Mean, rounded to five decimals."""
     return round(float(np.mean(values)), 5)
 
 
 def limb_lost(joints: tuple[str, ...], errors: Errors) -> bool:
-    """Whether from some frame to the end the two joints of an arm or a leg are far off on average."""
+    """Whether the two joints of an arm or a leg have a large mean error from some frame to the end."""
     for side in ("right", "left"):
         for limb in (("elbow", "wrist"), ("knee", "ankle")):
             pair = [joints.index(f"{side}_{name}") for name in limb]
@@ -98,10 +98,10 @@ def limb_lost(joints: tuple[str, ...], errors: Errors) -> bool:
 
 
 def visible_joints(scene: Scene) -> NDArray[np.bool_]:
-    """For every frame and joint (F, J) whether the camera sees it.
+    """Whether the camera sees each joint (F, J).
 
-    A joint lies inside its limb. It is seen if at least half of what its limb shows around it, were the limb
-    alone in the picture, is still seen when the whole body is.
+    A joint lies inside its limb. It is visible if at least half of the limb's surface around it is visible.
+    Surface that the limb itself hides does not count.
     """
     model = scene.model
     seen = np.ones((len(scene.poses), len(model.joint_names)), dtype=bool)
@@ -125,7 +125,7 @@ def visible_joints(scene: Scene) -> NDArray[np.bool_]:
 
 
 def table(part: str, rows: Sequence[RowScore]) -> Table:
-    """A line for each row of a part."""
+    """The table: a line for each row of a part."""
     shown = Table(title=part, caption=f"degrees and centimetres, errors from frame {rows[0].from_frame} on")
     for heading in (
         "row", "seeds", "reported deg", "from, to", "best deg", "within 10 deg", "lost", "limb lost",
