@@ -35,32 +35,35 @@ from common.transport.opening import open_worker
 from coordinator.sources import open_source
 
 KEY, RESULTS = "camera/depth", "camera/results"
-SEQUENCES = ("skinned/dance", "skinned/turn", "rooms/table", "real_rooms/ist_um")
+SEQUENCES = ("skinned/dance", "skinned/turn", "rooms/table", "rooms/second", "real_rooms/ist_um")
 IN_TIME_S, READY_S = 0.067, 5.0
 SMALL = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 
 
 @dataclass
 class Log:
-    """When frames were sent, and what came back, by the monotonic clock."""
+    """When frames were sent, and what came back of each person, by the monotonic clock."""
 
-    sent: list[tuple[float, int]] = field(default_factory=list)
-    came: list[tuple[float, int, str]] = field(default_factory=list)  # time, number, status
+    people: int = 1
+    sent: list[tuple[float, int]] = field(default_factory=list)  # time, number
+    came: list[tuple[float, int, bool]] = field(default_factory=list)  # time, number, known
 
     def receive(self, _: str, payload: bytes) -> None:
         """Note a result."""
         result = msgspec.msgpack.decode(payload)
         if result["kind"] == "estimate":
-            self.came.append((time.monotonic(), result["frame"], result["status"]))
+            known = result["status"] in {"tracked", "ambiguous"}
+            self.came.append((time.monotonic(), result["frame"], known))
 
-    def delays(self) -> dict[int, tuple[float, float, str]]:
-        """When each answered frame was sent, after how long it was answered, and with which status."""
-        found: dict[int, tuple[float, float, str]] = {}
-        sent = sorted(self.sent)
-        for at, number, status in self.came:
-            begun = [t for t, n in sent if n == number and t <= at]
-            if begun:
-                found[sent.index((begun[-1], number))] = (begun[-1], at - begun[-1], status)
+    def answers(self) -> list[tuple[float, float, bool]]:
+        """Of each frame: when it was sent, how long all its results took (infinite: for ever), all known."""
+        found = []
+        for place, (at, number) in enumerate(self.sent):
+            until = next((t for t, n in self.sent[place + 1 :] if n == number), np.inf)
+            mine = [(t, known) for t, n, known in self.came if n == number and at <= t < until]
+            whole = len(mine) >= self.people
+            delay = max(t for t, _ in mine) - at if whole else np.inf
+            found.append((at, delay, whole and all(known for _, known in mine)))
         return found
 
 
@@ -115,10 +118,12 @@ def show(data: Path, name: str) -> dict[str, Any]:
     frames = list(open_source(data / name))
     fps = 4.0 if name.startswith("real_rooms") else 30.0
     with tempfile.TemporaryDirectory() as folder:
-        endpoint, log = f"unixsock-stream/{folder}/bus", Log()
-        run = start("track", f"zenoh:{KEY}", "--out", f"{folder}/run", "--listen", endpoint, *TRACKED)
+        people = 2 if name == "rooms/second" else 1
+        endpoint, log = f"unixsock-stream/{folder}/bus", Log(people)
+        given = "--out", f"{folder}/run", "--listen", endpoint, "--people", str(people)
+        run = start("track", f"zenoh:{KEY}", *given, *TRACKED)
         bus = open_worker([endpoint])
-        bus.subscribe(RESULTS, log.receive)
+        bus.subscribe(f"{RESULTS}/**", log.receive)
         time.sleep(READY_S)
         camera = Camera(bus, frames, log)
         camera.show(len(frames), fps)
@@ -126,17 +131,16 @@ def show(data: Path, name: str) -> dict[str, Any]:
         camera.end()
         code = run.wait(60.0)
         bus.close()
-    delays = log.delays()
-    known = sorted(k for k, (_, _, status) in delays.items() if status in {"tracked", "ambiguous"})
-    late = [1e3 * delay for _, delay, _ in delays.values()]
-    first = known[0] if known else len(frames)
-    soon = [k for k in known if delays[k][1] <= IN_TIME_S]
+    answers = log.answers()
+    late = [1e3 * delay for _, delay, _ in answers if delay < np.inf]
+    first = next((k for k, (_, _, known) in enumerate(answers) if known), len(frames))
+    known = [delay <= IN_TIME_S for _, delay, known in answers[first:] if known]
     result = {
         "sequence": name,
         "frames": len(frames),
-        "answered": len(delays),
-        "first_known_s": (log.sent[first][0] + delays[first][1] - log.sent[0][0]) if known else None,
-        "known_in_time_percent": 100.0 * len(soon) / max(1, len(frames) - first),
+        "answered": len(late),
+        "first_known_s": sum(answers[first][:2]) - answers[0][0] if first < len(frames) else None,
+        "known_in_time_percent": 100.0 * sum(known) / max(1, len(frames) - first),
         "median_ms": float(np.median(late)) if late else None,
         "exit": code,
     }
@@ -259,11 +263,7 @@ def disturb(
 
 def recovery(log: Log, began: float) -> float:
     """Seconds from the first frame after a time to the first known result of a frame from then on."""
-    known = [
-        at + delay
-        for at, delay, status in log.delays().values()
-        if at >= began and status in {"tracked", "ambiguous"}
-    ]
+    known = [at + delay for at, delay, known in log.answers() if at >= began and known]
     return min(known, default=np.inf) - began
 
 
@@ -281,7 +281,7 @@ def draw(log: Log, memory: Sequence[tuple[float, float]], file: Path) -> None:
     figure = Figure((10.0, 6.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     began = log.sent[0][0]
-    delays = np.array([(at - began, 1e3 * delay) for at, delay, _ in log.delays().values()])
+    delays = np.array([(at - began, 1e3 * delay) for at, delay, _ in log.answers() if delay < np.inf])
     above.semilogy(*delays.T, ".", markersize=2)
     above.set_ylabel("latency, ms")
     below.plot(*(np.array(memory) - [began, 0.0]).T)
