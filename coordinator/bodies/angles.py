@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +27,14 @@ from common.camera import level_from_camera
 from coordinator.bodies.human.dofs import JOINT_ANGLES
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.skeleton import ARM_TILT, Dof, Skeleton, build_skeleton
-from coordinator.bodies.swing_twist import FARTHEST, nearest_swing, nearest_turn, swing_twist
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
+from coordinator.bodies.swing_twist import (
+    FARTHEST,
+    compose,
+    nearest_swing,
+    nearest_turn,
+    quaternions,
+    swing_twist,
+)
 
 Array = NDArray[np.float64]
 
@@ -174,7 +177,8 @@ class Angles:
 
     def measure(self, poses: Array) -> Array:
         """Angles (N, A) of poses (N, D), radians, each the value nearest to zero."""
-        parts = [self._spherical(joint, poses) for joint in self.spherical]
+        swing, twist = swing_twist(self.turned(self.spherical, poses))
+        parts = [self._in_names(joint, swing[:, j], twist[:, j]) for j, joint in enumerate(self.spherical)]
         revolute = [self._value(joint.dof, poses)[:, None] for joint in self.revolute]
         return np.concatenate([np.empty((len(poses), 0)), *parts, *revolute], axis=1)
 
@@ -221,27 +225,31 @@ class Angles:
             last[seen] = frame[seen]
         return angles
 
-    def _spherical(self, joint: SphericalJoint, poses: Array) -> Array:
+    def _in_names(self, joint: SphericalJoint, swing: Array, twist: Array) -> Array:
         """Forward, sideways and twist angles (N, 3) of one joint."""
-        from scipy.spatial.transform import Rotation  # slow to load
-
-        turned = self.rotation(joint, poses) * Rotation.from_rotvec(hanging(joint))
-        swing, twist = swing_twist(turned)
         if joint.upward:
             return in_heading(swing, twist) if joint.dofs[0].name in ROOT_DOFS else upward(swing, twist)
         return np.stack([-swing[:, 0], -swing[:, 1], twist], axis=1)
 
-    def rotation(self, joint: SphericalJoint, poses: Array) -> Rotation:
-        """Rotations (N,) of the moving segment in its carrier; for a right limb those of its mirror image."""
-        from scipy.spatial.transform import Rotation  # slow to load
+    def turned(self, joints: Sequence[SphericalJoint], poses: Array) -> Array:
+        """Quaternions (N, J, 4), x to w, of the moving segments in their carriers, from the vertical on.
 
-        of_body = joint.dofs[0].name in ROOT_DOFS
-        total = Rotation.from_rotvec(np.tile(self.level if of_body else np.zeros(3), (len(poses), 1)))
-        for dof in joint.dofs:
-            if dof.name in self.dof_names or self.held.get(dof.name):
-                axis = np.asarray(dof.axis) * (MIRROR if joint.mirrored else 1.0)
-                total *= Rotation.from_rotvec(self._value(dof.name, poses)[:, None] * axis)
-        return total
+        For right limbs they are those of the mirror image.
+        """
+        moved = set(self.dof_names) | {name for name, value in self.held.items() if value}
+        chains = [[dof for dof in joint.dofs if dof.name in moved] for joint in joints]
+        longest = max(map(len, chains), default=0)
+        axes, values = np.zeros((len(joints), longest, 3)), np.zeros((len(poses), len(joints), longest))
+        total = np.zeros((len(poses), len(joints), 4))
+        for j, joint in enumerate(joints):
+            level = self.level if joint.dofs[0].name in ROOT_DOFS else (0.0, 0.0, 0.0)
+            total[:, j] = quaternions(np.array(level))
+            for k, dof in enumerate(chains[j]):
+                axes[j, k] = np.asarray(dof.axis) * (MIRROR if joint.mirrored else 1.0)
+                values[:, j, k] = self._value(dof.name, poses)
+        for k in range(longest):
+            total = compose(total, quaternions(values[:, :, k, None] * axes[:, k]))
+        return compose(total, quaternions(np.array([hanging(joint) for joint in joints]).reshape(-1, 3)))
 
     def _value(self, dof: str, poses: Array) -> Array:
         if dof in self.dof_names:
@@ -281,6 +289,8 @@ def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Arr
 
 def level_turn(up: Array | None) -> tuple[float, float, float]:
     """The rotation vector to the axes of the levelled camera."""
+    if up is None:
+        return 0.0, 0.0, 0.0
     from scipy.spatial.transform import Rotation  # slow to load
 
     x, y, z = Rotation.from_matrix(level_from_camera(up)).as_rotvec().tolist()

@@ -18,13 +18,8 @@ For the hip (Wu et al. 2002) the pose itself is the recommended joint coordinate
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -37,18 +32,32 @@ OVERHEAD = np.radians(225.0)
 """Limit up to which a swing backward or inward is interpreted as one over the head."""
 
 
-def swing_twist(rotations: Rotation) -> tuple[Array, Array]:
-    """Swings (N, 2), about x and about z, and twists (N,) about y, in (-pi, pi]; radians."""
-    x, y, z, w = np.moveaxis(rotations.as_quat(canonical=True).reshape(-1, 4), -1, 0)
+def quaternions(vectors: Array) -> Array:
+    """Quaternions (..., 4), x to w, of rotation vectors (..., 3)."""
+    half = 0.5 * np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.concatenate([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)], axis=-1)
+
+
+def compose(one: Array, other: Array) -> Array:
+    """Products (..., 4) of quaternions: the rotation `other`, followed by `one`."""
+    a, b = one[..., :3], other[..., :3]
+    real = one[..., 3] * other[..., 3] - np.sum(a * b, axis=-1)
+    imaginary = one[..., 3:] * b + other[..., 3:] * a + np.cross(a, b)
+    return np.concatenate([imaginary, real[..., None]], axis=-1)
+
+
+def swing_twist(turned: Array) -> tuple[Array, Array]:
+    """Swings (..., 2), about x and z, and twists (...), about y, in (-pi, pi], of quaternions (..., 4)."""
+    x, y, z, w = np.moveaxis(np.where(turned[..., 3:] < 0.0, -turned, turned), -1, 0)
     twist = 2.0 * np.arctan2(y, w)
     twist = np.where(twist > np.pi, twist - FULL_TURN, np.where(twist <= -np.pi, twist + FULL_TURN, twist))
     c, s = np.cos(0.5 * twist), np.sin(0.5 * twist)
     across = np.stack([x * c + z * s, z * c - x * s], axis=-1)  # the quaternion times the twist's inverse
-    sine = np.hypot(across[:, 0], across[:, 1])
+    sine = np.hypot(across[..., 0], across[..., 1])
     angle = 2.0 * np.arctan2(sine, np.abs(w * c + y * s))
     sign = np.where(w * c + y * s < 0.0, -1.0, 1.0)
     scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
-    return across * (sign * scale)[:, None], twist
+    return across * (sign * scale)[..., None], twist
 
 
 def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:

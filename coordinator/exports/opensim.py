@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, hanging, is_person, person_angles
+from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, is_person, person_angles
 from coordinator.bodies.swing_twist import nearest_turn
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
 from coordinator.results.angles import read_slides
@@ -87,7 +87,7 @@ def hinge_coordinates(dof_names: tuple[str, ...], poses: Array) -> Iterator[tupl
 
 def turned_zxy(angles: Angles, ball: SphericalJoint, poses: Array) -> Array:
     """Rotations (F, 3) of a joint about Z, X and Y, radians; for left joints those of the mirror image."""
-    rotations = angles.rotation(ball, poses) * Rotation.from_rotvec(hanging(ball))
+    rotations = Rotation.from_quat(angles.turned((ball,), poses)[:, 0])
     if not ball.upward:
         rotations = Rotation.from_rotvec(rotations.as_rotvec() * MIRROR)
     turned = CAMERA_TO_OPENSIM @ rotations.as_matrix() @ CAMERA_TO_OPENSIM.T

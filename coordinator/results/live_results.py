@@ -77,7 +77,7 @@ class LiveResults:
         """The angles (A,) of the frame, shifted by full turns towards the last known angles; NaN before."""
         if not track.placed[0]:
             return np.full(len(angles.names), np.nan)
-        measured = angles.measure(track.pose)
+        measured = track.angle
         near: NDArray[np.float64] = (
             measured[0] if self._last is None else angles.near(measured, self._last)[0]
         )

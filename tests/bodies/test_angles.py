@@ -57,7 +57,7 @@ def read(angles: Angles, **values: float) -> dict[str, float]:
 def test_swing_after_twist_is_the_rotation(quaternion: tuple[float, ...]) -> None:
     """Law: put together again, swing and twist are the rotation that they were taken from."""
     rotation = Rotation.from_quat([quaternion])
-    swing, twist = swing_twist(rotation)
+    swing, twist = swing_twist(rotation.as_quat())
     across = np.stack([swing[:, 0], np.zeros(1), swing[:, 1]], axis=1)
     again = Rotation.from_rotvec(across) * Rotation.from_rotvec(twist[:, None] * DOWN)
     assert (again * rotation.inv()).magnitude()[0] < 1e-7
@@ -70,7 +70,7 @@ def test_the_nearest_swing_is_the_same_swing(
     quaternion: tuple[float, ...], x: float, z: float, limb: bool
 ) -> None:
     """Whatever it is to lie near, a swing turns the bone to the same place, by 270 degrees at the most."""
-    swing, _ = swing_twist(Rotation.from_quat([quaternion]))
+    swing, _ = swing_twist(Rotation.from_quat([quaternion]).as_quat())
     near = nearest_swing(swing, np.array([[x, z]]), limb)
     placed = [Rotation.from_rotvec([s[0, 0], 0.0, s[0, 1]]).apply(DOWN) for s in (swing, near)]
     assert np.allclose(placed[0], placed[1], atol=1e-6)
@@ -164,7 +164,7 @@ def test_a_swing_that_goes_round_the_vertical_never_leaps(cone: float) -> None:
     round_it = np.radians(np.linspace(0.0, 360.0, 73))
     bone = np.stack([np.cos(round_it), np.zeros(73), np.sin(round_it)], axis=1)
     across = Rotation.from_rotvec(bone * np.radians(180.0 - cone))
-    swings, _ = swing_twist(across)
+    swings, _ = swing_twist(across.as_quat())
     followed = [swings[:1]]
     for swing in swings[1:]:
         followed.append(nearest_swing(swing[None], followed[-1], limb=True))
@@ -222,7 +222,7 @@ def test_a_robots_angles_are_its_joints() -> None:
 def test_isb_angles_are_the_euler_angles_y_x_y(quaternion: tuple[float, ...]) -> None:
     """Plane, elevation and axial rotation, put together in the order Y, X, Y, are the rotation."""
     rotation = Rotation.from_quat([quaternion])
-    swing, twist = swing_twist(rotation)
+    swing, twist = swing_twist(rotation.as_quat())
     found = isb_shoulder(np.concatenate([-swing, twist[:, None]], axis=1))
     plane, elevation, axial = found[0]
     # ISB's axes of a right arm are (front, up, right); ours, mirrored, (left, down, back)
