@@ -53,7 +53,7 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
     ("content", "says"),
     [
         ({"stature": 1.8, "shoulder_below": 0.02}, "unknown measure 'shoulder_below'; leave it out"),
-        ({"stature": 180.0}, "no person's; give metres"),
+        ({"stature": 180.0}, "is implausible; give metres"),
         ({"thigh": "long"}, 'thigh is "long"; give a finite number'),
         ([1.8], "holds no names with numbers; write {measure: metres}"),
     ],
