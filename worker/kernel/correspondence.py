@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.compiling import numba
 from worker.kernel.observation import TILE, PackedObservation
 from worker.kernel.surface import Surface
-from worker.kernel.tiles import box_within, boxes_within, largest_of, lowest_bit, search_lanes
+from worker.kernel.tiles import boxes_within, largest_of, lowest_bit, search_lanes
 from worker.kernel.workspace import Search, Workspace
 
 Points = NDArray[np.float32]
@@ -195,14 +195,8 @@ def search_tiles(observed: Points, tiles: Points, groups: int, search: Search) -
                 leaf = (first + lowest_bit(near)) * TILE
                 near &= near - 1
                 within: int = boxes_within(tiles, t, boxes, leaf, largest)
-                lower = False
                 while within != 0:
                     k = np.uint64(leaf + lowest_bit(within))
                     within &= within - 1
-                    if box_within(observed, tile, boxes, k, squared):
-                        search_lanes(
-                            observed, tile, model, starts[k], starts[k + np.uint64(1)], squared, closest
-                        )
-                        lower = True
-                if lower:
-                    largest = largest_of(squared, tile)
+                    search_lanes(observed, tile, model, starts[k], starts[k + np.uint64(1)], squared, closest)
+                largest = largest_of(squared, tile)

@@ -49,15 +49,6 @@ def boxes_within(_, one, k, boxes, first, bound):  # type: ignore[no-untyped-def
 
 
 @intrinsic
-def box_within(_, points, first, boxes, k, nearest):  # type: ignore[no-untyped-def]
-    """Whether column k of boxes (6, K) is nearer to a point of the tile than that point's squared distance.
-
-    points (3, P) and nearest (P,) as for `search_lanes`.
-    """
-    return types.boolean(points, first, boxes, k, nearest), write_box_within
-
-
-@intrinsic
 def lowest_bit(_, bits):  # type: ignore[no-untyped-def]
     """The index of the lowest set bit of an integer other than 0."""
     return types.int64(bits), write_lowest_bit
@@ -108,21 +99,6 @@ def write_boxes_within(context: Any, builder: Any, signature: Any, values: Seque
         "<", squared_gaps(builder, row, many), spread(builder, bound, FLOATS), flags=FINITE
     )
     return builder.zext(builder.bitcast(near, BITS), SIZE)
-
-
-def write_box_within(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
-    """Generate the code of `box_within`."""
-    first, k = (context.cast(builder, values[n], signature.args[n], types.intp) for n in (1, 3))
-    points, boxes, nearest = (
-        context.make_array(signature.args[n])(context, builder, values[n]) for n in (0, 2, 4)
-    )
-    count = builder.extract_value(points.shape, 1)
-    rows = [first, builder.add(first, count), builder.add(first, builder.mul(count, SIZE(2)))]
-    tile = [builder.load(lanes_at(builder, points, row, FLOATS), align=4) for row in rows]
-    box = [spread(builder, builder.load(value), FLOATS) for value in column(builder, boxes, k)]
-    bounds = builder.load(lanes_at(builder, nearest, first, FLOATS), align=4)
-    near = builder.fcmp_ordered("<", squared_gaps(builder, tile + tile, box), bounds, flags=FINITE)
-    return builder.icmp_unsigned("!=", builder.bitcast(near, BITS), BITS(0))
 
 
 def write_lowest_bit(_: Any, builder: Any, __: Any, values: Sequence[Any]) -> Any:
