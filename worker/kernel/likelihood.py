@@ -27,7 +27,7 @@ from worker.kernel.priors import prior_cost
 from worker.kernel.soft import mean_log_density
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_body, visible_vertices
-from worker.kernel.weighting import fill_silhouette_offsets, robust_cost
+from worker.kernel.weighting import robust_cost, vertices_in_free_space
 from worker.kernel.workspace import Search, Workspace
 
 Array = NDArray[np.float64]
@@ -96,10 +96,8 @@ def mean_free_space_cost(
     workspace: Workspace,
 ) -> float:
     """Mean robust cost (m^2) of visible model points in empty space."""
-    fill_silhouette_offsets(visible, skeleton, surface, observed, workspace)
+    free = vertices_in_free_space(visible, skeleton, surface, observed, workspace)
     cost, offsets = 0.0, workspace.offsets
-    for v in visible:
-        squared = offsets[v, 0] ** 2 + offsets[v, 1] ** 2
-        if squared > 0.0:
-            cost += robust_cost(squared, parameters.outlier_squared)
+    for n in range(len(free)):
+        cost += robust_cost(offsets[n, 0] ** 2 + offsets[n, 1] ** 2, parameters.outlier_squared)
     return cost / len(visible)

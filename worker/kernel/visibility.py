@@ -25,7 +25,6 @@ Numbers = NDArray[np.uint32]  # of vertices and triangles
 PIXEL_M = 0.012  # at the body's mean distance
 TOLERANCE_M = 0.03  # largest distance of a visible point behind the depth image
 NEAREST_M = 0.1  # smallest depth that is drawn
-EDGE = 1e-9  # tolerance of a pixel at the edge of a triangle, against gaps
 
 
 class DepthImage(NamedTuple):

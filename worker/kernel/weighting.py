@@ -93,54 +93,77 @@ def add_free_space(
 
     Their cost is the squared distance from the silhouette, in the metric of the noise.
     """
-    fill_silhouette_offsets(visible, skeleton, surface, observed, workspace)
+    free = vertices_in_free_space(visible, skeleton, surface, observed, workspace)
     posed, targets, offsets = workspace.posed, workspace.targets, workspace.offsets
     share = observed.count / len(visible)
-    for v in visible:
-        dx, dy = offsets[v, 0], offsets[v, 1]
-        if dx != 0.0 or dy != 0.0:
-            x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
-            weight = share * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
-            along = (dx * (x + dx) + dy * (y + dy)) / z
-            targets[v, 0] += weight * (x + dx)
-            targets[v, 1] += weight * (y + dy)
-            targets[v, 2] += weight * (z - along / (parameters.stretch * parameters.stretch))
-            targets[v, 3] += weight
+    for n in range(len(free)):
+        v, dx, dy = free[n], offsets[n, 0], offsets[n, 1]
+        x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+        weight = share * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
+        along = (dx * (x + dx) + dy * (y + dy)) / z
+        targets[v, 0] += weight * (x + dx)
+        targets[v, 1] += weight * (y + dy)
+        targets[v, 2] += weight * (z - along / (parameters.stretch * parameters.stretch))
+        targets[v, 3] += weight
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def fill_silhouette_offsets(
+def vertices_in_free_space(
     visible: Numbers, skeleton: Skeleton, surface: Surface, observed: PackedObservation, workspace: Workspace
-) -> None:
-    """Fill workspace.offsets (V, 2): from each visible vertex to the nearest ray of the silhouette.
+) -> Numbers:
+    """The visible vertices in free space; fills a row of workspace.offsets (V, 2) for each of them.
 
-    The offset is in metres to the right and down, at the vertex's depth. It is 0 if the vertex's pixel shows
-    the subject or something that may hide it, if it is at most one pixel from the ray, if it is outside the
-    image, or if the surface is seen at a grazing angle.
+    A row is the offset from the vertex to the nearest ray of the silhouette, in metres to the right and down
+    at the vertex's depth. A vertex is not in free space if its pixel shows the subject or something that may
+    hide it, if it is at most one pixel from the ray, if it is outside the image, or if the surface is seen at
+    a grazing angle.
     """
-    fx, fy, cx, cy = observed.fx, observed.fy, observed.cx, observed.cy
-    left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
-    empty, nearest = observed.empty, observed.nearest
-    posed, offsets = workspace.posed, workspace.offsets
+    fx, fy, nearest = observed.fx, observed.fy, observed.nearest
+    posed, offsets, free = workspace.posed, workspace.offsets, workspace.free
     transforms, normals, links = workspace.transforms, surface.normals, surface.skin_links
-    link_dofs = skeleton.link_dofs
-    height, width = empty.shape
-    for vertex in visible:
-        x, y, z = posed[vertex, 0], posed[vertex, 1], posed[vertex, 2]
-        offsets[vertex] = 0.0
-        per_z = 1.0 / z
-        u, v = cx + fx * x * per_z, cy + fy * y * per_z
-        across, along = u + (0.5 - left), v + (0.5 - top)
-        if not (0.0 <= across < right - left and 0.0 <= along < bottom - top and z > NEAREST_M):
-            continue
-        column, row = left + int(across), top + int(along)
-        i, j = np.uint64(min(max(row, 0), height - 1)), np.uint64(min(max(column, 0), width - 1))
-        free = empty[i, j] or not (0 <= column < width and 0 <= row < height)
+    count = 0
+    for n in range(vertices_in_empty_pixels(visible, observed, workspace)):
+        vertex, u, v = free[n], offsets[n, 0], offsets[n, 1]
+        i, j, _ = pixel_at(u, v, observed)
         du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
-        if free and (abs(du) > 1.0 or abs(dv) > 1.0):
-            link_dof = link_dofs[links[vertex, 0]]
+        if abs(du) > 1.0 or abs(dv) > 1.0:
+            x, y, z = posed[vertex, 0], posed[vertex, 1], posed[vertex, 2]
+            link_dof = skeleton.link_dofs[links[vertex, 0]]
             if is_measurable(transforms, link_dof, normals, vertex, x, y, z):
-                offsets[vertex, 0], offsets[vertex, 1] = du * z / fx, dv * z / fy
+                free[count], offsets[count, 0], offsets[count, 1] = vertex, du * z / fx, dv * z / fy
+                count += 1
+    return free[:count]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def vertices_in_empty_pixels(visible: Numbers, observed: PackedObservation, workspace: Workspace) -> int:
+    """Fill workspace.free with the visible vertices in empty pixels; returns their number.
+
+    Also fills workspace.offsets with their pixel coordinates. It has no branches, as they would be hard to
+    predict.
+    """
+    empty, posed, offsets, free = observed.empty, workspace.posed, workspace.offsets, workspace.free
+    left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
+    count = 0
+    for vertex in visible:
+        z = posed[vertex, 2]
+        per_z = 1.0 / max(z, NEAREST_M)
+        u = observed.cx + observed.fx * posed[vertex, 0] * per_z
+        v = observed.cy + observed.fy * posed[vertex, 1] * per_z
+        i, j, inside = pixel_at(u, v, observed)
+        seen = (left - 0.5 <= u) & (u < right - 0.5) & (top - 0.5 <= v) & (v < bottom - 0.5)
+        free[count], offsets[count, 0], offsets[count, 1] = vertex, u, v
+        count += seen & (z > NEAREST_M) & (empty[i, j] | (not inside))
+    return count
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def pixel_at(u: float, v: float, observed: PackedObservation) -> tuple[np.uint64, np.uint64, bool]:
+    """Row and column of the pixel of observed.empty nearest to (u, v), and whether (u, v) lies in it."""
+    height, width = observed.empty.shape
+    row, column = int(np.floor(v + 0.5)), int(np.floor(u + 0.5))
+    i, j = min(max(row, 0), height - 1), min(max(column, 0), width - 1)
+    return np.uint64(i), np.uint64(j), (i == row) & (j == column)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

@@ -56,7 +56,8 @@ class Workspace(NamedTuple):
     depth: Points  # buffer for the largest depth image
     seen_triangles: Numbers
     targets: Array  # (V, 4) of visible vertices: weighted sum of observed points, weight
-    offsets: Array  # (V, 2) of visible vertices, see `fill_silhouette_offsets`
+    free: Numbers  # (V,) visible vertices in free space
+    offsets: Array  # (V, 2) of these, see `vertices_in_free_space`
     search: Search
     equations: Equations
     wrenches: Array  # (L, 7) of one point, see `fill_wrenches`
@@ -74,6 +75,7 @@ def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObserva
         depth=np.empty(LARGEST_SIDE_PX * (LARGEST_SIDE_PX + LANES - 1), np.float32),
         seen_triangles=np.empty(LARGEST_SIDE_PX * (LARGEST_SIDE_PX + LANES - 1), np.uint32),
         targets=np.empty((vertices, 4)),
+        free=np.empty(vertices, np.uint32),
         offsets=np.empty((vertices, 2)),
         search=make_search(vertices, surface.leaves[-1] + 1, observed.points.shape[1]),
         equations=Equations(
