@@ -146,3 +146,15 @@ def require_new(path: Path, *, force: bool) -> None:
         raise InputError(f"{path} is there already; replace it with --force, or choose another name")
     if path.is_dir() or not path.absolute().parent.is_dir():
         raise InputError(f"cannot write {path}: its folder is not there; choose another name")
+
+
+def with_parent(out: Path) -> None:
+    """Create the parent folder of `out`, which must be empty or missing."""
+    try:
+        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+            raise InputError(f"'{out}' is in use; choose another output folder or remove it")
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write to '{out}' ({error.strerror}); choose another output folder"
+        ) from error

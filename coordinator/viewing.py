@@ -1,4 +1,4 @@
-"""A run on a timeline, in the rerun viewer."""
+"""A run on a timeline, or live frames, in the rerun viewer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from common.body import ROTATION, BodyModel, vertex_normals
-from common.camera import back_project, level_from_camera
+from common.camera import Intrinsics, back_project, level_from_camera
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
@@ -22,32 +22,39 @@ from coordinator.pictures.plots import STATUS
 from coordinator.pictures.shading import MODEL_COLOUR, Colour
 from coordinator.results.track import Track
 from coordinator.sources import Source
+from coordinator.tracking.certainty.certainty import FLAGGED
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 
 Array = NDArray[np.float64]
 
+NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since the start
+
 SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # transparent, so that the points are visible
+DOUBT_COLOUR = to_rgb(STATUS["ambiguous"])
 LARGEST_RESIDUAL_M = 0.1  # end of the colour scale
 
 
-def layout(track: Track) -> rrb.Blueprint:
-    """The scene to the left; depth, angles, residual and status to the right."""
+def layout(middle: Array, up: Array | None = None, *, live: bool = False) -> rrb.Blueprint:
+    """The scene to the left; depth, angles, residual and status to the right.
+
+    The eye looks at `middle` (3,), camera frame. `up` (3,) points away from the ground; None if unknown. Live
+    frames are shown as they come.
+    """
     curves = rrb.Tabs(
         rrb.TimeSeriesView(origin="/angles", name="joint angles"),
         rrb.TimeSeriesView(origin="/root", name="root"),
         rrb.TimeSeriesView(origin="/quality", name="residual and hypotheses"),
     )
     depth = rrb.Spatial2DView(origin="/camera/image", name="depth")
-    level = level_from_camera(track.up).T
+    level = level_from_camera(up).T
     eye = rrb.EyeControls3D(
-        position=level @ [0.9, -0.5, 0.0],
-        look_target=np.nanmean(track.joint_positions[:1], axis=(0, 1)),
-        eye_up=level @ [0.0, -1.0, 0.0],
+        position=level @ [0.9, -0.5, 0.0], look_target=middle, eye_up=level @ [0.0, -1.0, 0.0]
     )
     seen = ["+ /**", "- /camera/**"]  # the depth image would be shown as a second cloud
     scene = rrb.Spatial3DView(origin="/", contents=seen, name="scene", eye_controls=eye)
     side = rrb.Vertical(depth, curves, rrb.TextLogView(origin="/status", name="status"))
-    return rrb.Blueprint(rrb.Horizontal(scene, side), rrb.TimePanel(timeline="frame"), collapse_panels=True)
+    time = rrb.TimePanel(timeline=SINCE if live else NUMBER, play_state="following" if live else None)
+    return rrb.Blueprint(rrb.Horizontal(scene, side), time, collapse_panels=True)
 
 
 def log_run(
@@ -58,63 +65,125 @@ def log_run(
     advance: Callable[[int, int], None],
 ) -> None:
     """Log all frames; without a source, only the results."""
-    to.log("/", rr.ViewCoordinates.RDF, static=True)
-    if source is not None:
-        camera = source.intrinsics
-        pinhole = rr.Pinhole(
-            focal_length=(camera.fx, camera.fy),
-            principal_point=(camera.cx, camera.cy),
-            width=camera.width,
-            height=camera.height,
-        )
-        to.log("/camera/image", pinhole, static=True)
-    segmenter = Segmenter(preset("default").points)
+    view, person = FrameLog(to), PersonLog(to)
     for f in range(len(track.frame)):
-        to.set_time("frame", sequence=int(track.frame[f]))
-        to.set_time("time", duration=float(track.time_s[f]))
-        log_pose(to, track, model, f)
-        log_numbers(to, track, model, f)
-        if source is not None:
-            frame = source.frame(int(track.frame[f]))
-            log_observation(to, frame, observe(segmenter, frame, PosedBody(model, track.pose[f])))
+        frame = None if source is None else source.frame(int(track.frame[f]))
+        view.log(int(track.frame[f]), float(track.time_s[f]), frame)
+        person.log(track, f, model, frame)
         advance(f + 1, len(track.frame))
 
 
-def log_pose(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) -> None:
-    """The surface in the reported pose, and the skeletons of all hypotheses."""
-    surface = pose_vertices(model, track.pose[f][None])[0]
-    mesh = rr.Mesh3D(
-        vertex_positions=surface.astype(np.float32),
-        triangle_indices=model.triangles.astype(np.uint32),
-        vertex_normals=vertex_normals(surface, model.triangles),
-        albedo_factor=SURFACE_COLOUR,
-    )
-    to.log("/model/surface", mesh)
-    to.log("/model/skeleton", skeletons(model, track.joint_positions[f][None], np.ones(1), SKELETON_COLOUR))
-    weights = track.hypothesis_weight[f][np.isfinite(track.hypothesis_weight[f])]
-    joints = joint_positions(model, track.hypothesis_pose[f, : len(weights)])
-    to.log("/hypotheses", skeletons(model, joints, weights / weights.max(), OTHERS_COLOUR))
+class FrameLog:
+    """Logs times, depth images and their camera."""
+
+    def __init__(self, to: rr.RecordingStream) -> None:
+        self._to = to
+        self._camera: Intrinsics | None = None
+        to.log("/", rr.ViewCoordinates.RDF, static=True)
+
+    def log(self, number: int, since_s: float, frame: DepthFrame | None) -> None:
+        """Set the number and time of all that is logged next, and log the depth image if there is one."""
+        self._to.set_time(NUMBER, sequence=number)
+        self._to.set_time(SINCE, duration=since_s)
+        if frame is None:
+            return
+        if frame.intrinsics != self._camera:
+            self._camera = camera = frame.intrinsics
+            pinhole = rr.Pinhole(
+                focal_length=(camera.fx, camera.fy),
+                principal_point=(camera.cx, camera.cy),
+                width=camera.width,
+                height=camera.height,
+            )
+            self._to.log("/camera/image", pinhole, static=True)
+        self._to.log("/camera/image/depth", rr.DepthImage(frame.depth, meter=frame.depth_scale))
 
 
-def skeletons(model: BodyModel, joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:
-    """Lines between joints (M, J, 3), with opacity by strength (M,) from 0 to 1."""
-    pairs = np.array(bones(model.joint_names), dtype=np.int64).reshape(-1, 2)
+class PersonLog:
+    """Logs one person in successive frames, of a run or live; with several people, below a name each."""
+
+    def __init__(self, to: rr.RecordingStream, name: str = "") -> None:
+        self._to, self._name = to, name and f"/{name}"
+        self._segmenter = Segmenter(preset("default").points)
+        self._status = ""
+        self._named = False  # the curves
+
+    def log(self, track: Track, f: int, model: BodyModel | None, frame: DepthFrame | None) -> None:
+        """Log frame `f` of a track; without the body only joints, without the frame no observed points."""
+        status = str(track.status[f])
+        if status != self._status:
+            self._log("status", "", rr.TextLog(status, color=to_rgb(STATUS[status])))
+        self._status = status
+        if not track.placed[f]:
+            for what in ("model", "hypotheses", "observed"):
+                self._log(what, "", rr.Clear(recursive=True))
+            return
+        self._log_joints(track, f)
+        if model is None:
+            return
+        self._log_surface(model, track.pose[f])
+        self._log_numbers(track, f, model)
+        weights = track.hypothesis_weight[f][np.isfinite(track.hypothesis_weight[f])]
+        joints = joint_positions(model, track.hypothesis_pose[f, : len(weights)])
+        strength = weights / weights.max(initial=1e-9)
+        self._log("hypotheses", "", skeletons(track.joint_names, joints, strength, OTHERS_COLOUR))
+        if frame is not None:
+            self._log_points(observe(self._segmenter, frame, PosedBody(model, track.pose[f])))
+
+    def _log(self, what: str, part: str, value: rr.AsComponents, *, static: bool = False) -> None:
+        self._to.log(f"/{what}{self._name}{part and f'/{part}'}", value, static=static)
+
+    def _log_joints(self, track: Track, f: int) -> None:
+        """The skeleton of the reported pose; joints that may be wrong have their names."""
+        joints = track.joint_positions[f]
+        skeleton = skeletons(track.joint_names, joints[None], np.ones(1), SKELETON_COLOUR)
+        self._log("model", "skeleton", skeleton)
+        doubted = np.flatnonzero(track.joint_off_probability[f] > FLAGGED)
+        names = [track.joint_names[j].replace("_", " ") for j in doubted]
+        marks = rr.Points3D(joints[doubted], colors=DOUBT_COLOUR, radii=0.03, labels=names, show_labels=True)
+        self._log("model", "doubtful", marks)
+
+    def _log_surface(self, model: BodyModel, pose: Array) -> None:
+        surface = pose_vertices(model, pose[None])[0]
+        mesh = rr.Mesh3D(
+            vertex_positions=surface.astype(np.float32),
+            triangle_indices=model.triangles.astype(np.uint32),
+            vertex_normals=vertex_normals(surface, model.triangles),
+            albedo_factor=SURFACE_COLOUR,
+        )
+        self._log("model", "surface", mesh)
+
+    def _log_numbers(self, track: Track, f: int, model: BodyModel) -> None:
+        """The degrees of freedom, in degrees and metres, and the number of hypotheses."""
+        values = np.where(model.kinds == ROTATION, np.rad2deg(track.pose[f]), track.pose[f])
+        root = np.array([name.startswith("root_") for name in track.dof_names])
+        for what, chosen in (("root", root), ("angles", ~root)):
+            if not self._named:
+                names = [name for name, is_one in zip(track.dof_names, chosen, strict=True) if is_one]
+                self._log(what, "", rr.SeriesLines(names=names), static=True)
+            self._log(what, "", rr.Scalars(values[chosen]))
+        self._named = True
+        count = float(np.isfinite(track.hypothesis_weight[f]).sum())
+        self._log("quality", "hypotheses", rr.Scalars(count))
+
+    def _log_points(self, found: tuple[Array, Array] | None) -> None:
+        """The subject's points, from blue (explained) to yellow (10 cm off)."""
+        if found is None:
+            self._log("observed", "", rr.Clear(recursive=True))
+            return
+        points, residual = found
+        self._log("quality", "residual_cm", rr.Scalars(100.0 * float(residual.mean())))
+        colours = (255 * colormaps["viridis"](residual / LARGEST_RESIDUAL_M)).astype(np.uint8)
+        self._log("observed", "points", rr.Points3D(points, colors=colours, radii=0.003))
+
+
+def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:
+    """Lines between named joints (M, J, 3), with opacity by strength (M,) from 0 to 1."""
+    pairs = np.array(bones(names), dtype=np.int64).reshape(-1, 2)
     strips = joints[:, pairs].reshape(-1, 2, 3)
     alpha = np.repeat(255 * np.sqrt(strength), len(pairs))
     colours = np.column_stack([np.tile(colour, (len(strips), 1)), alpha]).astype(np.uint8)
     return rr.LineStrips3D([*strips.astype(np.float32)], colors=colours)
-
-
-def log_numbers(to: rr.RecordingStream, track: Track, model: BodyModel, f: int) -> None:
-    """Log angles in degrees, the root, the number of hypotheses, and changes of the status."""
-    for d, name in enumerate(track.dof_names):
-        turns = model.kinds[d] == ROTATION
-        value = float(np.rad2deg(track.pose[f, d]) if turns else track.pose[f, d])
-        to.log(f"/{'root' if name.startswith('root_') else 'angles'}/{name}", rr.Scalars(value))
-    to.log("/quality/hypotheses", rr.Scalars(float(np.isfinite(track.hypothesis_weight[f]).sum())))
-    status = str(track.status[f])
-    if f == 0 or status != track.status[f - 1]:
-        to.log("/status", rr.TextLog(status, color=to_rgb(STATUS[status])))
 
 
 def observe(segmenter: Segmenter, frame: DepthFrame, body: PosedBody) -> tuple[Array, Array] | None:
@@ -128,15 +197,3 @@ def observe(segmenter: Segmenter, frame: DepthFrame, body: PosedBody) -> tuple[A
     cropped = subject.frame
     points = back_project(cropped.metres(), cropped.intrinsics).reshape(-1, 3)[subject.picked]
     return points, KDTree(body.surface).query(points)[0]
-
-
-def log_observation(to: rr.RecordingStream, frame: DepthFrame, found: tuple[Array, Array] | None) -> None:
-    """The depth image, and the subject's points, from blue (explained) to yellow (10 cm off)."""
-    to.log("/camera/image/depth", rr.DepthImage(frame.depth, meter=frame.depth_scale))
-    if found is None:
-        to.log("/observed", rr.Clear(recursive=True))
-        return
-    points, residual = found
-    to.log("/quality/residual_cm", rr.Scalars(100.0 * float(residual.mean())))
-    colours = (255 * colormaps["viridis"](residual / LARGEST_RESIDUAL_M)).astype(np.uint8)
-    to.log("/observed/points", rr.Points3D(points, colors=colours, radii=0.003))

@@ -260,11 +260,11 @@ def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
 
 @app.command(rich_help_panel=FINISHED)
 @grouped
-def view(options: ViewOptions, quiet: Quiet = False) -> None:
-    """Show a run on a timeline: points, model, hypotheses, residuals, angles, status."""
+def view(options: ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
+    """Show a run, or live input while it is tracked: points, model, hypotheses, residuals, angles, status."""
     from coordinator.commands.view import run_view
 
-    run_view(options, on_stderr(quiet=quiet))
+    run_view(options, security, on_stderr(quiet=quiet))
 
 
 @app.command(rich_help_panel=FINISHED)

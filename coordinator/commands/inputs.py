@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -15,19 +15,25 @@ from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from coordinator.bodies.choice import choose_bodies
 from coordinator.commands.job import Job
-from coordinator.commands.progress import Show, counted
+from coordinator.commands.progress import FrameRate, Show, counted, describe
 from coordinator.commands.workers import Workers
+from coordinator.files import with_parent
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
 from coordinator.results.evaluation import Truth, read_truth
+from coordinator.results.live_results import results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
+from coordinator.sources.frame_recorder import FrameRecorder
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.picture_folders import read_depth
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import read_start
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
+LEFT_OUT = {"skipped": "for newer frames", "rejected": "do not fit the stream", "malformed": "malformed"}
+"""Counts of live input that are shown, and why these messages were left out."""
 AVERAGED_FRAMES = 30  # of an empty room, at most
 
 
@@ -61,6 +67,17 @@ class Input:
         people = f", up to {job.people} people" if job.people > 1 else ""
         particles = counted(job.settings.filter.particles, "particle")
         return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
+
+    def received_at(self, frame: int) -> float | None:
+        """When a frame was received, in seconds of the monotonic clock; None if it is recorded."""
+        del frame
+        return None
+
+    def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
+        """A tracked frame in a short line."""
+        others = [f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2)]
+        speed = rate.per_second if self.live is None else rate.latest_per_second
+        return "".join([describe(tracked[0].estimate, speed, rate.latency_s), *others])
 
     def asked(self) -> Asked:
         """The options that affect the results, apart from the frames."""
@@ -135,9 +152,12 @@ class LiveInput(Input):
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
         self.key, self._show = check_stream(key, guarded=job.pool.security is not None), show
-        super().__init__(job, None)
+        if job.record is not None:
+            with_parent(job.record)
+        super().__init__(replace(job, results=job.results or results_key(key)), None)
         self.live: LiveFrames = LiveFrames(self.key, show.say, idle=job.idle_timeout)
         self.configuration = live_run_configuration(str(job.sequence), self.asked())
+        self._recorder = None if job.record is None else FrameRecorder(job.record, show.say)
 
     def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
@@ -146,16 +166,35 @@ class LiveInput(Input):
         how = "the newest frame is tracked as soon as the workers are ready"
         self._show.say(f"listening on {self.key}; {how}")
         for _, frames in groupby(self.live, lambda _: self.live.stream):
-            yield from_first_seen(map(self._fitting, frames), self._show.say)
+            yield map(self._take, from_first_seen(frames, self._show.say))
 
-    def _fitting(self, frame: DepthFrame) -> DepthFrame:
-        """The frame; InputError if the room without people has another size."""
+    def _take(self, frame: DepthFrame) -> DepthFrame:
+        """The frame, which is recorded; InputError if the room without people has another size."""
         check_size(self.job.background, self.scope.background, frame.depth.shape)
+        if self._recorder is not None:
+            self._recorder.put(frame)
         return frame
 
+    def received_at(self, frame: int) -> float:
+        """When a frame was received, in seconds of the monotonic clock."""
+        return self.live.received_at(frame)
+
+    def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
+        """A tracked frame in a short line, with what was left out so far and why."""
+        counts = self.live.counts
+        left_out = [f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts[kind]]
+        listed = f"; left out: {', '.join(left_out)}" if left_out else ""
+        return super().describe(tracked, rate) + listed
+
     def facts(self) -> dict[str, object]:
-        """Counts of the messages."""
-        return {f"frames_{name}": count for name, count in self.live.counts.items()}
+        """Counts of the messages, after the frames are written."""
+        facts: dict[str, object] = {f"frames_{name}": count for name, count in self.live.counts.items()}
+        if self._recorder is not None:
+            facts["frames_unwritten"] = unwritten = self._recorder.close()
+            folders = " and ".join(map(str, self._recorder.folders))
+            missing = f"; {unwritten} could not be written in time" if unwritten else ""
+            self._show.say(f"{counted(self._recorder.written, 'frame')} are in {folders}{missing}")
+        return facts
 
 
 def choose_start(

@@ -51,6 +51,7 @@ class Job:
     pictures: bool = True
     joint_states: JointStates | None = None  # by encoders
     idle_timeout: float | None = None  # seconds without a frame until live input is over
+    record: Path | None = None  # new folder for the tracked frames of live input
 
 
 def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityOptions) -> Job:
@@ -86,6 +87,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         people=options.people,
         pictures=options.pictures,
         idle_timeout=options.idle_timeout,
+        record=options.record,
     )
     if options.joint_states is not None:
         if is_several(options) or live_key(job.sequence) is not None or job.people > 1:
@@ -95,13 +97,22 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         raise InputError("--people is for people whose size is measured; leave --model out")
     if job.people > 1 and job.init not in (None, AUTOMATIC):
         raise InputError("--init is the pose of one person; with --people all are detected, so leave it out")
+    check_outputs(job, several=is_several(options))
+    return job
+
+
+def check_outputs(job: Job, *, several: bool) -> None:
+    """InputError for outputs that the input does not have, or that nobody could receive."""
     if job.results is None and job.results_json:
         raise InputError("--publish-json says how results are published; add --publish KEY")
     if job.results is not None:
-        if pool.listen is None and pool.connect is None:
+        if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
-        check_stream(job.results, guarded=pool.security is not None)
-    return job
+        check_stream(job.results, guarded=job.pool.security is not None)
+    if job.record is not None and (several or live_key(job.sequence) is None):
+        raise InputError(
+            "--record keeps the frames of live input (zenoh:KEY), recordings have theirs; leave it out"
+        )
 
 
 def choose_settings(options: TrackOptions) -> Settings:

@@ -124,6 +124,10 @@ class TrackOptions:
             metavar="SECONDS", help="End live input after this time without a frame (default: wait)."
         ),
     ] = None
+    record: Annotated[
+        Path | None,
+        output_option(metavar="DIR", help="Keep the tracked frames of live input in a new folder."),
+    ] = None
     rotate: Annotated[
         str,
         input_option(
@@ -239,7 +243,11 @@ class TrackOptions:
     ] = True
     results: Annotated[
         str | None,
-        output_option("--publish", metavar="KEY", help="Publish results on this key during the run."),
+        output_option(
+            "--publish",
+            metavar="KEY",
+            help="Publish results on this key during the run (default for zenoh:KEY: KEY/results).",
+        ),
     ] = None
     results_json: Annotated[
         bool, output_option("--publish-json", help="Publish results as JSON instead of MessagePack.")
@@ -304,10 +312,22 @@ class SynthOptions:
 
 @dataclass(frozen=True, slots=True)
 class ViewOptions:
-    """All options of `gepf view`."""
+    """Options of `gepf view` without security."""
 
-    run: Run
+    run: Annotated[
+        Path, typer.Argument(metavar="DIR|zenoh:KEY", help="Results of gepf track, or a key with live input.")
+    ]
     sequence: Moved = None
+    results: Annotated[
+        str | None,
+        typer.Option(metavar="KEY", help="Key of live results, as in --publish (default: KEY/results)."),
+    ] = None
+    listen: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Let trackers and publishers connect.")
+    ] = None
+    connect: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Connect to a tracker's --listen, or a router.")
+    ] = None
     save: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a .rrd file for the rerun viewer instead.")
     ] = None

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Console
@@ -80,12 +82,17 @@ class FrameRate:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._frames = clock, 0
         self._began = self._first = self._last = clock()
+        self._latest = deque[tuple[float, float]]()  # times of the last second, and latency of these frames
 
-    def count(self) -> None:
-        """Count one frame."""
+    def count(self, received_at: float | None = None) -> None:
+        """Count one frame; its latency is known if it was received at a time of the clock."""
         self._frames, self._last = self._frames + 1, self._clock()
         if self._frames == 1:
             self._first = self._last
+        if received_at is not None:
+            self._latest.append((self._last, self._last - received_at))
+        while len(self._latest) > 2 and self._latest[0][0] < self._last - 1.0:
+            self._latest.popleft()
 
     @property
     def seconds(self) -> float:
@@ -97,10 +104,22 @@ class FrameRate:
         """Frames per second, without the first frame, during which workers start; None until the second."""
         return (self._frames - 1) / max(self._last - self._first, 1e-9) if self._frames > 1 else None
 
+    @property
+    def latest_per_second(self) -> float | None:
+        """Received frames per second in the last second; None if not known."""
+        spent = self._last - self._latest[0][0] if self._latest else 0.0
+        return (len(self._latest) - 1) / spent if spent else None
 
-def describe(estimate: Estimate, rate: float | None) -> str:
+    @property
+    def latency_s(self) -> float | None:
+        """Median time from the reception of a frame to its count, in the last second; None if not known."""
+        return median(late for _, late in self._latest) if self._latest else None
+
+
+def describe(estimate: Estimate, rate: float | None, latency_s: float | None = None) -> str:
     """The state of a frame in a short line: rate, hypotheses, residual of the most likely, status."""
     how_fast = "" if rate is None else f"{rate:.1f} frames/s, "
+    how_fast += "" if latency_s is None else f"latency {1000 * latency_s:.0f} ms, "
     why = f" ({estimate.why})" if estimate.why and estimate.status != "tracked" else ""
     count = len(estimate.hypothesis_weight)
     if not count:

@@ -34,7 +34,7 @@ def run_publish(
     key = check_stream(options.key, guarded=secured is not None)
     source = open_source(options.sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
     numbers = select_frames(source.numbers, options.frames)
-    with open_session(reached, key, show) as bus:
+    with open_session(reached, "subscriber", key, show) as bus:
         publisher = bus.publish(key)
         if not publisher.followed:
             show.say(f"waiting for someone to listen to {key}")
@@ -44,17 +44,17 @@ def run_publish(
     show.say(f"{len(numbers)} frames were published on {key}")
 
 
-def open_session(reached: Pool, key: str, show: Show) -> Bus:
+def open_session(reached: Pool, partner: str, key: str, show: Show) -> Bus:
     """A session at the endpoints, as soon as there is an answer; InputError without endpoints.
 
-    A publisher that only connects is a client: a router does not forward messages between peers, and trackers
-    are peers.
+    `partner` is who is on the other side of the key. A program that only connects is a client: a router does
+    not forward messages between peers, and trackers are peers.
     """
     if reached.listen is not None:
         return open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
     if reached.connect is None:
-        raise InputError("no subscriber could connect; add --connect or --listen with an endpoint")
-    line = f"no answer at {reached.connect} yet; waiting for someone there to listen to {key}"
+        raise InputError(f"no {partner} could connect; add --connect or --listen with an endpoint")
+    line = f"no answer at {reached.connect} yet; waiting for a {partner} of {key}"
     silences = count()
 
     def hear(_: float) -> None:

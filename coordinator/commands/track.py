@@ -14,7 +14,7 @@ from coordinator.commands.finished import draw_pictures
 from coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
 from coordinator.commands.job import Job, choose_job, is_several
 from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
-from coordinator.commands.progress import FrameRate, Show, counted, describe
+from coordinator.commands.progress import FrameRate, Show, counted
 from coordinator.commands.workers import Connect, Workers
 from coordinator.pool.options import Pool
 from coordinator.results.live_results import LiveResults
@@ -136,13 +136,9 @@ def track_frames(
             for frames in given.streams(workers, before):
                 for tracked in make().follow(frames, live=given.live):
                     publish(tracked, outlets)
-                    rate.count()
+                    rate.count(given.received_at(tracked[0].estimate.frame))
                     recorder.append(tracked, workers.statistics, rate.seconds)
-                    others = [f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2)]
-                    state = "".join([describe(tracked[0].estimate, rate.per_second), *others])
-                    if isinstance(given, LiveInput):
-                        state += f", {given.live.counts['skipped']} frames skipped"
-                    advance(recorder.frames, given.total, state)
+                    advance(recorder.frames, given.total, given.describe(tracked, rate))
                     if recorder.frames == before + 2:
                         gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
         except SilentWorkers:
@@ -172,7 +168,7 @@ def open_outlets(job: Job, workers: Workers) -> list[LiveResults]:
     names = [job.results]
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
-    return [LiveResults(workers.speak(name), as_json=job.results_json) for name in names]
+    return [LiveResults(workers.speak(name), run=workers.run, as_json=job.results_json) for name in names]
 
 
 def describe_pool(pool: Pool) -> dict[str, object]:

@@ -1,49 +1,173 @@
-"""`gepf view`: shows a run in a browser, or writes it to a file."""
+"""`gepf view`: shows a run, or live frames and results, in a browser, or writes them to a file."""
 
 from __future__ import annotations
 
 import logging
+import os
 import signal
+import time
 from urllib.parse import quote
 
+import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
-from common.errors import GepfError, InputError
+from common.body import BodyModel
+from common.errors import BusError, GepfError, InputError, ProtocolError
+from common.protocol.keys import check_stream
+from common.protocol.models import decode_model
+from common.recent import MODELS_KEPT, keep
+from common.transport.bus import Bus
+from coordinator.commands.console import INTERRUPTS
 from coordinator.commands.finished import find_sequence
-from coordinator.commands.options import ViewOptions
+from coordinator.commands.live_scene import LiveScene
+from coordinator.commands.options import SecurityOptions, ViewOptions
 from coordinator.commands.progress import Show
+from coordinator.commands.publish import open_session
+from coordinator.pool.options import Pool
+from coordinator.results.live_results import Result, results_key
 from coordinator.results.track import filled, read_track, read_tracked_body
-from coordinator.viewing import layout, log_run
+from coordinator.sources.live import live_key
+from coordinator.viewing import FrameLog, PersonLog, layout, log_run
+
+MIDDLE = np.array([0.0, 0.0, 2.5])  # where the eye looks before a person is known, metres
+BUFFER = "64MB"  # between a live view and its browser: more would be shown late
+NICENESS = 10  # of a live view, so that it takes no time from a tracker on the same host
 
 logger = logging.getLogger(__name__)
 
 
-def run_view(options: ViewOptions, show: Show) -> None:
+def run_view(options: ViewOptions, security: SecurityOptions, show: Show) -> None:
     """Write a file for the rerun viewer if one is given, else serve a browser."""
-    track, recording = filled(read_track(options.run)), rr.RecordingStream("gepf")
-    source, blueprint = find_sequence(options.run, options.sequence), layout(track)
+    key = live_key(options.run)
+    live = {"--results": options.results, "--listen": options.listen, "--connect": options.connect}
+    for option, value in ({"--sequence": options.sequence} if key else live).items():
+        if value is not None:
+            kind = "a run" if key else "live input (zenoh:KEY)"
+            raise InputError(f"{option} is for the view of {kind}; leave it out here")
+    if options.save is not None and not options.save.parent.is_dir():
+        raise InputError(f"no such folder: {options.save.parent}; give a file in one that exists with --save")
+    if key is None:
+        view_run(options, show)
+    else:
+        view_live(options, key, security, show)
+
+
+def view_run(options: ViewOptions, show: Show) -> None:
+    """Show a run; a browser can be connected until an interrupt."""
+    track = filled(read_track(options.run))
+    source = find_sequence(options.run, options.sequence)
     if source is None:
         logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
-    if options.save is not None:
-        if not options.save.parent.is_dir():
-            raise InputError(
-                f"no such folder: {options.save.parent}; give a file in one that exists with --save"
-            )
-        recording.save(options.save, default_blueprint=blueprint)
-    else:
-        # nothing is stored, and the viewer suppresses interrupts
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_DFL)
-        try:
-            address = recording.serve_grpc(grpc_port=options.port + 1, default_blueprint=blueprint)
-            rr.serve_web_viewer(web_port=options.port, open_browser=options.browser, connect_to=address)
-        except (OSError, RuntimeError, ValueError) as error:
-            raise GepfError(f"the viewer did not start ({error}); another --port may be free") from error
+    middle = np.nanmean(track.joint_positions[:1], axis=(0, 1))
+    recording, address = open_viewer(options, layout(middle, track.up))
     model = read_tracked_body(options.run).model
     with show.steps("preparing frames") as advance:
         log_run(recording, track, model, source, advance)
         recording.flush()
-    if options.save is None:
-        show.say(f"see http://localhost:{options.port}?url={quote(address, safe='')}")
+    if address is not None:
+        show.say(f"see {address}")
         show.say("Ctrl-C ends")
         signal.pause()
+
+
+def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: Show) -> None:
+    """Show published frames and results until an interrupt; a file ends with the results, too."""
+    secured = security.choose(options.listen, options.connect)
+    check_stream(key, guarded=secured is not None)
+    results = check_stream(options.results or results_key(key), guarded=secured is not None)
+    reached = Pool(0, options.listen, options.connect, secured)
+    with open_session(reached, "publisher", key, show) as bus:
+        scene = LiveScene(key, results, show.say)
+        bus.subscribe(key, scene.receive_frame)
+        bus.subscribe(f"{results}/**", scene.receive_result)  # several people have keys below it
+        os.nice(NICENESS)
+        recording, address = open_viewer(options, layout(MIDDLE, live=True), BUFFER)
+        show.say(f"showing {key}, and results on {results}")
+        show.say(f"writing {options.save}; Ctrl-C ends" if address is None else f"see {address}; Ctrl-C ends")
+        view = LiveView(recording, bus, scene, results)
+        try:
+            while view.step() or not scene.ended or address is not None:
+                INTERRUPTS.check()
+        except KeyboardInterrupt:  # ends a file, as the end of the results does
+            INTERRUPTS.noted = False
+        recording.flush()
+
+
+def open_viewer(
+    options: ViewOptions, blueprint: rrb.Blueprint, buffer: str = "1GiB"
+) -> tuple[rr.RecordingStream, str | None]:
+    """A recording that is written to a file, or served in a browser at an address.
+
+    `buffer` limits the memory of the server; without a browser it keeps what was logged last.
+    """
+    recording = rr.RecordingStream("gepf")
+    if options.save is not None:
+        recording.save(options.save, default_blueprint=blueprint)
+        return recording, None
+    # nothing is stored, and the viewer suppresses interrupts
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+    try:
+        server = recording.serve_grpc(
+            grpc_port=options.port + 1, default_blueprint=blueprint, server_memory_limit=buffer
+        )
+        rr.serve_web_viewer(web_port=options.port, open_browser=options.browser, connect_to=server)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise GepfError(f"the viewer did not start ({error}); another --port may be free") from error
+    return recording, f"http://localhost:{options.port}?url={quote(server, safe='')}"
+
+
+class LiveView:
+    """Logs the newest results with their frames."""
+
+    def __init__(self, recording: rr.RecordingStream, bus: Bus, scene: LiveScene, results: str) -> None:
+        self._recording, self._bus, self._scene, self._results = recording, bus, scene, results
+        self._began = time.monotonic()
+        self._frames = FrameLog(recording)
+        self._people: dict[str, PersonLog] = {}  # by key
+        self._bodies: dict[str, BodyModel] = {}  # by key
+        self._shown: int | None = None  # number of the last frame
+        self._centred = False  # the eye, on a person
+
+    def step(self) -> bool:
+        """Log new results, or depth alone if there are none; returns whether there were results."""
+        results = self._scene.take_results()
+        for key, result in results.items():
+            self._log_result(key, result)
+        newest = self._scene.newest
+        if not results and newest is not None and newest != self._shown:
+            self._frames.log(newest, time.monotonic() - self._began, self._scene.frame(newest))
+            self._shown = newest
+        self._recording.flush()
+        return bool(results)
+
+    def _log_result(self, key: str, result: Result) -> None:
+        track, number = result.track, int(result.track.frame[0])
+        frame = self._scene.frame(number)
+        self._frames.log(number, time.monotonic() - self._began, frame)
+        self._shown = number
+        if key not in self._people:
+            self._people[key] = PersonLog(self._recording, key.removeprefix(self._results).strip("/"))
+        self._people[key].log(track, 0, self._find_body(result), frame)
+        if track.placed[0] and not self._centred:
+            middle = np.nanmean(track.joint_positions[0], axis=0)
+            self._recording.send_blueprint(layout(middle, live=True))
+            self._centred = True
+
+    def _find_body(self, result: Result) -> BodyModel | None:
+        """The tracked body; None if the tracker does not say it, or does not have it yet."""
+        if result.body is None:
+            return None
+        if result.body not in self._bodies:
+            try:
+                payload = self._bus.fetch(result.body)
+                if payload is None:
+                    return None
+                keep(self._bodies, result.body, decode_model(payload), MODELS_KEPT)
+            except (BusError, ProtocolError) as error:
+                self._scene.report_malformed(result.body, error)
+                return None
+        body = self._bodies[result.body]
+        names = body.dof_names, body.joint_names
+        return body if names == (result.track.dof_names, result.track.joint_names) else None

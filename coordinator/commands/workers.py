@@ -21,6 +21,11 @@ class Workers(Refiner, Protocol):
         """Workers and batches so far."""
         ...
 
+    @property
+    def run(self) -> str:
+        """The name of the run on the bus."""
+        ...
+
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
         """Call `on_message(payload)` for each message on a key."""
         ...

@@ -1,4 +1,4 @@
-"""Publishes the result of each frame during the run; docs/live.md describes the message.
+"""The result of each frame as a message, during the run; docs/live.md describes it.
 
 Each message contains all names and values, so a receiver needs no earlier message.
 """
@@ -7,24 +7,69 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Annotated, Any, Protocol
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.errors import ProtocolError
+from common.protocol.keys import of_run
 from coordinator.bodies.angles import Angles, angles_of
 from coordinator.results.log import assemble
 from coordinator.results.track import Track
-from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.estimate import Estimate, Status
 
 VERSION = 1
 KIND, END = "estimate", "estimates-end"
 
+BodyKey = Annotated[str, msgspec.Meta(pattern=r"^gepf/run/[A-Za-z0-9._-]{1,64}/model/[0-9a-f]{64}\Z")]
+Values = dict[str, float | None]  # by name; None if unknown
+
+
+class HypothesesMessage(msgspec.Struct, frozen=True):
+    """All hypotheses (M), the most likely first."""
+
+    weight: list[float]
+    pose: list[list[float]]  # (M, D), values in the order of the reported pose
+
+
+class ResultMessage(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag=KIND):
+    """The result of one frame."""
+
+    version: int = VERSION
+    frame: int
+    time_s: float
+    estimated_at: float  # seconds since 1970
+    status: Status
+    residual: float | None
+    pose: Values
+    angles: Values
+    angle_deviation: Values
+    joints: dict[str, tuple[float, float, float] | None]
+    why: str
+    joint_deviation: Values
+    joint_off_probability: Values
+    joint_seen: Values
+    hypotheses: HypothesesMessage
+    body: BodyKey | None = None  # at which the tracked body can be fetched
+
+
+class EndMessage(msgspec.Struct, frozen=True, tag_field="kind", tag=END):
+    """There are no more results."""
+
+    version: int = VERSION
+
 
 class Outlet(Protocol):
     """A destination of messages."""
+
+    @property
+    def followed(self) -> bool:
+        """Whether anyone receives the messages."""
+        ...
 
     def put(self, payload: bytes) -> None:
         """Publish a message; it may be dropped."""
@@ -35,43 +80,56 @@ class Outlet(Protocol):
         ...
 
 
+def results_key(key: str) -> str:
+    """The key for results of live input on a key, unless the user gives another one."""
+    return f"{key}/results"
+
+
 class LiveResults:
-    """Publishes estimates as MessagePack or JSON; angles do not jump by full turns between frames."""
+    """Publishes estimates as MessagePack or JSON; angles do not jump by full turns between frames.
+
+    Nothing is published while nobody receives it. The bodies can be fetched from the run named `run`.
+    """
 
     def __init__(
-        self, outlet: Outlet, *, as_json: bool = False, clock: Callable[[], float] = time.time
+        self,
+        outlet: Outlet,
+        *,
+        run: str | None = None,
+        as_json: bool = False,
+        clock: Callable[[], float] = time.time,
     ) -> None:
-        self._outlet, self._clock = outlet, clock
+        self._outlet, self._run, self._clock = outlet, run, clock
         self._encode = msgspec.json.encode if as_json else msgspec.msgpack.encode
         self._last: NDArray[np.float64] | None = None
 
     def put(self, estimate: Estimate, model: BodyModel, held: Mapping[str, float]) -> None:
         """Publish the estimate of a frame."""
+        if not self._outlet.followed:
+            return
         estimated_at = self._clock()
         angles = angles_of(model, held)
         track = assemble(model, [estimate], held=held)
-        values = self._follow(angles, track)
-        self._outlet.put(
-            self._encode(
-                {
-                    "kind": KIND,
-                    "version": VERSION,
-                    "frame": estimate.frame,
-                    "time_s": estimate.time_s,
-                    "estimated_at": estimated_at,
-                    "status": estimate.status,
-                    "residual": estimate.residual if np.isfinite(estimate.residual) else None,
-                    "pose": by_name(model.dof_names, estimate.pose),
-                    "angles": by_name(angles.names, values),
-                    "angle_deviation": by_name(angles.names, track.angle_deviation[0]),
-                    "joints": by_name(model.joint_names, estimate.joint_positions),
-                    "why": estimate.why,
-                    "joint_deviation": by_name(model.joint_names, track.joint_deviation[0]),
-                    "joint_off_probability": by_name(model.joint_names, track.joint_off_probability[0]),
-                    "joint_seen": by_name(model.joint_names, track.joint_seen[0]),
-                }
-            )
+        message = ResultMessage(
+            frame=estimate.frame,
+            time_s=estimate.time_s,
+            estimated_at=estimated_at,
+            status=estimate.status,
+            residual=estimate.residual if np.isfinite(estimate.residual) else None,
+            pose=by_name(model.dof_names, estimate.pose),
+            angles=by_name(angles.names, self._follow(angles, track)),
+            angle_deviation=by_name(angles.names, track.angle_deviation[0]),
+            joints=by_name(model.joint_names, estimate.joint_positions),
+            why=estimate.why,
+            joint_deviation=by_name(model.joint_names, track.joint_deviation[0]),
+            joint_off_probability=by_name(model.joint_names, track.joint_off_probability[0]),
+            joint_seen=by_name(model.joint_names, track.joint_seen[0]),
+            hypotheses=HypothesesMessage(
+                estimate.hypothesis_weight.tolist(), estimate.hypothesis_pose.tolist()
+            ),
+            body=None if self._run is None else of_run(self._run, f"model/{model.hash}"),
         )
+        self._outlet.put(self._encode(message))
 
     def _follow(self, angles: Angles, track: Track) -> NDArray[np.float64]:
         """The angles (A,) of the frame, shifted by full turns towards the last known angles; NaN before."""
@@ -87,12 +145,64 @@ class LiveResults:
 
     def end(self) -> None:
         """Publish that there are no more messages."""
-        self._outlet.put_surely(self._encode({"kind": END, "version": VERSION}))
+        self._outlet.put_surely(self._encode(EndMessage()))
 
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-    """Values (N,) or points (N, 3) by name; null if unknown."""
+    """Values (N,) or points (N, 3) by name; None if unknown."""
     return {
         name: value.tolist() if np.isfinite(value).all() else None
         for name, value in zip(names, values, strict=True)
     }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """A received result: a track of one frame, and the key of its body; None without one."""
+
+    track: Track
+    body: str | None
+
+
+def read_result(payload: bytes) -> Result | None:
+    """A received result; None at the end of the results, or ProtocolError."""
+    decode = msgspec.json.decode if payload.startswith(b"{") else msgspec.msgpack.decode
+    try:
+        message = decode(payload, type=ResultMessage | EndMessage)
+        if message.version != VERSION:
+            raise ProtocolError(f"the result is of version {message.version}, expected {VERSION}")
+        if isinstance(message, EndMessage):
+            return None
+        return Result(as_track(message), message.body)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise ProtocolError(f"not a result: {error}") from error
+
+
+def as_track(message: ResultMessage) -> Track:
+    """The track of one frame; ValueError if the message contradicts itself."""
+    count, dofs = len(message.hypotheses.weight), len(message.pose)
+    unknown = (np.nan, np.nan, np.nan)
+    joints = [[unknown if place is None else place for place in message.joints.values()]]
+    return Track(
+        frame=np.array([message.frame]),
+        time_s=np.array([message.time_s]),
+        dof_names=tuple(message.pose),
+        pose=row(message.pose, message.pose),
+        joint_names=tuple(message.joints),
+        joint_positions=np.array(joints, dtype=np.float64).reshape(1, -1, 3),
+        hypothesis_pose=np.array(message.hypotheses.pose, dtype=np.float64).reshape(1, count, dofs),
+        hypothesis_weight=np.array([message.hypotheses.weight], dtype=np.float64),
+        status=np.array([message.status]),
+        joint_deviation=row(message.joint_deviation, message.joints),
+        joint_off_probability=row(message.joint_off_probability, message.joints),
+        joint_seen=row(message.joint_seen, message.joints),
+        angle_names=tuple(message.angles),
+        angle=row(message.angles, message.angles),
+        angle_deviation=row(message.angle_deviation, message.angles),
+    )
+
+
+def row(values: Values, names: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Values (1, N) of names; NaN if unknown."""
+    known = [np.nan if (value := values.get(name)) is None else value for name in names]
+    return np.array([known], dtype=np.float64)

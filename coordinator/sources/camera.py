@@ -53,6 +53,13 @@ def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
     return intrinsics, camera.depth_scale, camera.fps
 
 
+def write_camera(path: Path, camera: Intrinsics, depth_scale: float, fps: float = DEFAULT_FPS) -> None:
+    """Write a camera as Open3D's recorders do."""
+    matrix = [camera.fx, 0.0, 0.0, 0.0, camera.fy, 0.0, camera.cx, camera.cy, 1.0]
+    content = CameraFile(camera.width, camera.height, matrix, depth_scale, fps)
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
+
+
 def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics:
     """Intrinsics from a matrix (3, 3); InputError if it is not that of a pinhole camera without skew."""
     values = np.asarray(matrix)

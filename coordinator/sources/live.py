@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
@@ -13,6 +14,7 @@ from common.errors import ProtocolError
 from common.frame import DepthFrame
 from common.protocol.frames import decode_live
 from common.protocol.keys import check_stream
+from common.recent import FRAMES_KEPT, keep
 
 SCHEME = "zenoh:"
 NOTICE_S = 5.0  # without a frame before this is reported
@@ -53,7 +55,8 @@ class LiveFrames:
         self._notice = notice
         self._report = report
         self._changed = threading.Condition()
-        self._newest: tuple[int, DepthFrame] | None = None  # its stream, and the frame to be yielded
+        self._newest: tuple[int, DepthFrame, float] | None = None  # stream, frame to be yielded, reception
+        self._received: dict[int, float] = {}  # when frames were received, by number, the last yielded ones
         self._last: DepthFrame | None = None  # the last accepted frame
         self._last_stream = 0
         self._period_s = math.inf
@@ -82,6 +85,7 @@ class LiveFrames:
 
     def receive(self, payload: bytes) -> None:
         """Receive a message; an older frame that is still waiting is skipped."""
+        received = time.monotonic()
         try:
             frame = decode_live(payload)
         except ProtocolError as error:
@@ -95,7 +99,7 @@ class LiveFrames:
             if frame is None:
                 self._ended = True
             elif not self._ended:
-                said = self._accept(frame)
+                said = self._accept(frame, received)
             self._changed.notify_all()
         if said is not None:
             self._report(said)
@@ -108,10 +112,15 @@ class LiveFrames:
 
     def __iter__(self) -> Iterator[DepthFrame]:
         while (taken := self._take()) is not None:
-            self.stream, frame = taken
+            self.stream, frame, received = taken
+            keep(self._received, frame.number, received, FRAMES_KEPT)
             yield frame
 
-    def _accept(self, frame: DepthFrame) -> str | None:
+    def received_at(self, number: int) -> float:
+        """When one of the last yielded frames was received, in seconds of the monotonic clock."""
+        return self._received[number]
+
+    def _accept(self, frame: DepthFrame, received: float) -> str | None:
         """Keep a frame that belongs to the stream or starts another; returns a message to report, if any."""
         self._counts["received"] += 1
         misfit = None if self._last is None else find_misfit(frame, self._last)
@@ -126,7 +135,7 @@ class LiveFrames:
             self._last_stream += 1
         if self._newest is not None:
             self._counts["skipped"] += 1
-        self._newest = self._last_stream, frame
+        self._newest = self._last_stream, frame, received
         self._period_s = math.inf if misfit or self._last is None else frame.time_s - self._last.time_s
         self._last = frame
         self._rejected.clear()
@@ -135,8 +144,8 @@ class LiveFrames:
         size = f"{frame.intrinsics.width}x{frame.intrinsics.height}"
         return f"another stream of frames, {size}, has begun on {self._key}; tracking starts again"
 
-    def _take(self) -> tuple[int, DepthFrame] | None:
-        """Wait for the newest frame and its stream; None at the end."""
+    def _take(self) -> tuple[int, DepthFrame, float] | None:
+        """Wait for the newest frame, with its stream and reception; None at the end."""
         with self._changed:
             if not self._wait(min(self._notice, self._idle)) and self._notice < self._idle:
                 self._report(f"no frame comes on {self._key}; waiting for one")

@@ -16,6 +16,7 @@ import logging
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,8 @@ logger = logging.getLogger(__name__)
 
 SIXTEEN_BIT_GREY = "I;16"
 TUM_LIST = "depth.txt"
-TIME_FILES = (TUM_LIST, "timestamps.txt", "times.txt", "depth_timestamps.txt")
+TIMES_FILE = "timestamps.txt"
+TIME_FILES = (TUM_LIST, TIMES_FILE, "times.txt", "depth_timestamps.txt")
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?=\D*$)")
 SHORTEST_FRAME_US = 3000.0
 """Larger steps between numbers in names are micro- or nanoseconds: 300 frames per second."""
@@ -103,11 +105,12 @@ def find_frames(folder: Path, beside: Path) -> tuple[Sequence[int], list[Path], 
     if (times is not None and listed is None) or not all(value.is_integer() for value in files):
         return range(len(files)), list(files.values()), times
     numbers = [int(value) for value in files]
-    missing = sorted({*range(numbers[0], numbers[-1])} - {*numbers}) if numbers else []
-    if missing:
+    gap = next((a + 1 for a, b in pairwise(numbers) if b > a + 1), None)
+    if gap is not None:
+        whole = numbers[-1] - numbers[0] + 1
         logger.warning(
             "%s: %d of %d frames are missing, frame %d first; the others keep their times",
-            folder, len(missing), len(missing) + len(numbers), missing[0],
+            folder, whole - len(numbers), whole, gap,
         )  # fmt: skip
         return numbers, list(files.values()), times
     return range(numbers[0], numbers[0] + len(numbers)) if numbers else range(0), list(files.values()), times

@@ -17,7 +17,8 @@ from common.body import TRANSLATION, BodyModel
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.choice import load_body
-from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE
+from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent
+from coordinator.sources.camera import write_camera
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import person
 from coordinator.synthesis.rendering import DepthRenderer
@@ -59,7 +60,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     try:
         write_depth(shown, noise, seed, unfinished / "depth", advance, kinect=kinect)
-        write_camera(shown, unfinished / CAMERA_FILE)
+        write_camera(unfinished / CAMERA_FILE, shown.camera, DEPTH_SCALE, shown.fps)
         write_truth(shown, unfinished / TRUTH_FILE)
         if shown.start is not None:
             write_start(shown.model, shown.start, unfinished / START_FILE)
@@ -88,18 +89,6 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
     if not 1 <= frames <= len(scene.poses):
         raise InputError(f"cannot make {frames} frames; choose from 1 to {len(scene.poses)}")
     return replace(scene, poses=scene.poses[:frames])
-
-
-def with_parent(out: Path) -> None:
-    """Create the parent folder of `out`, which must be empty or missing."""
-    try:
-        if out.exists() and (not out.is_dir() or any(out.iterdir())):
-            raise InputError(f"'{out}' is in use; choose another output folder or remove it")
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot write to '{out}' ({error.strerror}); choose another output folder"
-        ) from error
 
 
 def write_depth(
@@ -132,19 +121,6 @@ def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
     """Depth in units of the file; depth that is too large becomes 0."""
     units = np.rint(depth_m * DEPTH_SCALE)
     return np.where(units <= np.iinfo(np.uint16).max, units, 0).astype(np.uint16)
-
-
-def write_camera(scene: Scene, file: Path) -> None:
-    """Write the camera as Open3D's recorders do, the matrix column by column."""
-    own = scene.camera
-    camera = {
-        "width": own.width,
-        "height": own.height,
-        "intrinsic_matrix": [own.fx, 0.0, 0.0, 0.0, own.fy, 0.0, own.cx, own.cy, 1.0],
-        "depth_scale": DEPTH_SCALE,
-        "fps": scene.fps,
-    }
-    file.write_bytes(msgspec.json.format(msgspec.json.encode(camera)) + b"\n")
 
 
 def write_truth(scene: Scene, file: Path) -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from common.kinematics import joint_positions
 from common.transport.opening import open_coordinator
-from coordinator.results.live_results import LiveResults
+from coordinator.results.live_results import LiveResults, read_result
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
@@ -26,6 +26,8 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "live_results.py"
 
 class Heard:
     """Keeps what is published."""
+
+    followed = True
 
     def __init__(self) -> None:
         self.payloads: list[bytes] = []
@@ -95,6 +97,10 @@ def test_a_message_says_all_of_itself() -> None:
     assert first["joint_deviation"]["right_wrist"] == 0.05
     assert first["joint_off_probability"]["right_wrist"] == 0.25
     assert first["joint_seen"]["right_wrist"] == 0.75
+    assert first["hypotheses"] == {"weight": [1.0], "pose": [[*first["pose"].values()]]}
+    received = read_result(heard.payloads[0])
+    assert received is not None
+    assert np.array_equal(received.track.joint_positions[0], estimate(3, 0.5).joint_positions)
     assert lost["joint_seen"]["right_wrist"] is None
     assert lost["angle_deviation"]["pelvis_turn"] is None
     assert lost["status"] == "lost"

@@ -26,6 +26,7 @@ from common.transport.opening import open_coordinator, open_worker
 from coordinator.cli import main
 from coordinator.results.log import read_log
 from coordinator.results.track import read_track
+from coordinator.sources import open_source
 from tests.support.asked import Asked, refining, unmoved
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread, started, wait_until
@@ -157,16 +158,21 @@ def summary_of(out: Path) -> dict[str, Any]:
 
 
 def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
-    """Every frame of a slow stream is in the results under its own number and time."""
+    """Every frame of a slow stream is in the results under its own number and time, and in the recording."""
     messages = [encode_live(image(number)) for number in (10, 11, 15)] + [encode_live_end()]
     with staged(endpoint, messages, until_recorded(tmp_path / "run"), Finder()):
-        assert track_live(endpoint, tmp_path / "run") == 0
+        assert track_live(endpoint, tmp_path / "run", "--record", str(tmp_path / "kept")) == 0
+    kept = [*open_source(tmp_path / "kept")]
+    assert [frame.number for frame in kept] == [10, 11, 15]
+    np.testing.assert_allclose([frame.time_s for frame in kept], np.array([0, 1, 5]) / 30)
+    assert all(np.array_equal(frame.depth, image(0).depth) for frame in kept)
+    assert (kept[0].intrinsics, kept[0].depth_scale) == (CAMERA, 1000.0)
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.frame.tolist() == [10, 11, 15]
     np.testing.assert_allclose(track.time_s, np.array([10, 11, 15]) / 30)
     assert track.particles_answered is None
-    counts = {name: summary[f"frames_{name}"] for name in ("received", "skipped", "malformed")}
-    assert counts == {"received": 3, "skipped": 0, "malformed": 0}
+    counts = {name: summary[f"frames_{name}"] for name in ("received", "skipped", "malformed", "unwritten")}
+    assert counts == {"received": 3, "skipped": 0, "malformed": 0, "unwritten": 0}
     assert (summary["frames"], summary["complete"], summary["deadline_ms"]) == (3, True, None)
     assert (tmp_path / "run" / "hypotheses.png").exists()
 
@@ -314,7 +320,7 @@ def test_a_publisher_names_an_endpoint_without_an_answer(endpoint: str, recordin
     with started(*play, command=GEPF) as publisher:
         assert publisher.stderr is not None
         assert publisher.stderr.readline() == (
-            f"no answer at {endpoint} yet; waiting for someone there to listen to {KEY}\n"
+            f"no answer at {endpoint} yet; waiting for a subscriber of {KEY}\n"
         )
         assert publisher.poll() is None
 
@@ -384,6 +390,9 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
             "--depth-scale is for recorded sequences",
         ),
         (["track", "PLATE", "--out", "y", "--publish-json"], "add --publish KEY"),
+        (["track", "PLATE", "--out", "y", "--record", "z"], "--record keeps the frames of live input"),
+        (["view", f"zenoh:{KEY}"], "no publisher could connect; add --connect or --listen"),
+        (["view", "run", "--results", KEY], "--results is for the view of live input"),
         (["track", "x", "--out", "y", "--deadline", "nan"], "--deadline nan is not above 0"),
         (["track", "x", "--out", "y", "--deadline", "9", "--method", "annealed"], "leave --deadline out"),
         (["publish", "x", "--key", "a/*", "--connect", "tcp/127.0.0.1:1"], "such as camera/depth"),

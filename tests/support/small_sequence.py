@@ -14,8 +14,9 @@ OPTIONS = ("--dof", MOVING, "--preset", "paper", "--points", "200", "--particles
 def write_small_sequence(folder: Path, frames: int) -> None:
     """Depth, camera and start; the start is that of the first frame."""
     from common.camera import Intrinsics
+    from coordinator.sources.camera import write_camera
     from coordinator.synthesis.scenes import Scene, arm
-    from coordinator.synthesis.sequence import write_camera, write_depth, write_start
+    from coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start
     from coordinator.tracking.sensor_noise import SensorNoise
 
     whole = arm()
@@ -24,7 +25,7 @@ def write_small_sequence(folder: Path, frames: int) -> None:
     scene = Scene(whole.model, Intrinsics(64, 64, 98.75, 98.75, 31.5, 31.5), 25.0, poses, poses[0].copy())
     folder.mkdir(parents=True)
     write_depth(scene, SensorNoise(0.0, 0.0), 0, folder / "depth", None)
-    write_camera(scene, folder / "camera_intrinsic.json")
+    write_camera(folder / "camera_intrinsic.json", scene.camera, DEPTH_SCALE, scene.fps)
     write_start(scene.model, poses[0], folder / "init.json")
 
 

@@ -48,6 +48,7 @@ class StandIn(ABC):
     """Fills the tracker's port; by itself it looks at no frame."""
 
     statistics = PoolStatistics()
+    run = "none"
 
     def publish(self, subject: SubjectFrame) -> None:
         """Look at nothing."""

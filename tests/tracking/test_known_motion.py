@@ -19,9 +19,10 @@ from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
 from coordinator.filters.belief import Observation
 from coordinator.results.evaluation import read_truth
+from coordinator.sources.camera import write_camera
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.synthesis.scenes import Scene, roam
-from coordinator.synthesis.sequence import write_camera, write_depth, write_start, write_truth
+from coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start, write_truth
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.stand_ins import Direct
@@ -39,7 +40,7 @@ def fast(tmp_path_factory: pytest.TempPathFactory) -> Path:
     poses = whole.poses[::EVERY].copy()
     scene = Scene(whole.model, whole.camera, whole.fps / EVERY, poses, poses[0].copy())
     write_depth(scene, SensorNoise(), 0, folder / "depth", None, kinect=True)
-    write_camera(scene, folder / "camera_intrinsic.json")
+    write_camera(folder / "camera_intrinsic.json", scene.camera, DEPTH_SCALE, scene.fps)
     write_truth(scene, folder / "truth.npz")
     write_start(scene.model, poses[0], folder / "init.json")
     return folder

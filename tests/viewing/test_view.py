@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +13,31 @@ import pytest
 from rerun.chunk import RrdReader
 
 from common.activation import activate
+from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import pose_vertices
+from common.protocol.frames import encode_live
+from common.protocol.models import encode_model
+from common.transport.opening import open_worker
 from coordinator.cli import main
+from coordinator.commands.live_scene import LiveScene
 from coordinator.results.configuration import PATH
+from coordinator.results.live_results import LiveResults
+from coordinator.results.track import read_track, read_tracked_body
+from coordinator.sources import open_source
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
+from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 from coordinator.viewing import observe
+from tests.support.processes.programs import in_thread
 from tests.support.runs import write_run
 
 FRAMES = 3
+KEY = "camera/depth"
+CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)
+PLAIN = np.ones((3, 4), dtype=np.uint16)
 
 
 @pytest.fixture
@@ -47,7 +62,7 @@ def rows_of(file: Path) -> Counter[str]:
 
 
 def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: Path) -> None:
-    """Points, model, hypotheses, depth and every angle have a row a frame."""
+    """Points, model, hypotheses, depth and angles have a row a frame."""
     sequence, run = recorded
     file = tmp_path / "run.rrd"
     with np.load(run / "track.npz") as saved:
@@ -57,9 +72,53 @@ def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: 
     assert main(["view", str(run), "--sequence", str(sequence), "--save", str(file)]) == 0
     rows = rows_of(file)
     places = ["/observed/points", "/model/surface", "/model/skeleton", "/hypotheses", "/camera/image/depth"]
-    places += [f"/angles/{name}" for name in ARM_DOFS]
+    places += ["/angles"]
     assert {place: rows[place] for place in places} == dict.fromkeys(places, FRAMES)
     assert rows["/status"] == 1
+
+
+def test_live_frames_and_results_are_shown_as_they_come(
+    recorded: tuple[Path, Path], endpoint: str, tmp_path: Path
+) -> None:
+    """Depth, points, body and hypotheses of what others publish are written until the results end."""
+    track, model = read_track(recorded[1]), read_tracked_body(recorded[1]).model
+
+    def publish(stop: threading.Event) -> None:
+        with open_worker([endpoint]) as bus:
+            bus.serve(f"gepf/run/r/model/{model.hash}", lambda _: encode_model(model))
+            camera, results = bus.publish(KEY), bus.publish(f"{KEY}/results")
+            while not (camera.followed and results.followed) and not stop.wait(0.01):
+                pass
+            for f, frame in enumerate(open_source(recorded[0])):
+                camera.put_surely(encode_live(frame))
+                pose = track.pose[f]
+                known = Estimate(
+                    f, 0.0, "tracked", pose, track.joint_positions[f], pose[None], np.ones(1), 0.0
+                )
+                LiveResults(results, run="r").put(known, model, {})
+            LiveResults(results).end()
+
+    view = ["view", f"zenoh:{KEY}", "--listen", endpoint, "--save", str(tmp_path / "live.rrd")]
+    with in_thread(publish), ThreadPoolExecutor(1) as pool:  # its thread becomes one of low priority
+        assert pool.submit(main, view).result(60.0) == 0
+    rows = rows_of(tmp_path / "live.rrd")
+    places = ["/observed/points", "/model/surface", "/model/doubtful", "/hypotheses", "/camera/image/depth"]
+    assert all(0 < rows[place] <= FRAMES for place in places)
+
+
+def test_what_a_live_view_lacks_is_said_once() -> None:
+    """No publisher; then frames, but no tracker that publishes results."""
+    said: list[str] = []
+    scene = LiveScene(KEY, "results", said.append, notice=0.3)
+    for number in range(8):
+        if number > 3:
+            scene.receive_frame(KEY, encode_live(DepthFrame(number, 0.0, PLAIN, 1000.0, CAMERA)))
+        assert scene.take_results() == {}
+    assert [line.split(";")[0] for line in said] == [
+        f"no frame comes on {KEY}",
+        f"frames come on {KEY}, but no results on results",
+    ]
+    assert scene.frame(7) is not None
 
 
 def test_a_moved_sequence_is_a_warning(

@@ -22,6 +22,7 @@ def test_a_frame_is_described_in_one_line() -> None:
     """Rate, hypotheses, residual in millimetres, status; and that nothing was seen."""
     assert describe(estimate(), 7.25) == "7.2 frames/s, 3 hypotheses, residual 12.3 mm, tracked"
     assert "residual nothing seen" in describe(estimate(float("nan")), 1.0)
+    assert describe(estimate(), 7.25, 0.034).startswith("7.2 frames/s, latency 34 ms, 3 hypotheses")
     assert describe(estimate(), None) == "3 hypotheses, residual 12.3 mm, tracked"
     assert [counted(count, "frame") for count in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
 
@@ -35,6 +36,16 @@ def test_the_rate_does_not_count_what_comes_before_the_first_frame() -> None:
         rates.append(rate.per_second)
     assert rates == [None, pytest.approx(2.0), pytest.approx(2.0)]
     assert rate.seconds == pytest.approx(61.0)
+
+
+def test_the_rate_of_received_frames_is_that_of_the_last_second() -> None:
+    """And so is the latency, from reception to result."""
+    now = iter([0.0, 5.0, 7.0, 7.5, 8.0])
+    rate = FrameRate(clock=lambda: next(now))
+    for received in (0.0, 6.9, 7.2, 7.9):
+        rate.count(received)
+    assert rate.latest_per_second == pytest.approx(2.0)
+    assert rate.latency_s == pytest.approx(0.1)
 
 
 def test_a_terminal_shows_a_bar_and_lines_above_it() -> None:
