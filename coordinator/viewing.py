@@ -31,6 +31,7 @@ NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since
 
 SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # transparent, so that the points are visible
 DOUBT_COLOUR = to_rgb(STATUS["ambiguous"])
+LIVE_CURVES_S = 10.0  # of live curves
 LARGEST_RESIDUAL_M = 0.1  # end of the colour scale
 
 
@@ -40,10 +41,11 @@ def layout(middle: Array, up: Array | None = None, *, live: bool = False) -> rrb
     The eye looks at `middle` (3,), camera frame. `up` (3,) points away from the ground; None if unknown. Live
     frames are shown as they come.
     """
+    now = rrb.TimeRangeBoundary.cursor_relative
+    shown = rrb.VisibleTimeRange(SINCE, start=now(seconds=-LIVE_CURVES_S), end=now()) if live else None
+    named = {"/angles": "joint angles", "/root": "root", "/quality": "residual and hypotheses"}
     curves = rrb.Tabs(
-        rrb.TimeSeriesView(origin="/angles", name="joint angles"),
-        rrb.TimeSeriesView(origin="/root", name="root"),
-        rrb.TimeSeriesView(origin="/quality", name="residual and hypotheses"),
+        *(rrb.TimeSeriesView(origin=o, name=name, time_ranges=shown) for o, name in named.items())
     )
     depth = rrb.Spatial2DView(origin="/camera/image", name="depth")
     level = level_from_camera(up).T
@@ -53,7 +55,9 @@ def layout(middle: Array, up: Array | None = None, *, live: bool = False) -> rrb
     seen = ["+ /**", "- /camera/**"]  # the depth image would be shown as a second cloud
     scene = rrb.Spatial3DView(origin="/", contents=seen, name="scene", eye_controls=eye)
     side = rrb.Vertical(depth, curves, rrb.TextLogView(origin="/status", name="status"))
-    time = rrb.TimePanel(timeline=SINCE if live else NUMBER, play_state="following" if live else None)
+    time = rrb.TimePanel(timeline=NUMBER)
+    if live:
+        time = rrb.TimePanel(timeline=SINCE, play_state="following", state="collapsed")
     return rrb.Blueprint(rrb.Horizontal(scene, side), time, collapse_panels=True)
 
 

@@ -97,6 +97,7 @@ def test_live_frames_and_results_are_shown_as_they_come(
                 )
                 LiveResults(results, run="r").put(known, model, {})
             LiveResults(results).end()
+            stop.wait()  # the body is fetched from here
 
     view = ["view", f"zenoh:{KEY}", "--listen", endpoint, "--save", str(tmp_path / "live.rrd")]
     with in_thread(publish), ThreadPoolExecutor(1) as pool:  # its thread becomes one of low priority
