@@ -192,6 +192,11 @@ class TargetTracker:
         self.management = self.management.nothing_seen()
 
     @property
+    def is_tracked(self) -> bool:
+        """Whether the body is found and not lost."""
+        return self.start.found and not self.management.seeks
+
+    @property
     def searched(self) -> SubjectFrame | None:
         """Where the body is being searched for."""
         return None if self._searching is None else self._searching.subject

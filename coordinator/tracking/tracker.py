@@ -145,11 +145,14 @@ class Tracker:
             self._targets[0].send_ahead(ahead[0].subjects[0], ahead[1][0])
 
     def _search_until_ready(self, live: Live) -> None:
-        """Search for bodies until that is done or, where somebody is tracked, the next frame waits."""
-        searching = True
-        while searching:
-            due = live.is_ready and any(target.start.found for target in self._targets)
-            searching = max(target.search() for target in self._targets) and not due
+        """Search for bodies until that is done or, if a body is tracked, the next frame waits.
+
+        A slice is done for each body that is not tracked in any case.
+        """
+        untracked = [target for target in self._targets if not target.is_tracked]
+        searching = max([target.search() for target in untracked], default=True)
+        while searching and not (live.is_ready and len(untracked) < self.people):
+            searching = max([target.search() for target in self._targets])
 
     def _segment(self, frame: DepthFrame) -> tuple[Segmented, list[Stopwatch]]:
         """A segmented frame, and a stopwatch for each person in it."""
