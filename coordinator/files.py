@@ -79,7 +79,7 @@ def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str
     except (IsADirectoryError, PermissionError) as error:
         raise InputError(f"cannot read {path}: {error.strerror}; check the path") from None
     except (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, NotImplementedError) as error:
-        raise InputError(f"{path} is damaged or no .npz file; make it again or give an .npz file") from error
+        raise InputError(f"{path} is damaged or not an .npz file; create it again or give another") from error
     if layout is None:
         return arrays
     lengths: dict[str, int] = {}
@@ -89,7 +89,7 @@ def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str
             found[name] = check_array(arrays[name], form.removeprefix("?"), lengths, f"{path}: '{name}'")
         elif not form.startswith("?"):
             held = ", ".join(sorted(arrays)) or "nothing"
-            raise InputError(f"{path} has no '{name}' but {held}; give a file that holds it")
+            raise InputError(f"{path} has no '{name}' but {held}; give a file that has it")
     return found
 
 
@@ -129,7 +129,7 @@ def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: {error}; write {{{entry}}}") from error
     if not isinstance(content, dict):
-        raise InputError(f"{path} holds no names with numbers; write {{{entry}}}")
+        raise InputError(f"{path} contains no names with numbers; write {{{entry}}}")
     return {name: require_number(value, name, path) for name, value in content.items()}
 
 

@@ -36,7 +36,7 @@ Connect = Annotated[
 ]
 Name = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="What the worker is called; unique (default: as its certificate)."),
+    typer.Option(metavar="NAME", help="Unique name of the worker (default: from its certificate)."),
 ]
 TlsCa = Annotated[
     Path | None,
@@ -114,7 +114,7 @@ def choose_identity(
 def choose_lanes(lanes: int | None) -> int:
     """Number of particles refined in parallel; by default the number of cores."""
     if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
-        raise InputError(f"--lanes {lanes} cannot work; give 1 to {MAX_PARTICLES}, or none for all cores")
+        raise InputError(f"--lanes {lanes} is not valid; give 1 to {MAX_PARTICLES}, or none for all cores")
     return lanes or usable_cores()
 
 

@@ -19,7 +19,7 @@ class Lanes:
 
     def __init__(self, count: int) -> None:
         if count < 1:
-            raise ValueError("there must be a lane")
+            raise ValueError("at least one lane is required")
         self.count = count
         self._threads = ThreadPoolExecutor(count)  # threads start when they are needed
 

@@ -100,7 +100,7 @@ def decode_frame(payload: bytes) -> SubjectFrame:
     if message.kinds is not None:
         kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {}, 0, UNMEASURED)
         if not np.array_equal(kinds == SUBJECT, frame.depth > 0):
-            raise ProtocolError("kinds and depth differ in what is the subject's")
+            raise ProtocolError("kinds and depth disagree about the subject's pixels")
     return SubjectFrame(frame, picked, message.view, kinds)
 
 

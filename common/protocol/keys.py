@@ -76,5 +76,5 @@ def check_stream(key: str, *, guarded: bool = False) -> str:
             "of letters, digits, dots, dashes and underscores"
         )
     if guarded and not key.startswith(GUARDED):
-        raise InputError(f"with certificates only our own keys are let through; use {GUARDED}{key}")
+        raise InputError(f"with certificates only keys of gepf are allowed; use {GUARDED}{key}")
     return key

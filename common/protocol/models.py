@@ -82,7 +82,7 @@ def decode_model(payload: bytes) -> BodyModel:
         for letter, name in (("D", "dof_names"), ("L", "link_names"), ("J", "joint_names"))
     }
     if not message.arrays.keys() == MODEL_ARRAYS.keys():
-        raise ProtocolError("the model has other arrays than expected")
+        raise ProtocolError("the model does not have the expected arrays")
     for name, (dtype, dims, least, most) in MODEL_ARRAYS.items():
         values[name] = unpack(f"the model's {name}", message.arrays[name], dtype, dims, extents, least, most)
     try:
@@ -106,4 +106,4 @@ def check_model(arrays: dict[str, Any], extents: dict[str, int]) -> None:
     if np.any(lower > upper) or np.any(lower > LARGEST) or np.any(upper < -LARGEST):
         raise ProtocolError("the model's limits leave no room between them")
     if np.any(np.diff(arrays["balls"], append=extents["D"]) < 3):
-        raise ProtocolError("the model's balls must be in ascending order and share nothing")
+        raise ProtocolError("the model's balls must be in ascending order and must not overlap")

@@ -36,7 +36,7 @@ def check_listening(endpoint: str, credentials: Credentials | None, *, insecure:
     check_endpoint("--listen", endpoint, credentials)
     if credentials is None and not insecure and not is_loopback(endpoint):
         raise InputError(
-            f"--listen {endpoint} lets everyone in who can reach it; give tls/HOST:PORT with {TLS_OPTIONS} "
+            f"--listen {endpoint} accepts anyone who can reach it; give tls/HOST:PORT with {TLS_OPTIONS} "
             "(gepf certificates makes them), or --insecure"
         )
 
@@ -84,19 +84,19 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> str | None:
     if protocol == "tcp":
         if refusal is not None and "ALERT" not in (refusal.reason or ""):
             return None
-        return f"{endpoint} admits encrypted connections only; give tls/HOST:PORT with {TLS_OPTIONS}"
+        return f"{endpoint} accepts only encrypted connections; give tls/HOST:PORT with {TLS_OPTIONS}"
     return None if refusal is None else describe_refusal(endpoint, credentials, refusal)
 
 
 def describe_refusal(endpoint: str, credentials: Credentials | None, refusal: ssl.SSLError) -> str:
     """What is wrong with a certificate of either side of a TLS handshake, and the remedy."""
     if isinstance(refusal, ssl.SSLCertVerificationError):
-        mend = "give its authority with --tls-ca, or connect by a host name that it holds"
+        mend = "give its authority with --tls-ca, or connect by a host name in the certificate"
         return (
             f"{endpoint} shows a certificate that is not valid under ours: {refusal.verify_message}; {mend}"
         )
     if credentials is None:
-        return f"{endpoint} refuses us without a certificate; add {TLS_OPTIONS}"
+        return f"{endpoint} refuses connections without a certificate; add {TLS_OPTIONS}"
     reason = (refusal.reason or "no reason given").lower().replace("_", " ")
     mend = "have one signed by the authority there"
     return f"{endpoint} refuses {credentials.cert}: {reason}; {mend}, or {MEND}"

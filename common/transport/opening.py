@@ -94,6 +94,6 @@ def open_session(settings: dict[str, Any]) -> Bus:
     except zenoh.ZError as error:
         if "Address already in use" in str(error):
             taken = [endpoint for endpoint in listen if f"{endpoint}:" in str(error)] or listen
-            message = f"{taken[0]} is in use by another program; end that, or choose another port"
+            message = f"{taken[0]} is in use by another program; end it, or choose another port"
             raise InputError(message) from error
         raise bus_error("opening " + ", ".join([*listen, *connect]), error) from error

@@ -97,5 +97,5 @@ def choose_active(
         if name not in known:
             raise unknown_dof(name, known)
     if not chosen:
-        raise InputError("this body has no joints; leave --dof out to have its place and turn tracked")
+        raise InputError("this body has no joints; without --dof its position and orientation are tracked")
     return tuple(chosen)

@@ -60,7 +60,7 @@ def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
         raise
     except Exception as error:
         raise InputError(
-            f"{path} is no URDF that can be read ({type(error).__name__}: {error}); check the file"
+            f"{path} is not a readable URDF file ({type(error).__name__}: {error}); check the file"
         ) from error
 
 
@@ -68,7 +68,7 @@ def find_mesh(fname: str, path: Path) -> str:
     """The path of a mesh: as named, or below the URDF's folder or its parents, without the package."""
     found: str = yourdfpy.urdf.filename_handler_magic(fname, str(path.parent.absolute()))
     if not Path(found).is_file():
-        raise InputError(f"{path} names the mesh {fname}, which is not there; add it or correct the name")
+        raise InputError(f"{path} names the mesh {fname}, which does not exist; add it or correct the name")
     return found
 
 

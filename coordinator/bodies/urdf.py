@@ -98,11 +98,11 @@ def check_text(path: Path) -> None:
     try:
         root = ET.parse(path).getroot()
     except (ET.ParseError, LookupError, ValueError) as error:
-        raise InputError(f"{path} is no URDF: its XML is damaged ({error}); copy it again") from None
+        raise InputError(f"{path} is not a URDF file: its XML is damaged ({error}); copy it again") from None
     if root.tag != "robot":
-        raise InputError(f"{path} is no URDF: it is a <{root.tag}>, not a <robot>; give a robot's file")
+        raise InputError(f"{path} is not a URDF file: its root is <{root.tag}>, not <robot>; give another")
     if any(XACRO in str(part.tag) or "${" in "".join(part.attrib.values()) for part in root.iter()):
-        raise InputError(f"{path} holds xacro's macros; run xacro {path.name} > robot.urdf, and give that")
+        raise InputError(f"{path} contains xacro macros; run xacro {path.name} > robot.urdf, and give that")
 
 
 def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
@@ -136,11 +136,11 @@ def span_tree(path: Path, robot: yourdfpy.Robot) -> Tree:
         tree.t_links[ready.child] = tree.t_links[ready.parent] @ origin
         tree.dof_of[ready.child] = dofs if ready.type in MOVING else tree.dof_of[ready.parent]
     if waiting or set(tree.t_links) != set(links) or len(tree.joints) != len(links) - 1:
-        raise InputError(f"{path}: links and joints make no single tree; every link but one needs one parent")
+        raise InputError(f"{path}: links and joints are not one tree; each link except one needs one parent")
     names = Counter([*ROOT_DOFS, base, *(joint.name for joint in robot.joints)])
     twice = [name for name, count in names.items() if count > 1]
     if twice:
-        raise InputError(f"{path}: the name '{twice[0]}' is there twice; give every joint one of its own")
+        raise InputError(f"{path}: the name '{twice[0]}' is used twice; give every joint its own name")
     return tree
 
 

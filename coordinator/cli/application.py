@@ -31,7 +31,7 @@ gepf track recording/ --out run/
 
 gepf report run/
 
-Options that are always the same can stand in gepf.toml, in a table for each command.
+Options that are always the same can be set in gepf.toml, in a table for each command.
 """
 
 app = typer.Typer(epilog=EXAMPLES)
@@ -72,10 +72,10 @@ def gepf(
     *,
     config: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Options of the commands (default: gepf.toml, if it is here)."),
+        typer.Option(metavar="FILE", help="Options of the commands (default: gepf.toml in this folder)."),
     ] = None,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Show where an error arose; so does GEPF_DEBUG=1.")
+        bool, typer.Option("--debug", help="Show the traceback of an error, as GEPF_DEBUG=1 does.")
     ] = False,
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
 ) -> None:

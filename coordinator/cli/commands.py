@@ -50,7 +50,7 @@ def demo(
         Path | None, typer.Option(metavar="DIR", help="Folder for the demo (default: gepf-demo).")
     ] = None,
     scene: Annotated[
-        str, typer.Option(metavar="person|arm", help="People who move fast, or the paper's arm behind noise.")
+        str, typer.Option(metavar="person|arm", help="People who move fast, or the paper's arm with noise.")
     ] = "person",
     *,
     quiet: Quiet = False,
@@ -88,7 +88,7 @@ def info(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
     thumbnail: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a frame as PNG.")] = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw floor, walls and people that are found as PNG.")
+        Path | None, typer.Option(metavar="FILE", help="Draw the detected floor, walls and people as PNG.")
     ] = None,
 ) -> None:
     """Show facts about a sequence and its scene: camera, depth, floor, walls, people."""
@@ -160,16 +160,16 @@ def publish(
 
 @app.command(rich_help_panel=HOSTS)
 def certificates(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder; what is good in it stays.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder; valid certificates in it are kept.")],
     workers: Annotated[
-        str, typer.Option(metavar="N|NAME,...", help="How many (worker-0 and so on), or their names.")
+        str, typer.Option(metavar="N|NAME,...", help="Their number (worker-0, ...) or their names.")
     ] = "1",
     hosts: Annotated[
-        str, typer.Option(metavar="HOST,...", help="Where coordinator or router listen; this host is.")
+        str, typer.Option(metavar="HOST,...", help="Other hosts where a coordinator or router listens.")
     ] = "",
-    days: Annotated[int, typer.Option(min=1, help="How long they last.")] = 30,
+    days: Annotated[int, typer.Option(min=1, help="Days of validity.")] = 30,
     mount: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where a router in a container sees the folder.")
+        Path | None, typer.Option(metavar="DIR", help="Path of the folder in a router's container.")
     ] = None,
 ) -> None:
     """Create certificates for an authority, coordinator, router and workers."""
@@ -178,8 +178,8 @@ def certificates(
 
     named = tuple(host.strip() for host in hosts.split(",") if host.strip())
     new = make_certificates(out, choose_names(workers), named, days, mount)
-    made = ", ".join(new) or "nothing, all are there and good"
-    say("gepf", f"new in {out}: {made}; keep ca.key to yourself")
+    made = ", ".join(new) or "nothing, all certificates are valid"
+    say("gepf", f"new in {out}: {made}; keep ca.key secret")
 
 
 @app.command(rich_help_panel=HOSTS)
@@ -208,13 +208,11 @@ def evaluate(
     runs: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of results of gepf track.")],
     truth: Annotated[
         Path | None,
-        typer.Option(
-            "--truth", metavar="FILE", help="Truth of the sequence (default: the one that came with it)."
-        ),
+        typer.Option("--truth", metavar="FILE", help="Ground truth (default: the sequence's own)."),
     ] = None,
     *,
     csv: Annotated[
-        bool, typer.Option("--csv", help="One line a run, with commas; several runs need this.")
+        bool, typer.Option("--csv", help="Print CSV, one line per run; required for several runs.")
     ] = False,
 ) -> None:
     """Compare runs with ground truth; prints one JSON object, or with --csv a table."""

@@ -40,7 +40,7 @@ def read_toml(file: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror}; give another --config") from error
     except ValueError as error:
-        raise InputError(f"{file} is no TOML: {error}; see https://toml.io") from error
+        raise InputError(f"{file} is not valid TOML: {error}; see https://toml.io") from error
 
 
 def defaults_of(command: Command, table: Mapping[str, Any], place: str) -> dict[str, Any]:

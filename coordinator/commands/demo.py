@@ -62,7 +62,7 @@ def make_room(out: Path) -> None:
     try:
         held = [path.name for path in out.iterdir()] if out.exists() else []
         if not all(OURS.fullmatch(name) for name in held):
-            raise InputError(f"'{out}' holds other things than a demo; choose another --out")
+            raise InputError(f"'{out}' contains files that are not from a demo; choose another --out")
         for name in held:
             shutil.rmtree(out / name)
     except OSError as error:

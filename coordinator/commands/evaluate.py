@@ -37,11 +37,10 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
             refuse_another_sequence(run, of_run)
             found[run] = evaluate(tracks[run], read_truth(of_run))
         elif any(truths.values()):
-            logger.warning("left out: the sequence of %s has no truth of this body, or is gone", run)
+            logger.warning("left out: the sequence of %s has no truth for this body, or was moved", run)
     if not found:
         raise InputError(
-            f"the sequence of {runs[0]} has no truth of this body, or is not where it was; "
-            "give it with --truth"
+            f"the sequence of {runs[0]} has no truth for this body, or was moved; give it with --truth"
         )
     if as_csv:
         write_table(found)

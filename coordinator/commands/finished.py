@@ -27,7 +27,7 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
     track, summary = read_track(run), read_summary(run)
     source = find_sequence(run, options.sequence)
     if source is None:
-        raise InputError(f"the frames of {run} are not where they were; say where with --sequence SEQ")
+        raise InputError(f"the frames of {run} were moved; give their path with --sequence SEQ")
     folder = options.color or summary.get(COLOUR)
     numbers = range(int(track.frame[0]), int(track.frame[-1]) + 1)
     colours = ColourFolder(Path(folder), source.intrinsics, numbers) if folder else None

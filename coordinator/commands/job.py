@@ -104,7 +104,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
 def check_outputs(job: Job, *, several: bool) -> None:
     """InputError for outputs that the input does not have, or that nobody could receive."""
     if job.results is None and job.results_json:
-        raise InputError("--publish-json says how results are published; add --publish KEY")
+        raise InputError("--publish-json is the format of published results; add --publish KEY")
     if job.results is not None:
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
@@ -118,7 +118,7 @@ def check_outputs(job: Job, *, several: bool) -> None:
 def choose_settings(options: TrackOptions) -> Settings:
     """The settings of a preset with the user's values. If the noise is given, it is not measured."""
     if options.rotate not in ROTATIONS:
-        raise InputError(f"--rotate {options.rotate} makes no sense; give one of {', '.join(ROTATIONS)}")
+        raise InputError(f"--rotate {options.rotate} is not valid; give one of {', '.join(ROTATIONS)}")
     turn = None if options.rotate == "auto" else int(options.rotate)
     settings = settings_for(options.method, options.preset, options.particles, options.points, options.seed)
     settings = msgspec.structs.replace(settings, rotate_deg=turn)
@@ -134,13 +134,13 @@ def choose_scope(options: TrackOptions) -> Scope:
     """The scope of tracking, without the background."""
     near, far = options.near, options.far
     if near is not None and far is not None and near >= far:
-        raise InputError(f"--near {near:g} is not below --far {far:g}; nothing would count")
+        raise InputError(f"--near {near:g} is not below --far {far:g}; no pixel would remain")
     region = None
     if options.roi is not None:
         left, top, right, bottom = split(options.roi, "--roi", int, 4)
         region = (left, top, right, bottom)
         if not (left < right and top < bottom):
-            raise InputError(f"--roi {options.roi} holds no pixel; give left,top,right,bottom")
+            raise InputError(f"--roi {options.roi} contains no pixel; give left,top,right,bottom")
     person: str | tuple[int, int] = options.person
     if options.person not in WAYS:
         if "," not in options.person:

@@ -55,7 +55,7 @@ def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> lis
     names = [each.name if each.is_dir() else each.stem for each in whole]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise InputError(f"two recordings are called '{twice[0]}'; track them into folders of their own")
+        raise InputError(f"two recordings have the name '{twice[0]}'; track them into different folders")
     runs = [replace(job, sequence=path, out=job.out / name) for path, name in zip(paths, names, strict=True)]
     return runs if seeds is None else [with_seed(run, seed) for run in runs for seed in seeds]
 
@@ -71,10 +71,10 @@ def read_list(file: Path) -> Sequence[Path]:
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {file}: {error}; give a text file with a recording a line") from None
+        raise InputError(f"cannot read {file}: {error}; give a text file, one recording per line") from None
     found = [file.parent / text for line in lines if (text := line.split("#", 1)[0].strip())]
     if not found:
-        raise InputError(f"{file} lists nothing; write one recording a line")
+        raise InputError(f"{file} is empty; write one recording per line")
     return found
 
 

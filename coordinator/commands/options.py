@@ -334,7 +334,7 @@ class ViewOptions:
     port: Annotated[
         int, typer.Option(min=1, max=65534, help="Port of the viewer; the next port is used, too.")
     ] = 9090
-    browser: Annotated[bool, typer.Option(help="Open a browser here.")] = True
+    browser: Annotated[bool, typer.Option(help="Open a browser on this host.")] = True
 
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:

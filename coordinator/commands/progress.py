@@ -123,7 +123,7 @@ def describe(estimate: Estimate, rate: float | None, latency_s: float | None = N
     why = f" ({estimate.why})" if estimate.why and estimate.status != "tracked" else ""
     count = len(estimate.hypothesis_weight)
     if not count:
-        waiting = "waiting for a person to come into the picture" if estimate.status == "absent" else None
+        waiting = "waiting for a person to enter the image" if estimate.status == "absent" else None
         return how_fast + (waiting or f"looking for the person{why}")
     residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
     hypotheses = counted(count, "hypothesis", "hypotheses")

@@ -37,7 +37,7 @@ def run_publish(
     with open_session(reached, "subscriber", key, show) as bus:
         publisher = bus.publish(key)
         if not publisher.followed:
-            show.say(f"waiting for someone to listen to {key}")
+            show.say(f"waiting for a subscriber of {key}")
         while not publisher.followed:
             time.sleep(0.1)
         play(map(source.frame, numbers), options.rate, publisher)

@@ -144,9 +144,9 @@ class RpcClient:
         if alone > ALONE_S and not self._alone_reported:
             self._alone_reported = True
             self._report(
-                "the local worker is not ready yet; the first time it compiles for a minute or so"
+                "the local worker is not ready yet; the first time, compiling takes about a minute"
                 if self._pool.lanes
-                else "no worker is there; waiting for one"
+                else "no worker is connected; waiting for one"
             )
 
     def _count(self, key: str, alive: bool) -> None:
@@ -202,8 +202,8 @@ class RpcClient:
         except SilentWorkers as error:
             raise SilentWorkers(
                 f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (the last was "
-                f"{worker}): the way to them is broken, they hang, or they have too much to do at once, with "
-                "so many particles or points"
+                f"{worker}): the connection is broken, they do not respond, or a request has too many "
+                "particles or points"
             ) from error
         except ProtocolError as error:
             raise ProtocolError(f"no worker can refine the particles: {error}") from error
@@ -218,8 +218,8 @@ class RpcClient:
             part = decode_refined(payload, shape, covariance=refinement.request.covariance)
         except ProtocolError as error:
             self.malformed += 1
-            self._report(f"worker {worker} sent a reply that makes no sense: {error}")
-            return "refused", f"a reply made no sense: {error}"
+            self._report(f"worker {worker} sent an invalid reply: {error}")
+            return "refused", f"invalid reply: {error}"
         refinement.parts[batch.start] = part
         return "refined", ""
 
@@ -229,7 +229,7 @@ def read_refusal(payload: bytes) -> tuple[Outcome, str]:
     try:
         refusal = decode_refusal(payload)
     except VersionError as error:
-        return "refused", f"{error}; install the same gepf on both sides"
+        return "refused", f"{error}; install the same version of gepf on both sides"
     except ProtocolError:
         return "nothing", ""
     return "unavailable" if refusal.retryable else "refused", refusal.reason

@@ -208,7 +208,7 @@ def open_log(path: Path) -> int:
     except BlockingIOError:
         os.close(descriptor)
         raise InputError(
-            f"{path.parent} is in use by a run that is still going on; choose another --out"
+            f"{path.parent} is in use by a run that has not ended; choose another --out"
         ) from None
     if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # the other run just ended
         os.close(descriptor)

@@ -123,11 +123,11 @@ def read_track(folder: Path) -> Track:
     if not folder.is_dir():
         raise InputError(f"no such folder: {folder}; give the --out folder of a finished gepf track")
     if (folder / LOG_FILE).exists():
-        where = f"{folder} holds a run that is still going on or was interrupted"
+        where = f"{folder} holds a run that has not ended or was interrupted"
         if not (folder / TRACK_FILE).exists():
-            raise InputError(f"{where}; end it by the same gepf track command with --resume")
+            raise InputError(f"{where}; finish it with the same gepf track command and --resume")
         logger.warning(
-            "%s, here only its first frames; the same gepf track command with --resume continues", where
+            "%s, only its first frames are used; the same gepf track command with --resume continues", where
         )
     if not (folder / TRACK_FILE).exists():
         people = sorted(each.parent.name for each in folder.glob(f"person*/{TRACK_FILE}"))
@@ -184,7 +184,7 @@ def read_tracked_body(folder: Path) -> TrackedBody:
         held = dict(zip(arrays[HELD_NAMES].tolist(), arrays[HELD_VALUES].tolist(), strict=True))
         same = str(arrays[HASH]) == model.hash
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is not as it was written ({error}); track the sequence again") from error
+        raise InputError(f"{path} is damaged or was changed ({error}); track the sequence again") from error
     if not same:
-        raise InputError(f"{path} is not as it was written; track the sequence again")
+        raise InputError(f"{path} is damaged or was changed; track the sequence again")
     return TrackedBody(model, held)

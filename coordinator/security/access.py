@@ -21,7 +21,7 @@ def read_roster(ca: Path) -> tuple[str, ...]:
     """The admitted workers of an authority; InputError if there is no list."""
     path = ca.parent / ROSTER
     if not path.exists():
-        raise InputError(f"{path} is missing; write the names of the workers to let in there, one a line")
+        raise InputError(f"{path} is missing; write the names of all allowed workers there, one per line")
     return list_workers(path)
 
 
@@ -47,7 +47,7 @@ def choose_names(workers: str) -> tuple[str, ...]:
 def check_worker(name: str) -> str:
     """A valid name of a worker; InputError otherwise."""
     if name in (COORDINATOR, ROUTER):
-        raise InputError(f"a worker cannot be called '{name}'; give another name")
+        raise InputError(f"a worker cannot have the name '{name}'; give another name")
     return check_name("worker name", name)
 
 

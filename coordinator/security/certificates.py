@@ -94,7 +94,7 @@ def host_name(host: str) -> x509.GeneralName:
     try:
         return x509.DNSName(host)
     except ValueError as error:
-        raise InputError(f"'{host}' is not a host name; give names or addresses between commas") from error
+        raise InputError(f"'{host}' is no host name; give names or addresses, separated by commas") from error
 
 
 def make_certificates(
@@ -126,7 +126,7 @@ def find_authority(folder: Path, lifetime: dt.timedelta) -> Issued:
     """The authority in the folder, or a new one if it is missing or expired."""
     certificate, key = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
     if certificate.exists() and not key.exists():
-        raise InputError(f"{key} is missing, which {certificate} signs with; put it back or use a new folder")
+        raise InputError(f"{key} is missing, which {certificate} signs with; restore it or use a new folder")
     if certificate.exists():
         authority = Issued(read_certificate(certificate), read_key(key))
         if authority.certificate.not_valid_after_utc > dt.datetime.now(dt.UTC):
@@ -161,7 +161,7 @@ def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
     try:
         key = load_pem_private_key(path.read_bytes(), password=None)
     except (ValueError, TypeError) as error:
-        raise InputError(f"{path} is not a key; put it back, or use a new folder") from error
+        raise InputError(f"{path} is not a key; restore it, or use a new folder") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise InputError(f"{path} is not a key that gepf certificates made; use a new folder")
     return key

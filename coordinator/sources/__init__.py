@@ -68,9 +68,9 @@ CONVERSIONS = {
     ".oni": f"OpenNI's files need its driver: {DEPTH_PNG}",
     ".xef": f"Kinect Studio's files need its tools: {DEPTH_PNG}",
     ".exr": f"floats in EXR: {DEPTH_PNG}",
-    ".h5": "save depth by numpy.save as (frames, rows, columns), metres, and add --intrinsics fx,fy,cx,cy",
+    ".h5": "save depth with numpy.save as (frames, rows, columns), metres, and add --intrinsics fx,fy,cx,cy",
     ".tiff": f"TIFF is not read: {DEPTH_PNG}",
-    ".png": "give the folder that the pictures are in",
+    ".png": "give the folder that contains the images",
 }
 """Suffix of an unsupported file -> how to convert it."""
 

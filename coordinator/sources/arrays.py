@@ -43,7 +43,7 @@ class ArraySource(Source):
                 f"{name}: depth has shape {array.shape}; give frames of rows of columns (F, H, W)"
             )
         if not 0 < fps < np.inf:
-            raise InputError(f"{name}: {fps} frames a second make no sense; give a positive number")
+            raise InputError(f"{name}: {fps} frames a second is not valid; give a positive number")
         units, scale = whole_depth(array, depth_scale, name)
         camera = pinhole(matrix, array.shape[2], array.shape[1], name)
         super().__init__(name, camera, range(len(units)), units.__getitem__, scale, fps)
@@ -65,7 +65,7 @@ def read_npy(path: Path, options: CameraOptions) -> Source:
     try:
         depth = np.load(path, allow_pickle=False, mmap_mode="r")
     except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path} is damaged or no array of numbers ({error}); save it again") from error
+        raise InputError(f"{path} is damaged or not an array of numbers ({error}); save it again") from error
     scale = options.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
     return ArraySource(depth, options.matrix(path), scale, name=path.stem)
 
@@ -84,10 +84,10 @@ def whole_depth(
             too_far = len(seen) > 0 and np.median(seen) > FARTHEST_M
             depth_scale = MILLIMETRES if too_far else 1.0
             if too_far:
-                logger.warning("%s: depth of %.0f and more is taken as millimetres", name, np.median(seen))
+                logger.warning("%s: depth (median %.0f) is interpreted as millimetres", name, np.median(seen))
         return to_units(values / depth_scale), UNITS_PER_METRE
     if array.dtype.kind not in "iu" or array.min() < 0 or array.max() > np.iinfo(np.uint16).max:
-        raise InputError(f"{name}: depth is not metres as float, nor whole units from 0 to 65535; convert it")
+        raise InputError(f"{name}: depth must be metres as floats or whole units from 0 to 65535; convert it")
     if depth_scale is None or not 0 < depth_scale < np.inf:
         raise InputError(f"{name}: depth in {array.dtype} needs depth_scale, its units per metre; add it")
     return array.astype(np.uint16), float(depth_scale)

@@ -87,7 +87,7 @@ class Frames:
         depth = next(self._pictures, None)
         self._next = place + 1
         if depth is None:
-            raise InputError(f"{self._path}: frame {place} is cut short; copy it again, or use --frames")
+            raise InputError(f"{self._path}: frame {place} is truncated; copy it again, or use --frames")
         return depth if self._pixels is None else undistorted(depth, self._pixels)
 
     def _decode(self, place: int) -> Iterator[NDArray[np.uint16]]:
@@ -107,7 +107,7 @@ def opened(path: Path) -> Any:
     try:
         return av.open(str(path))
     except (av.error.FFmpegError, OSError) as error:
-        raise InputError(f"{path} is damaged or no Matroska file ({error}); copy it again") from error
+        raise InputError(f"{path} is damaged or not a Matroska file ({error}); copy it again") from error
 
 
 def depth_stream(container: Any, path: Path) -> Any:

@@ -85,7 +85,7 @@ class CameraOptions:
         """The user's camera matrix (3, 3); InputError if the recording at `path` needs one."""
         if self.intrinsics is None:
             raise InputError(
-                f"{path} does not say its camera; add --intrinsics fx,fy,cx,cy (pixels), or write "
+                f"{path} does not contain its camera; add --intrinsics fx,fy,cx,cy (pixels), or write "
                 f"{CAMERA_FILE} beside the frames"
             )
         fx, fy, cx, cy = self.intrinsics
@@ -124,9 +124,9 @@ NEAREST_IN_A_ROOM_M, FARTHEST_IN_A_ROOM_M = 0.4, 10.0
 
 def doubt_range(near: float | None, far: float | None) -> str | None:
     """A warning about implausible nearest and farthest depth, metres; None if they are plausible."""
-    scale = "is it in other units? --depth-scale N says how many are a metre"
+    scale = "is the unit right? --depth-scale N gives the units per metre"
     if near is None or far is None:
-        return f"the frames that were looked at show no depth; {scale}"
+        return f"the examined frames have no depth; {scale}"
     if near > FARTHEST_IN_A_ROOM_M or far < NEAREST_IN_A_ROOM_M:
         return f"all depth lies between {near:.3g} and {far:.3g} m; {scale}"
     return None

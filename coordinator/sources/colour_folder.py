@@ -50,7 +50,7 @@ class ColourFolder:
         try:
             opened = Image.open(file)
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-            raise InputError(f"{file} is damaged or no picture; copy it again") from error
+            raise InputError(f"{file} is damaged or not an image; copy it again") from error
         camera = self._camera
         if abs(opened.width * camera.height / camera.width - opened.height) > 1.0:
             opened.close()

@@ -65,8 +65,8 @@ def read_joint_states(path: Path) -> JointStates:
     finite = np.isfinite(times).all() and np.isfinite(values).all()
     if len(times) < 2 or not names or not finite or not (np.diff(times[order]) > 0).all():
         raise InputError(
-            f"{path} holds {len(times)} states of {len(names)} joints; give two or more of finite numbers, "
-            "each of another time"
+            f"{path} has {len(times)} states of {len(names)} joints; give at least two, with finite numbers "
+            "and different times"
         )
     return JointStates(names, times[order], values[order])
 

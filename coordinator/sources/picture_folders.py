@@ -193,4 +193,4 @@ def opened(path: Path) -> Iterator[Image.Image]:
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         reason = "cut short or not a picture" if "cannot identify" in reason else reason
-        raise InputError(f"{path} is damaged or no PNG ({reason}); copy it again") from error
+        raise InputError(f"{path} is damaged or not a PNG file ({reason}); copy it again") from error

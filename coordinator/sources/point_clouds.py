@@ -62,7 +62,7 @@ def read_cloud(path: Path) -> Array:
         raise InputError(f"{path} needs the package {error.name}; pip install 'gepf[coordinator]'") from error
     except Exception as error:  # the readers can raise anything
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{path} is damaged or no point cloud ({reason}); copy it again") from error
+        raise InputError(f"{path} is damaged or not a point cloud ({reason}); copy it again") from error
 
 
 def read_ply(path: Path) -> Array:
@@ -92,7 +92,7 @@ def own_camera(points: Array, path: Path) -> Intrinsics:
     fy, cy, off_y = fit_axis(points[seen][:, 1] / points[seen][:, 2], v[seen])
     if not (fx > 0 and fy > 0 and max(off_x, off_y) < LARGEST_MISFIT_PX):
         raise InputError(
-            f"{path} is organised, but not as a pinhole camera sees it; add {CAMERA_FILE} to the folder"
+            f"{path} is organised, but does not fit a pinhole camera; add {CAMERA_FILE} to the folder"
         )
     return Intrinsics(columns, rows, fx, fy, cx, cy)
 

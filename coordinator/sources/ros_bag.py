@@ -92,7 +92,7 @@ class Bag:
             return read()
         except Exception as error:
             reason = " ".join(str(error).split()) or type(error).__name__
-            raise InputError(f"{self.path} is damaged or no ROS bag ({reason}); copy it again") from error
+            raise InputError(f"{self.path} is damaged or not a ROS bag ({reason}); copy it again") from error
 
     def _connections(self, topic: str) -> list[Any]:
         return [c for c in self._reader.connections if c.topic == topic]
@@ -134,7 +134,7 @@ def units_of(bag: Bag, topic: str) -> float:
     # a float32: 0.0010000000474974513 means 0.001
     metres = float(str(np.float32(bag.message(nearest(topic, options)).data)))
     if not 0 < metres < np.inf:
-        raise InputError(f"{bag.path}: a unit of depth is said to be {metres} m; record it again")
+        raise InputError(f"{bag.path}: the stated unit of depth is {metres} m; record it again")
     return round(1.0 / metres, 6)
 
 

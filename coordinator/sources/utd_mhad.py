@@ -36,7 +36,7 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
     try:
         content = loadmat(path, variable_names=[VARIABLE])
     except Exception as error:  # the reader can raise any exception for a damaged file
-        raise InputError(f"{path} is damaged or no MATLAB 5 file ({error}); copy it again") from error
+        raise InputError(f"{path} is damaged or not a MATLAB 5 file ({error}); copy it again") from error
     depth = np.atleast_3d(content.get(VARIABLE, np.empty(0)))  # MATLAB drops the last axis of a single frame
     with np.errstate(invalid="ignore"):
         whole = depth.astype(np.uint16) if depth.dtype.kind in "iuf" else np.empty(0, np.uint16)

@@ -50,7 +50,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     """
     for kind, value in (("depth", noise_depth), ("lateral", noise_lateral)):
         if value is not None and not 0.0 <= value <= 1.0:
-            raise InputError(f"{kind} noise of {value} m makes no sense; choose from 0 to 1 metre")
+            raise InputError(f"{kind} noise of {value} m is not valid; choose from 0 to 1 metre")
     noise = SensorNoise(noise_depth or 0.0, noise_lateral or 0.0)
     if seed < 0:
         raise InputError(f"seed {seed} is negative; choose 0 or more")

@@ -20,7 +20,7 @@ LEAST_PIXELS = 150  # smallest number that can show a body
 SPAN_SHARES = (0.35, 1.6)  # extent of a person in a frame over stature; else the depth scale is wrong
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-UNEXPLAINED = "the body does not explain what is seen"
+UNEXPLAINED = "the body does not fit the observed points"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ def is_no_person(points: Array, stature: float) -> str:
     some = points[:: -(-len(points) // 1_000)]
     flat = share_on_plane(to_rays(some, USUAL_GROWTH))
     return (
-        f"{100 * flat:.0f} % of what is seen lies in one plane: an object, not a person"
+        f"{100 * flat:.0f} % of the observed points lie in one plane: an object, not a person"
         if flat > FLAT_SHARE
         else ""
     )
@@ -76,7 +76,7 @@ def is_misplaced(rises: float, lowest: float) -> str:
         lowest: Height of the lowest joint above the floor, metres.
     """
     if rises < HEAD_DOWN_M:
-        return "the body is upside down: is the camera? say so with --rotate"
+        return "the body is upside down; if the camera is, use --rotate"
     if lowest < FLOOR_M[0]:
         return f"the body reaches {-100 * lowest:.0f} cm below the floor"
     if lowest > FLOOR_M[1]:

@@ -1,4 +1,4 @@
-"""The fit of the tracker's certainty: it finds the law that data were drawn from, and scores show it."""
+"""The fit of the tracker's certainty recovers the law of synthetic data, and the scores show it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STEEPNESS = 1.5
 
 
 def drawn(seed: int, person: str = "", shift: float = 0.0, size: float = 0.05, kind: str = "") -> Gathered:
-    """Joints whose distance grows the less is seen of them; all other features say nothing."""
+    """Joints with errors that grow as less of them is visible; all other features carry no information."""
     rng = np.random.default_rng(seed)
     features = Features(*rng.uniform(size=(len(Features._fields), FRAMES, JOINTS)))
     direction = rng.normal(size=(FRAMES, JOINTS, 3))
@@ -30,7 +30,7 @@ def drawn(seed: int, person: str = "", shift: float = 0.0, size: float = 0.05, k
 
 
 def test_the_fit_holds_on_data_that_it_has_not_seen() -> None:
-    """68 and 95 % of joints within one and two deviations, seen and hidden; chances rise with the shares."""
+    """68 and 95 % of joints, visible or hidden, are within one and two deviations."""
     found, fresh = fit([drawn(0, "s1")], ["s1"]), drawn(1, "s2")
     scored = score("fresh", [fresh], found)
     for side in (scored.seen, scored.hidden):
@@ -45,7 +45,7 @@ def test_the_fit_holds_on_data_that_it_has_not_seen() -> None:
 
 
 def test_people_and_other_recordings_count_alike_however_many_there_are() -> None:
-    """Beside ten times as many joints that are hardly ever off, the chances are as beside an equal number."""
+    """Ten times as many accurate joints of other kinds have the same effect as an equal number."""
     person = drawn(9, "s1")
     sound = [drawn(10 + k, size=0.025, kind="rendered") for k in range(10)]
     rates = [np.mean(np.concatenate(distances(some)) > 0.15) for some in ([person], sound)]
@@ -56,14 +56,14 @@ def test_people_and_other_recordings_count_alike_however_many_there_are() -> Non
 
 
 def test_a_persons_constant_offset_counts_for_nothing_and_an_exact_truth_has_none() -> None:
-    """The vendor's joints lie elsewhere in the body; rendered people's do not."""
+    """A vendor's joints have constant offsets; those of rendered people do not."""
     plain, of_a_person, exact = drawn(3), drawn(3, "s1", 0.3), drawn(3, "", 0.3)
     assert distances([of_a_person])[0].mean() == pytest.approx(distances([plain])[0].mean(), abs=0.002)
     assert distances([exact])[0].mean() > 0.25
 
 
 def test_joints_that_do_not_hold_count_for_nothing() -> None:
-    """A reference that the depth contradicts changes neither fit nor score."""
+    """A reference that depth contradicts changes neither fit nor score."""
     good, bad = drawn(4, "s1"), drawn(5, "s1")
     bad.apart[:], bad.holds[:] = 3.0, False
     one, both = fit([good], ["s1"]), fit([good, bad], ["s1"])
@@ -72,7 +72,7 @@ def test_joints_that_do_not_hold_count_for_nothing() -> None:
 
 
 def test_a_picture_ends_between_knees_and_hips() -> None:
-    """At the row of the joints' mean place; what is above stays as it was."""
+    """At the row of the joints' mean position; the rows above are unchanged."""
     names = ("left_hip", "right_hip", "left_knee", "right_knee")
     camera = Intrinsics(320, 240, 300.0, 300.0, 160.0, 120.0)
     joints = np.array([[[-0.1, 0.0, 3.0], [0.1, 0.0, 3.0], [-0.1, 0.4, 3.0], [0.1, 0.4, 3.0]]])

@@ -1,4 +1,4 @@
-"""The paper's benchmark: its frames are those of `gepf synth`, its bound is right where it is known."""
+"""The paper's benchmark: its frames are those of `gepf synth`, its bound is right in a known case."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from coordinator.tracking.sensor_noise import SensorNoise
 
 
 def test_frames_are_those_of_synth(tmp_path: Path) -> None:
-    """A frame in memory has the depth that comes back from the file, noise included."""
+    """A frame in memory has the same depth as one read from a file, including noise."""
     noise, scene = SensorNoise(0.15, 0.01), SCENES["arm"]()
     synthesise("arm", tmp_path / "arm", 1, noise.depth, noise.lateral, seed=3)
     with DepthRenderer(scene.camera) as renderer:
@@ -30,7 +30,7 @@ def test_frames_are_those_of_synth(tmp_path: Path) -> None:
 
 
 def test_the_bound_of_a_body_that_moves_along_the_axis_is_that_of_a_mean() -> None:
-    """N pixels whose depth moves with a value give it information N / sigma^2, the outline a little more."""
+    """N pixels whose depth follows a value give information N / sigma^2; the outline adds a little."""
     scene, noise = SCENES["arm"](), SensorNoise(0.15, 0.03)
     with DepthRenderer(scene.camera) as renderer:
         measured, _, count = information(renderer, scene, ("root_tz",), noise, 0)

@@ -1,4 +1,4 @@
-"""What benchmarks compare with: skeletons of the data set, and which of their joints hold."""
+"""The references of benchmarks: skeletons of the data set, and which of their joints are valid."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ needs_people = pytest.mark.skipif(not (DATA / "utd_mhad").exists(), reason="the 
 
 
 def wall(depth_m: float) -> DepthFrame:
-    """A surface at this depth in the picture's left half, and nothing in its right half."""
+    """A surface at this depth in the left half of the image, and no depth in the right half."""
     depth = np.zeros((30, 40), dtype=np.uint16)
     depth[:, :20] = round(1000 * depth_m)
     return DepthFrame(0, 0.0, depth, 1000.0, CAMERA)
 
 
 def write_skeleton(path: Path, skeleton: np.ndarray) -> Path:
-    """A file like the data set's, of a skeleton (20, 3, T)."""
+    """Write a file like those of the data set, with a skeleton (20, 3, T)."""
     scipy.io.savemat(path, {"d_skel": skeleton})
     return path
 
 
 def test_left_and_right_of_the_skeleton_change_places(tmp_path: Path) -> None:
-    """The pictures are mirrored: the SDK's left wrist is our right one; its y points up, ours down."""
+    """The images are mirrored: the SDK's left wrist is our right one; its y points up, ours down."""
     skeleton = np.zeros((20, 3, 1))
     skeleton[LEFT_WRIST_ROW] = [[0.1], [0.2], [2.5]]
     skeleton[RIGHT_KNEE_ROW] = [[-0.3], [-0.4], [2.6]]
@@ -52,7 +52,7 @@ def test_left_and_right_of_the_skeleton_change_places(tmp_path: Path) -> None:
 
 
 def test_depth_frames_meet_the_skeleton_of_two_frames_before(tmp_path: Path) -> None:
-    """Whichever of the two is longer."""
+    """For depth shorter and longer than the skeleton."""
     skeleton = np.broadcast_to(np.arange(1.0, 11.0), (20, 3, 10))
     path = write_skeleton(tmp_path / "skeleton.mat", skeleton)
     for frames, last in ((8, 7), (12, 11), (20, 11)):
@@ -71,7 +71,7 @@ def test_a_joint_lies_behind_the_surface_but_not_far(x: float, z: float, fits: b
 
 
 def test_a_bone_of_unusual_length_contradicts_its_lower_joint() -> None:
-    """A wrist that is half a forearm too far away in one frame counts in all frames but that one."""
+    """A wrist that is half a forearm too far away in one frame is invalid in that frame only."""
     joints = np.random.default_rng(0).random((5, 13, 3))
     joints[:] = joints[0]
     wrist, elbow = JOINTS.index("left_wrist"), JOINTS.index("left_elbow")

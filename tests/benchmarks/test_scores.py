@@ -1,4 +1,4 @@
-"""How benchmarks score, on joints that are known by construction, and what they refuse."""
+"""Scores of benchmarks on known joints, and wrong options."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def outcome(name: str, errors: Array, subject: int = 1) -> Outcome:
 
 
 def trial(name: str, row: str = "row", seed: int = 0) -> Trial:
-    """What was tracked with which seed."""
+    """A trial of a recording with a row and a seed."""
     return Trial(Row(row), 3, seed, Recording(name, Path(name), Path(name), 3, 1))
 
 
 def test_a_constant_offset_is_removed_and_nothing_else() -> None:
-    """Raw errors are the offset of each joint; without it a single jump is left, whole."""
+    """Raw errors are the offset of each joint; without it only a single jump remains, unchanged."""
     errors = np.full((FRAMES, 2), 0.2)
     errors[7, 1] = 0.5
     tracked = outcome("a3_s1", errors)
@@ -49,7 +49,7 @@ def test_a_constant_offset_is_removed_and_nothing_else() -> None:
 
 
 def test_every_joint_counts_the_same_and_the_worst_recording_is_named() -> None:
-    """A long recording weighs more than a short one; what does not hold counts only among all joints."""
+    """A long recording weighs more than a short one; invalid references count only among all joints."""
     good, bad = outcome("a3_s1", np.full((30, 1), 0.02)), outcome("a3_s2", np.full((10, 1), 0.4), 2)
     spoilt = outcome("a3_s3", np.full((10, 1), 0.9), 3)
     spoilt.holds[:] = False
@@ -109,7 +109,7 @@ def die(job: int) -> int:
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 def test_a_crash_is_reported_and_the_others_go_on() -> None:
-    """What raises has its trace, all others have their results; a process that is killed is said to be."""
+    """A job that raises has its traceback, the others have results; a killed process is reported."""
     found = dict(run_forked(fail_or_double, [1, 0, 2, 3], processes=2))
     assert [found[job] for job in (1, 2, 3)] == [2, 4, 6]
     raised = found[0]
@@ -132,7 +132,7 @@ def test_without_data_a_benchmark_says_so(
 
 
 def test_every_setting_is_changed_alone() -> None:
-    """One row for each refine and filter setting, and each is another run than the preset's."""
+    """One row for each refine and filter setting, and each differs from the preset."""
     fields = [*RefineSettings.__struct_fields__, *FilterSettings.__struct_fields__]
     unchanged, *changed = ablation.choose_rows()[:-2]
     assert [row.name.partition("=")[0] for row in changed] == fields
@@ -143,7 +143,7 @@ def test_every_setting_is_changed_alone() -> None:
 
 
 def test_differences_are_paired_by_recording() -> None:
-    """Recordings that differ a lot from each other, and all by ten points from the unchanged: ten, surely."""
+    """Recordings that differ strongly, each by ten points from the unchanged: ten, significant."""
     outcomes = {}
     for n in range(8):
         for name, off in ((ablation.UNCHANGED.name, 5 * n), ("x=1", 5 * n + 10)):
@@ -158,7 +158,7 @@ def test_differences_are_paired_by_recording() -> None:
 
 
 def test_a_linear_map_finds_where_a_reference_has_its_joints() -> None:
-    """A shoulder a tenth of the way towards its elbow, on frames that the map was not learned from."""
+    """A shoulder moved by a tenth of the way to its elbow, on frames not used for the fit."""
     rng, count = np.random.default_rng(0), 400
     rest = rng.normal(size=(len(JOINTS), 3))
     posed = rest + 0.2 * rng.normal(size=(count, *rest.shape))
@@ -175,7 +175,7 @@ def test_a_linear_map_finds_where_a_reference_has_its_joints() -> None:
 
 
 def test_a_room_is_scored_beside_the_recording_without_it() -> None:
-    """By all joints, and by the frames of which the tracker says that it does not know the pose."""
+    """By all joints, and by the frames in which the tracker reports no known pose."""
     alone, inside = outcome("a3_s1", np.zeros((10, 1))), outcome("a3_s1", np.tile([[0.0], [0.3]], (5, 1)))
     inside.status.update(tracked=7, lost=2, absent=1)
     score = rooms.score("plain", alone, inside)

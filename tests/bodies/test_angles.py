@@ -1,4 +1,4 @@
-"""Anatomical angles: what they mean, that both sides agree, and that they do not jump."""
+"""Anatomical angles: meaning, agreement of both sides, continuity."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read(angles: Angles, **values: float) -> dict[str, float]:
 
 @given(turns)
 def test_swing_after_twist_is_the_rotation(quaternion: tuple[float, ...]) -> None:
-    """Law: put together again, swing and twist are the rotation that they were taken from."""
+    """Swing and twist together are the original rotation."""
     rotation = Rotation.from_quat([quaternion])
     swing, twist = swing_twist(rotation.as_quat())
     across = np.stack([swing[:, 0], np.zeros(1), swing[:, 1]], axis=1)
@@ -69,7 +69,7 @@ def test_swing_after_twist_is_the_rotation(quaternion: tuple[float, ...]) -> Non
 def test_the_nearest_swing_is_the_same_swing(
     quaternion: tuple[float, ...], x: float, z: float, limb: bool
 ) -> None:
-    """Whatever it is to lie near, a swing turns the bone to the same place, by 270 degrees at the most."""
+    """Near any other swing, a swing turns the bone to the same direction, by at most 270 degrees."""
     swing, _ = swing_twist(Rotation.from_quat([quaternion]).as_quat())
     near = nearest_swing(swing, np.array([[x, z]]), limb)
     placed = [Rotation.from_rotvec([s[0, 0], 0.0, s[0, 1]]).apply(DOWN) for s in (swing, near)]
@@ -94,7 +94,7 @@ def test_the_nearest_swing_is_the_same_swing(
     ],
 )
 def test_one_joint_moved_is_one_angle(angles: Angles, dof: str, angle: str) -> None:
-    """A degree of freedom that moves alone is read in its plain angle and in no other."""
+    """A degree of freedom that moves alone changes its own angle and no other."""
     rest, moved = read(angles), read(angles, **{dof: 30.0})
     changed = {name for name in moved if abs(moved[name] - rest[name]) > 1e-6}
     assert changed == {angle}
@@ -142,7 +142,7 @@ def left_arm(turned: Rotation, dof_names: tuple[str, ...]) -> Array:
 
 
 def test_euler_angles_jump_where_these_do_not(angles: Angles) -> None:
-    """An abducted arm that dips by a few degrees: its Euler angles leap by 30 in a frame, these by 3."""
+    """An abducted arm that moves by a few degrees: its Euler angles jump by 30 in a frame, these by 3."""
     t = np.radians(np.linspace(-20.0, 20.0, 41))
     raised = Rotation.from_rotvec((ARM_TILT + np.radians(89.7)) * FRONT)
     poses = left_arm(Rotation.from_rotvec(t[:, None] * LEFT) * raised, angles.dof_names)
@@ -160,7 +160,7 @@ def test_an_arm_swung_over_the_head_goes_on(angles: Angles) -> None:
 
 @pytest.mark.parametrize("cone", [15.0, 25.0, 40.0])
 def test_a_swing_that_goes_round_the_vertical_never_leaps(cone: float) -> None:
-    """An arm that circles over the head goes in small steps: only a hop is held against what limbs do."""
+    """An arm that circles over the head has small steps: only a jump is compared with the range of limbs."""
     round_it = np.radians(np.linspace(0.0, 360.0, 73))
     bone = np.stack([np.cos(round_it), np.zeros(73), np.sin(round_it)], axis=1)
     across = Rotation.from_rotvec(bone * np.radians(180.0 - cone))
@@ -173,7 +173,7 @@ def test_a_swing_that_goes_round_the_vertical_never_leaps(cone: float) -> None:
 
 
 def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None:
-    """The pelvis' turn is counted on, and forward tilt stays that of the person's own front."""
+    """The turn of the pelvis is continuous, and forward tilt is relative to the person's own front."""
     poses = np.zeros((100, len(angles.dof_names)))
     poses[:, angles.dof_names.index("root_ry")] = -np.radians(np.linspace(0.0, 720.0, 100))
     found = np.degrees(angles.follow(poses))
@@ -188,7 +188,7 @@ def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None
 
 
 def test_a_neck_that_only_tilts_has_one_angle() -> None:
-    """Nothing is said of a turn that is not tracked. A turn that is held makes all three of them."""
+    """Without a tracked turn there is one angle; with a held turn there are all three."""
     angles = person_angles((*ROOT_DOFS, "vc7_tilt", "l_elbow_flexion"), {})
     assert [name for name in angles.names if name.startswith("neck")] == ["neck_flexion"]
     pose = np.zeros((1, 8))
@@ -236,7 +236,7 @@ def test_isb_angles_are_the_euler_angles_y_x_y(quaternion: tuple[float, ...]) ->
 
 @pytest.mark.parametrize("backward", [20.0, 30.0, 80.0])
 def test_an_arm_found_again_over_the_head_is_not_said_to_be_behind(angles: Angles, backward: float) -> None:
-    """A hop from behind the trunk to over the head: the shorter way would be backward, which no arm goes."""
+    """A jump from behind the trunk to over the head: the shorter way is backward, which no arm can move."""
     flexions = np.radians([-backward, 160.0, 130.0, 100.0, 70.0])
     poses = np.zeros((5, len(angles.dof_names)))
     poses[:, angles.dof_names.index("r_shoulder_flexion")] = flexions

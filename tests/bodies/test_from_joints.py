@@ -1,4 +1,4 @@
-"""Angles from joints alone: those that the body's own pose has."""
+"""Angles from joint positions are those of the body's pose."""
 
 from __future__ import annotations
 

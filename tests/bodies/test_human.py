@@ -86,7 +86,7 @@ def test_the_papers_degrees_of_freedom_can_be_activated(model: BodyModel) -> Non
 
 @pytest.mark.parametrize("girth", [0.85, 1.0, 1.25])
 def test_the_surface_is_closed(girth: float) -> None:
-    """Each edge is passed once in each direction, in one piece without handles, slim or stout."""
+    """Each edge occurs once in each direction, in one piece without handles, slim or stout."""
     body = human(1.75, girth)
     edges = directed_edges(body.triangles)
     assert len(np.unique(edges, axis=0)) == len(edges)
@@ -208,6 +208,6 @@ def test_single_measures_can_be_set() -> None:
     ],
 )
 def test_measures_that_no_person_has_are_refused(measures: dict[str, float], message: str) -> None:
-    """The error says how to mend it."""
+    """The error says how to correct it."""
     with pytest.raises(InputError, match=message):
         human(**measures)

@@ -39,7 +39,7 @@ def test_the_moved_surface_is_the_meshed_one(measures: Measures) -> None:
 
 
 def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
-    """Whoever was measured before is still that person; what the file leaves out follows from stature."""
+    """An earlier file gives the same person; measures that the file omits follow from stature."""
     path = tmp_path / "person.json"
     path.write_text(json.dumps(asdict(PEOPLE[-1])))
     assert load_body(str(path)).hash == shape_space().person(PEOPLE[-1]).hash
@@ -55,11 +55,11 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
         ({"stature": 1.8, "shoulder_below": 0.02}, "unknown measure 'shoulder_below'; leave it out"),
         ({"stature": 180.0}, "is implausible; give metres"),
         ({"thigh": "long"}, 'thigh is "long"; give a finite number'),
-        ([1.8], "holds no names with numbers; write {measure: metres}"),
+        ([1.8], "contains no names with numbers; write {measure: metres}"),
     ],
 )
 def test_a_file_that_is_no_persons_is_refused_in_one_line(tmp_path: Path, content: object, says: str) -> None:
-    """An entry that is no measure (any more), or one that makes no sense; the line names the file."""
+    """An entry that is not a measure (any more), or is implausible; the line names the file."""
     path = tmp_path / "person.json"
     path.write_text(json.dumps(content))
     with refused() as raised:

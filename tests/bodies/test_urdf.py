@@ -140,7 +140,7 @@ def robot(joint: str = "", link: str = "", extra: str = "") -> str:
 
 
 def test_a_joint_that_mimics_moves_on_its_own(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Grippers' second fingers are tracked like any joint, and that is said."""
+    """The second finger of a gripper is tracked like any joint, which is reported."""
     path = tmp_path / "gripper.urdf"
     path.write_text(robot("<mimic joint='k'/>"))
     assert read_urdf(path).dof_names == (*ROOT_DOFS, "j")
@@ -150,24 +150,24 @@ def test_a_joint_that_mimics_moves_on_its_own(tmp_path: Path, caplog: pytest.Log
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("not xml", "is no URDF"),
+        ("not xml", "is not a URDF file"),
         (robot().replace("revolute", "planar"), "joint 'j' is planar"),
         ("<robot name='r'><link name='a'>", "its XML is damaged"),
-        ("<mujoco/>", "it is a <mujoco>, not a <robot>"),
-        (robot().replace("child link='b'", "child link='c'"), "no single tree"),
-        (robot("<limit lower='${low}' upper='1'/>"), "holds xacro's macros; run xacro"),
+        ("<mujoco/>", "its root is <mujoco>, not <robot>"),
+        (robot().replace("child link='b'", "child link='c'"), "are not one tree"),
+        (robot("<limit lower='${low}' upper='1'/>"), "contains xacro macros; run xacro"),
         (robot("<axis xyz='0 0 0'/>").replace("<axis xyz='0 0 1'/>", ""), "axis of joint 'j' is zero"),
         (robot("<limit lower='1' upper='-1' effort='1' velocity='1'/>"), "lower limit above"),
-        (robot().replace("'j'", "'root_tx'"), "'root_tx' is there twice"),
-        (robot(extra="<link name='c'/>"), "no single tree"),
-        (robot().replace("child link='b'", "child link='a'"), "no single tree"),
+        (robot().replace("'j'", "'root_tx'"), "'root_tx' is used twice"),
+        (robot(extra="<link name='c'/>"), "are not one tree"),
+        (robot().replace("child link='b'", "child link='a'"), "are not one tree"),
         (robot(link="<visual><geometry><mesh filename='gone.stl'/></geometry></visual>"), "mesh gone.stl"),
         ("<robot name='r'><link name='a'/></robot>", "no surface"),
-        ("<robot name='r'/>", "no single tree"),
+        ("<robot name='r'/>", "are not one tree"),
     ],
 )
 def test_what_cannot_be_tracked_is_refused_in_one_line(text: str, message: str, tmp_path: Path) -> None:
-    """Whatever is wrong with a file is the user's to mend, and says so."""
+    """Each fault of a file is reported as the user's, with a correction."""
     path = tmp_path / "robot.urdf"
     path.write_text(text)
     with refused(message):

@@ -1,4 +1,4 @@
-"""Faults of the user's input: exit code 2, one line that names fault and mend, and nothing half-written."""
+"""Wrong input: exit code 2, one line with the fault and its correction, and no partial files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _no_traces(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def no_workers(*_: object) -> NoReturn:
-    """No worker is ever started for input that is at fault."""
+    """No worker is started for wrong input."""
     raise AssertionError("workers were asked for")
 
 
@@ -96,7 +96,7 @@ def with_file(name: str, content: str) -> Damage:
 def test_a_damaged_folder_is_refused(
     sequence: Path, tmp_path: Path, refused: Callable[..., str], damage: Damage, says: str
 ) -> None:
-    """What is wrong with a recording's files or first frame is found before anything is written.
+    """Faults of a recording's files or first frame are found before anything is written.
 
     `tests.sources` has what else there is; `tests.results.test_resume` what happens at a later frame.
     """
@@ -162,7 +162,7 @@ def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Call
     assert "unknown scene 'leg'; choose from arm" in refused("synth", "leg", "--out", tmp_path / "seq")
     assert "--frames" in refused("synth", "arm", "--out", tmp_path / "seq", "--frames", "x")
     (tmp_path / "thesis.tex").touch()
-    assert "holds other things than a demo; choose another --out" in refused("demo", "--out", tmp_path)
+    assert "files that are not from a demo; choose another --out" in refused("demo", "--out", tmp_path)
     assert "unknown scene 'dog'; choose from person, arm" in refused("demo", "--scene", "dog")
     assert "No such command 'trak'. Did you mean 'track'?" in refused("trak")
     assert "Missing argument" in refused("track", "--out", tmp_path / "out")
@@ -171,7 +171,7 @@ def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Call
 
 
 def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """The run's own track, and rubbish, of which nobody need know how it is read."""
+    """The run's own track, and a file of another kind."""
     body, junk = human(), tmp_path / "junk.npz"
     write_run(tmp_path / "run", body, swing(body, 3))
     (tmp_path / "run" / "summary.json").write_text("{}")
@@ -180,7 +180,7 @@ def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Calla
         "evaluate", tmp_path / "run", "--truth", own
     )
     junk.write_bytes(b"weeks of work")
-    assert "junk.npz is damaged or no .npz file; make it again" in refused(
+    assert "junk.npz is damaged or not an .npz file; create it again" in refused(
         "evaluate", tmp_path / "run", "--truth", junk
     )
 
@@ -194,7 +194,7 @@ def test_bodies_list_their_degrees_of_freedom(capsys: pytest.CaptureFixture[str]
 
 
 def test_the_process_itself_ends_with_two_and_one_line(tmp_path: Path) -> None:
-    """As a shell sees it: no trace, no box, nothing on stdout."""
+    """In a shell: no traceback, no box, nothing on stdout."""
     code = "import sys; from coordinator.cli import main; sys.exit(main())"
     for arguments, says in (
         (["track", str(tmp_path / "nowhere"), "--out", str(tmp_path / "out")], "no such file or folder"),

@@ -1,4 +1,4 @@
-"""`gepf track` of what a camera sees that turns slowly, or that does not see all of the person."""
+"""`gepf track` with a slowly moving camera, and with a person partly outside the image."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_camera_that_turns_slowly_keeps_the_person(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("top", "bottom"), [(0, 180), (60, CAMERA.height)])
 def test_who_is_cropped_is_found(tmp_path: Path, top: int, bottom: int) -> None:
-    """Without feet or head: what is in the picture is right after a few frames, and wherever it is `tracked`.
+    """Without feet or head: visible joints are right after a few frames, and in every `tracked` frame.
 
     The rest is not said to be seen.
     """

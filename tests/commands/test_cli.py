@@ -55,7 +55,7 @@ def test_help_and_version_go_to_stdout(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_help_waits_for_no_library() -> None:
-    """What takes long to load is not loaded to print a page."""
+    """Libraries that load slowly are not loaded for a help page."""
     code = (
         "import sys; from coordinator.cli import main; main(['track', '--help']);"
         "sys.exit(' '.join({'numpy', 'numba', 'scipy', 'zenoh', 'matplotlib', 'open3d'}"

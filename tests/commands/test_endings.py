@@ -1,4 +1,4 @@
-"""How a run, a real process, ends early: by a signal, or left without workers; and how it goes on."""
+"""A run in a real process that ends early, by a signal or without workers, and its continuation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
 
 @pytest.fixture
 def out(place: Place, tmp_path: Path) -> Iterator[Path]:
-    """Where a disturbed run goes; at the end it must be gone on with, and have the bytes of the calm one."""
+    """The folder of a disturbed run; afterwards it must continue to the bytes of the undisturbed run."""
     yield tmp_path / "out"
     with place.workers(late=1):
         assert place.finish(tmp_path / "out", "--resume") == (place.folder / "calm/track.npz").read_bytes()
@@ -39,7 +39,7 @@ def out(place: Place, tmp_path: Path) -> Iterator[Path]:
 def test_a_signal_ends_it_well(
     place: Place, out: Path, tmp_path: Path, number: signal.Signals, frames: int
 ) -> None:
-    """Its worker ends with it, the frames are kept, and a line says how to go on."""
+    """Its worker ends with it, the frames are kept, and a line says how to continue."""
     run = place.begin(out, "--workers", "1", log=tmp_path / "log")
     wait_until(lambda: recorded(out) >= frames)
     assert run.pid is not None
@@ -59,13 +59,13 @@ def test_a_signal_ends_it_well(
 
 
 def test_without_workers_it_says_so_and_waits(place: Place, out: Path, tmp_path: Path) -> None:
-    """One line, and it goes on as soon as one comes, under the old name."""
+    """One line, and it continues when a worker joins under the old name."""
     log = tmp_path / "log"
     run = place.begin(out, log=log)
     with place.workers(a=1) as workers:
         wait_until(lambda: recorded(out) >= 2)
         workers.kill("a")
-        wait_until(lambda: "no worker is there; waiting for one" in log.read_text())
+        wait_until(lambda: "no worker is connected; waiting for one" in log.read_text())
         kept = recorded(out)
         time.sleep(0.5)
         assert recorded(out) == kept < FRAMES
@@ -75,7 +75,7 @@ def test_without_workers_it_says_so_and_waits(place: Place, out: Path, tmp_path:
 
 
 def test_a_wait_for_workers_has_an_end(place: Place, out: Path, tmp_path: Path) -> None:
-    """--worker-timeout: exit code 1, one line, and what was recorded is in the folder, to be gone on with."""
+    """--worker-timeout: exit code 1, one line, and the recorded frames are in the folder for --resume."""
     log = tmp_path / "log"
     run = place.begin(out, "--worker-timeout", "3", log=log)
     with place.workers(a=1) as workers:
@@ -91,7 +91,7 @@ def test_a_wait_for_workers_has_an_end(place: Place, out: Path, tmp_path: Path) 
 
 
 def test_a_full_disk_is_told_with_what_to_do() -> None:
-    """The system's error is no riddle: what is full, and how a run goes on."""
+    """The message says which file failed, and how to continue the run."""
     told = describe_fault(OSError(errno.ENOSPC, "No space left on device", "run/frames.log"))
     assert told.startswith("no space is left on the disk for run/frames.log; make room")
     assert "--resume" in told

@@ -25,7 +25,7 @@ def imported(file: Path) -> Iterator[str]:
 
 
 def test_the_base_install_is_what_a_worker_imports() -> None:
-    """No package too many and none too few: a worker's host has nothing else."""
+    """Exactly the packages that a worker needs."""
     declared = {re.split(r"[^\w-]", requirement)[0] for requirement in PROJECT["dependencies"]}
     files = [file for room in ("common", "worker") for file in (ROOT / room).rglob("*.py")]
     foreign = {name for file in files for name in imported(file)} - set(sys.stdlib_module_names)

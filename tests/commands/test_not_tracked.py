@@ -1,4 +1,4 @@
-"""Whole runs, workers and all, of an empty room and of somebody upside down: what is said and left."""
+"""Whole runs, with workers, of an empty room and of a person upside down: messages and files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(
 
 @pytest.mark.parametrize("rotate", ["180", "auto"])
 def test_a_camera_upside_down_is_turned(tmp_path: Path, rotate: str) -> None:
-    """As --rotate says, or as it is found; said with --rotate, up is known to exports too."""
+    """By --rotate, or detected; with --rotate, exports know the vertical, too."""
     frame = shown("standing").frames[0]
     depth = np.repeat(frame.depth[None, ::-1, ::-1], 2, axis=0)
     camera = frame.intrinsics

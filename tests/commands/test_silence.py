@@ -1,4 +1,4 @@
-"""Workers that are there and do not answer: a run connects anew, and goes on."""
+"""Workers that are connected and do not answer: a run reconnects and continues."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from tests.support.stand_ins import sequence  # noqa: F401 fixture
 
 
 class FallsSilent(ZenohRefiner):
-    """Real workers, to whom the way is broken from some request on."""
+    """Real workers whose connection fails after a number of requests."""
 
     def __init__(self, pool: Pool, show: Show, requests: int) -> None:
         super().__init__(pool, show.say)
         self._left = requests
 
     def submit(self, *asked: Any, **how: Any) -> Refinement:
-        """Pass it on, as long as there is a way."""
+        """Submit, until the connection fails."""
         self._left -= 1
         if self._left < 0:
             raise SilentWorkers("silence")
@@ -70,7 +70,7 @@ def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, tmp_path: Pa
 
 
 def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: Path) -> None:
-    """As every fault of the bus does."""
+    """Like every fault of the bus."""
     opened = list[int]()
 
     def connect(pool: Pool, show: Show) -> ZenohRefiner:

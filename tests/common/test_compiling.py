@@ -1,4 +1,4 @@
-"""Compiled kernels are kept while all the sources that they stand on stay the same, and not longer."""
+"""Compiled kernels are cached while all sources that they depend on are unchanged, and not longer."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def result(root: Path, **environment: str) -> str:
 
 
 def test_a_kernel_is_compiled_anew_when_what_it_stands_on_changed(checkout: Path) -> None:
-    """What it calls, or a constant of that; it is kept while nothing has, or a file it does not stand on."""
+    """A called kernel or its constant; it stays cached if nothing or an unrelated file changes."""
     assert result(checkout) == "4 0"
     (checkout / "worker" / "other.py").write_text("FACTOR = 5\n")
     assert result(checkout) == "4 1"
@@ -108,7 +108,7 @@ def test_where_nothing_can_be_written_the_user_is_told_what_helps(checkout: Path
 
 
 def test_no_file_takes_numba_from_elsewhere() -> None:
-    """It would keep its kernels though what they call has changed."""
+    """Otherwise kernels would stay cached although a called kernel has changed."""
     files = [
         file
         for folder in ("common", "worker", "coordinator", "gepf")

@@ -39,7 +39,7 @@ def write(file: Path, text: str) -> None:
 def test_quotas_of_control_groups_limit_the_affinity(
     tmp_path: Path, files: dict[str, str], cores: int
 ) -> None:
-    """Of any group that holds the process; what cannot be read limits nothing."""
+    """Quotas of all groups of the process; unreadable ones set no limit."""
     for name, text in files.items():
         write(tmp_path / name, text)
     assert usable_cores(tmp_path / "groups", tmp_path / "membership") == cores

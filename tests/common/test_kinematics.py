@@ -198,7 +198,7 @@ def test_a_ball_can_spin_on_for_turns(place: int) -> None:
 
 
 def test_angles_do_not_jump() -> None:
-    """On a long walk no angle leaps by a turn, and away from singular poses it moves as the step does."""
+    """In a long sequence no angle jumps by a turn, and away from singular poses it follows the steps."""
     model, rng = puppet(), np.random.default_rng(3)
     pose = np.zeros((1, len(model.dof_names)))
     travelled, calm = 0.0, 0

@@ -1,4 +1,4 @@
-"""Messages: what goes in comes out, and whatever else comes in is refused by an error of our own."""
+"""Messages are decoded to what was encoded; all else is refused with an error of our own."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_reply_may_be_infinite_but_for_its_poses() -> None:
 
 
 def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
-    """A stranger's reason is shown to people: as text, and shortened where it is too long."""
+    """The reason of an unknown peer is shown as plain text, shortened if it is too long."""
     assert len(encode_refusal("x" * 5000)) < 2000
     assert decode_refusal(encode_refusal("no\x1b[2J\r\nmore\u202e")).reason == "no [2J  more "
 
@@ -209,7 +209,7 @@ def test_unknown_fields_are_refused(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_truncation_is_refused(kind: str) -> None:
-    """No beginning of a message passes for a message."""
+    """A truncated message is refused."""
     payload = KINDS[kind].payload
     for end in range(0, len(payload), max(1, len(payload) // 300)):
         refuse(kind, payload[:end], f"not a .*{NAMES.get(kind, kind)}.* message")
@@ -230,12 +230,12 @@ def test_every_truncation_is_refused(kind: str) -> None:
     ids=["empty", "nil", "deep", "deep-field", "huge-map", "reserved", "text"],
 )
 def test_rubbish_is_refused(kind: str, payload: bytes) -> None:
-    """What is no message at all is refused."""
+    """Bytes that are no message are refused."""
     refuse(kind, payload, f"not a .*{NAMES.get(kind, kind)}.* message")
 
 
 def test_too_large_is_refused_unread() -> None:
-    """A message above the limit is not even looked into."""
+    """A message above the size limit is refused before it is decoded."""
     refuse("frame", bytes(2**27), "134217728 bytes is above the limit of")
 
 

@@ -1,4 +1,4 @@
-"""Real processes that are really killed, frozen and slowed: no byte of a run changes."""
+"""Real processes that are killed, frozen and slowed: no byte of a run changes."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_workers_that_are_killed_frozen_and_slowed_change_no_byte(tmp_path: Path
 
 @pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_killed_coordinator_goes_on_with_the_same_bytes(tmp_path: Path, kills: int) -> None:
-    """Whether it had begun or not, and whatever it was doing."""
+    """At any time of the run."""
     place, rng, hits = Place(tmp_path, 40), random.Random(2), 0
     with place.workers(a=1, b=2):
         calm = place.finish(tmp_path / "calm")

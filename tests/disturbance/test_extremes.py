@@ -1,4 +1,4 @@
-"""Whatever the decoders accept the worker computes, in bounded time, and the coordinator accepts in turn."""
+"""A worker computes every request that decoders accept, in bounded time; a coordinator accepts the reply."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_noise_without_measure_gives_numbers(settings: RefineSettings) -> None:
 
 
 def test_work_without_end_is_refused() -> None:
-    """Each number of a request is within its bounds, and all together would take days."""
+    """Each number of a request is within its bounds, but together they would take days."""
     check_work(RefineSettings(icp_iterations=6), 1000, 10_000, 7_000)
     many = RefineSettings(icp_iterations=100)
     with pytest.raises(ProtocolError, match="steps of work, expected 1e"):
@@ -57,7 +57,7 @@ def test_work_without_end_is_refused() -> None:
 
 
 def test_drawing_ends() -> None:
-    """However many triangles fill the picture, so many pixels are drawn and no more."""
+    """For any number of triangles, the number of drawn pixels is limited."""
     side = LARGEST_SIDE_PX
     corners = np.array([[0.0, 0.0], [0.0, 2.0 * side], [2.0 * side, 0.0]])  # the last of them is nearest
     full = MOST_PIXELS // side**2
@@ -97,7 +97,7 @@ def test_settings_of_extremes_are_all_settings() -> None:
 
 @pytest.mark.parametrize("name", ["paper", "default"])
 def test_a_filter_survives_any_answer(name: str) -> None:
-    """A worker that makes all of it up ends no coordinator: what is believed stays a number."""
+    """Invented replies do not end a coordinator: the filter's state stays finite."""
     settings, rng, liar = preset(name).filter, np.random.default_rng(0), np.random.default_rng(1)
     model = tiny_model()
 

@@ -179,7 +179,7 @@ def to_worker(endpoint: str) -> Messages:
 
 
 class Liar(Service):
-    """A worker who is honest just often enough to be asked on: two of three answers are nonsense."""
+    """A worker that is honest often enough to be used further: two of three answers are invalid."""
 
     def __init__(self, bus: Bus, name: str, seed: int, heard: Counter[str]) -> None:
         super().__init__(bus, name, KERNEL)
@@ -216,7 +216,7 @@ class Liar(Service):
 
 
 def to_coordinator(endpoint: str) -> Messages:
-    """Lie to a live coordinator; each frame still ends with its bytes."""
+    """Send false replies to a coordinator; each frame still has its bytes."""
     said: list[str] = []
     heard: list[Counter[str]] = [Counter() for _ in range(LIARS)]
     told = 0
@@ -269,7 +269,7 @@ def test_hostile_messages_do_no_harm(
     endpoint: str,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """No error but of our own tree, no silence, no growth of memory, and the right bytes."""
+    """Only errors of our own classes, no missing answer, no growth of memory, and the right bytes."""
     outcomes: Counter[str] = Counter()
     memory = list[int]()
     caplog.set_level(logging.CRITICAL)  # each refusal is a warning, and would be kept

@@ -172,7 +172,7 @@ def site(calm: Path, folder: Path) -> Iterator[Site]:
 
 @pytest.fixture(scope="module")
 def calm(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A calm run of the sequence beside it, with one worker of the same host."""
+    """An undisturbed run of the sequence, with one worker on the same host."""
     place = Place(tmp_path_factory.mktemp("hosts"), FRAMES)
     with place.workers(w0=1):
         place.finish(place.folder / "calm")
@@ -195,7 +195,7 @@ def test_a_run_across_hosts_has_the_bytes_of_a_local_one(calm: Path, tmp_path: P
 
 
 def test_a_worker_whose_cable_is_pulled_and_put_back_is_given_work_again(calm: Path, tmp_path: Path) -> None:
-    """What it was at is sent elsewhere, the others go on, and it takes part again: no byte changes."""
+    """Its work is sent to others, which continue, and it takes part again: no byte changes."""
     with site(calm, tmp_path) as hosts:
         hosts.network.pull(hosts.hosts["w0"])
         hosts.await_leaving(["w0"])

@@ -1,4 +1,4 @@
-"""Documents are true: what they link to and name exists, and what they print can be typed."""
+"""Documents are true: links and names exist, and printed commands work."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_every_named_file_and_function_is_there(path: str, name: str) -> None:
 
 
 def test_the_tree_has_every_package_and_no_other() -> None:
-    """A package that is new, or gone, is so in docs/architecture.md, too."""
+    """docs/architecture.md lists exactly the existing packages."""
     (tree,) = re.findall(r"```text\n(.*?)```", ARCHITECTURE.read_text(), re.DOTALL)
     listed, parent = set(), ""
     for line in tree.splitlines():

@@ -1,4 +1,4 @@
-"""glTF: valid by Khronos' own validator, and the skinned surface is the tracked one in every frame."""
+"""glTF: valid by Khronos' validator, and the skinned surface is the tracked one in every frame."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_joints_and_skin_lie_where_the_track_has_them(tmp_path: Path, body: str)
 
 
 def test_times_status_and_frames_are_written(tmp_path: Path) -> None:
-    """Seconds from zero at the run's rate; what was lost stands in `extras`."""
+    """Seconds from zero at the run's rate; lost frames are listed in `extras`."""
     write_run(tmp_path / "run", person(), swing(person(), 4), lost=(1,))
     export_run(tmp_path / "run", "glb", tmp_path / "x.glb")
     gltf = pygltflib.GLTF2.load(str(tmp_path / "x.glb"))

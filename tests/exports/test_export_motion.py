@@ -1,4 +1,4 @@
-"""MOT and C3D, opened by OpenSim and by a C3D reader that is not ours; and the low pass."""
+"""MOT and C3D, read by OpenSim and by an independent C3D reader; and the low pass."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def opensim_table(path: Path) -> tuple[list[str], Array, Array]:
 
 
 def test_opensim_reads_the_angles(tmp_path: Path) -> None:
-    """Every angle is there in degrees under its plain name, at its frame's time; lost frames are not."""
+    """Every angle in degrees under its plain name, at its frame's time; lost frames are omitted."""
     body = person()
     write_run(tmp_path / "run", body, swing(body, 20), lost=(3,))
     export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
@@ -48,7 +48,7 @@ def test_opensim_reads_the_angles(tmp_path: Path) -> None:
 
 
 def test_opensims_coordinates_turn_as_its_model_does(tmp_path: Path) -> None:
-    """Put together about Z, X, Y along its chain, OpenSim's coordinates point both thighs where they are."""
+    """Applied about Z, X, Y along its chain, OpenSim's coordinates give the direction of both thighs."""
     body = person()
     track = write_run(tmp_path / "run", body, swing(body, 20))
     export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
@@ -129,7 +129,7 @@ def test_a_low_pass_takes_the_tremor_and_shifts_nothing(tmp_path: Path) -> None:
 
 
 def test_the_cut_off_is_where_half_the_power_is_left(tmp_path: Path) -> None:
-    """Both passes together leave 71 % of a sine at the cut-off, as laboratories mean it."""
+    """Both passes together leave 71 % of a sine at the cut-off, as is usual in laboratories."""
     body = hinges()
     t = np.arange(400) / RATE
     poses = np.stack([np.sin(2.0 * np.pi * 3.0 * t), np.zeros_like(t)], axis=1)
@@ -140,7 +140,7 @@ def test_the_cut_off_is_where_half_the_power_is_left(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("status", ["lost", "searching", "absent"])
 def test_frames_whose_pose_is_not_known_do_not_bend_their_neighbours(tmp_path: Path, status: str) -> None:
-    """What they report counts for nothing, be it more than a turn: all is as if the motion had gone on."""
+    """Their values are ignored, even more than a turn: the result is as if the motion had continued."""
     body = hinges()
     poses = np.full((60, 2), 0.3)
     poses[30:33] = [[3.0], [5.8], [8.4]]
@@ -162,7 +162,7 @@ def test_balls_are_low_passed_as_rotations() -> None:
 
 
 def test_a_cut_off_that_cannot_be_is_one_line(tmp_path: Path) -> None:
-    """Above half the rate there is nothing to cut, and two frames are no motion."""
+    """A cut-off above half the rate, and a run of two frames."""
     body = hinges()
     write_run(tmp_path / "run", body, swing(body, 9))
     run = read_run(tmp_path / "run")
@@ -174,7 +174,7 @@ def test_a_cut_off_that_cannot_be_is_one_line(tmp_path: Path) -> None:
 
 
 def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file in the way is an error that names --force; with it, what was written is said."""
+    """An existing file is an error that names --force; with it, a line says what was written."""
     body = hinges()
     write_run(tmp_path / "run", body, swing(body, 9), lost=(2,))
     out = tmp_path / "angles.csv"
@@ -193,7 +193,7 @@ def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_frames_before_a_person_was_found_are_empty_in_csv_and_json(tmp_path: Path) -> None:
-    """Their numbers would be made up: NaN as in the run's own CSV, null in JSON; low-passed, too."""
+    """Their values are not known: NaN as in the run's own CSV, null in JSON; also with the low pass."""
     body = hinges()
     track = write_run(tmp_path / "run", body, swing(body, 9), lost=(0, 1))
     for values in (track.pose, track.joint_positions, track.hypothesis_pose, track.hypothesis_weight):
@@ -213,7 +213,7 @@ def test_frames_before_a_person_was_found_are_empty_in_csv_and_json(tmp_path: Pa
 
 
 def test_a_folder_of_runs_names_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Several recordings leave a run each in a folder; the line for that folder names one of them."""
+    """Several recordings have a run each in a folder; for that folder, the line names one of them."""
     body = hinges()
     write_run(tmp_path / "runs" / "walk", body, swing(body, 9))
     command = ["export", str(tmp_path / "runs"), "--to", "csv", "--out", str(tmp_path / "x.csv")]

@@ -1,4 +1,4 @@
-"""Exports that carry a skeleton or markers, opened by readers that are not ours."""
+"""Exports with a skeleton or markers, read by independent readers."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_bvh_has_the_rate_the_names_and_the_tree_of_the_run(tmp_path: Path) ->
 
 
 def test_a_trc_reader_finds_every_marker_where_the_track_has_it(tmp_path: Path) -> None:
-    """Names, rate, times and places; lost frames have no markers."""
+    """Names, rate, times and positions; lost frames have no markers."""
     model = person()
     track = write_run(tmp_path / "run", model, swing(model, 5), lost=(2,))
     export_run(tmp_path / "run", "trc", tmp_path / "run.trc")

@@ -1,4 +1,4 @@
-"""A pitched or turned camera does not tilt what comes out: a person through it and through a level one."""
+"""A pitched or rotated camera does not tilt the exports: compared with a level camera."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def through(turn: Array, poses: Array) -> Array:
 
 @pytest.fixture(params=CAMERAS)
 def runs(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, Path, BodyModel]:
-    """The folders of a run through a level camera, and of the same through another."""
+    """The folders of a run with a level camera, and of the same run with another."""
     model, turn = person(), CAMERAS[request.param]
     poses = swing(model, 4)
     write_run(tmp_path / "level", model, poses)
@@ -72,7 +72,7 @@ def assert_same_but_heading(level: Array, turned: Array, within: float) -> None:
 
 
 def test_bvh_glb_trc_and_c3d_stand_upright(runs: tuple[Path, Path, BodyModel]) -> None:
-    """Other people's readers find every joint as through the level camera, but for the heading."""
+    """Independent readers find every joint as with the level camera, except for the heading."""
     *folders, model = runs
     found: dict[str, list[Array]] = {"bvh": [], "c3d": [], "trc": [], "glb": []}
     for folder in folders:
@@ -101,7 +101,7 @@ def gltf_joints(path: Path, model: BodyModel) -> Array:
 def test_csv_and_mot_say_how_the_pelvis_is_tilted_against_the_vertical(
     runs: tuple[Path, Path, BodyModel],
 ) -> None:
-    """Tilts are those through the level camera; the joints' places in a CSV stay the camera's."""
+    """Tilts are those of the level camera; joint positions in a CSV stay in the camera frame."""
     level, turned, _ = runs
     tilts = []
     for folder in (level, turned):
@@ -166,7 +166,7 @@ def test_the_viewer_s_eye_stands_upright() -> None:
 
 
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
-    """Half a degree off at the most, with a person, noise and 30 degrees of pitch."""
+    """Within half a degree, with a person, noise and 30 degrees of pitch."""
     room = Room(pitch=PITCH, noise=0.0015)
     change = Segmenter(1000).segment(room.see((0.0, 2.4)).frame, [None]).change
     up = floor_up(change)
@@ -178,7 +178,7 @@ def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
 
 
 def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
-    """A picture turned by a quarter has its floor at one side, which is one only where up is known."""
+    """An image rotated by a quarter turn has its floor at one side; it is a floor only if up is known."""
     frame = Room((), 0.2, noise=0.0015).see(None).frame
     camera = frame.intrinsics
     lens = Intrinsics(

@@ -1,4 +1,4 @@
-"""The baselines: their laws, and what they do with a perfect likelihood and with a real arm."""
+"""The baselines: properties of their steps, and tracking with a perfect likelihood and of an arm."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ def follow(
     st.floats(0.3, 0.95),
 )
 def test_the_survival_rate_is_reached(log_likelihood: list[float], rate: float) -> None:
-    """With the power that is found, that share of the particles survives, whatever the likelihoods."""
+    """With the annealing power, the given share of particles survives, for any likelihoods."""
     values = np.array(log_likelihood)
     assert survival(values, find_power(values, rate)) == pytest.approx(rate, abs=1e-3)
 
 
 def test_equal_particles_all_survive() -> None:
-    """Where particles are equally likely no power kills any, and the search ends all the same."""
+    """If particles are equally likely, no power removes any, and the search ends nevertheless."""
     for values in (np.zeros(10), np.full(10, -np.inf)):
         assert survival(values, find_power(values, 0.5)) == pytest.approx(1.0)
 
@@ -91,7 +91,7 @@ def test_layers_diffuse_less_and_less() -> None:
 
 @pytest.mark.parametrize("method", BASELINES)
 def test_a_still_peak_is_found_exactly_on_average(method: str) -> None:
-    """The mean of many runs is the peak: neither drawing nor diffusing draws it to a side."""
+    """The mean of many runs is the peak: drawing and diffusion have no bias."""
     path = np.tile([0.3, -0.2], (3, 1))
     means = [follow(method, path, 0.05, SETTINGS, seed)[-1].reported for seed in range(40)]
     error = np.std(means, axis=0) / np.sqrt(len(means))
@@ -108,7 +108,7 @@ def test_a_moving_peak_is_followed(method: str) -> None:
 
 
 def test_annealing_needs_fewer_evaluations() -> None:
-    """A narrow peak 10 degrees off: 40 particles in 8 layers get nearer than 320 at once."""
+    """A narrow peak 10 degrees away: 40 particles in 8 layers come nearer than 320 in one."""
     start, centre = np.zeros(2), np.deg2rad([10.0, -10.0])
     wide = Condensation(diffusion_deg=8.0)
 
@@ -151,7 +151,7 @@ def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None
 
 @pytest.mark.parametrize("method", BASELINES)
 def test_nothing_likely_does_not_end_it(method: str) -> None:
-    """Where every likelihood is zero, all particles count alike and go on."""
+    """If every likelihood is zero, all particles have the same weight and continue."""
 
     def nothing(poses: Array) -> Refined:
         return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))

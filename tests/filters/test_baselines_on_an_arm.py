@@ -33,7 +33,7 @@ def shown() -> list[DepthFrame]:
 
 @pytest.mark.parametrize(("method", "particles"), [("condensation", 150), ("annealed", 20)])
 def test_an_arm_is_followed(method: str, particles: int) -> None:
-    """From the truth on, four angles stay within 8 degrees on average, and few hypotheses are recorded."""
+    """From the true start, four angles stay within 8 degrees on average, and few hypotheses are recorded."""
     settings = settings_for(method, "default", particles, 1000)
     start = pose_by_name(human(), arm().poses[0])
     tracker = OnePerson(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), start)

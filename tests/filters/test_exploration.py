@@ -1,4 +1,4 @@
-"""Data-driven proposals: limbs held so that they explain what is seen, on a puppet with a raised arm."""
+"""Data-driven proposals of limb poses that explain the observed points, on a puppet with a raised arm."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def explained(pose: Array, points: Array) -> float:
 
 
 def test_an_arm_that_is_elsewhere_is_held_so_that_it_explains_what_is_seen() -> None:
-    """Believed to be down: most proposals explain more than it does, within the limits of the joints."""
+    """For an arm predicted to hang: most proposals explain more points, within the joint limits."""
     points = seen(RAISED)
     proposed = propose_limbs(MODEL, DOWN, points, 8, np.random.default_rng(0))
     assert len(proposed) == 8
@@ -44,7 +44,7 @@ def test_an_arm_that_is_elsewhere_is_held_so_that_it_explains_what_is_seen() -> 
 
 
 def test_where_all_is_explained_or_nothing_is_seen_nothing_is_proposed() -> None:
-    """The true pose leaves no point over; without points, or without limbs, there is nothing to gain."""
+    """The true pose explains all points; without points or limbs there is nothing to propose."""
     rng = np.random.default_rng(0)
     assert propose_limbs(MODEL, RAISED, seen(RAISED), 8, rng) == []
     assert propose_limbs(MODEL, RAISED, np.empty((0, 3)), 8, rng) == []
@@ -52,7 +52,7 @@ def test_where_all_is_explained_or_nothing_is_seen_nothing_is_proposed() -> None
 
 
 def test_the_same_seed_proposes_the_same() -> None:
-    """All chance is the generator's."""
+    """All random numbers come from the generator."""
     one, other = (propose_limbs(MODEL, DOWN, seen(RAISED), 5, np.random.default_rng(3)) for _ in range(2))
     assert len(one) == 5
     for (dofs, angles), (others, same) in zip(one, other, strict=True):
@@ -61,7 +61,7 @@ def test_the_same_seed_proposes_the_same() -> None:
 
 
 def test_only_tips_are_limbs() -> None:
-    """Nothing hangs on a limb's degrees of freedom but its own; the trunk is none."""
+    """Only the limb itself depends on its degrees of freedom; the trunk is not a limb."""
     for limb in layout_of(MODEL).limbs:
         carried = [j for j, parent in enumerate(MODEL.parents) if parent in limb.dofs]
         assert set(carried) <= set(limb.dofs.tolist())

@@ -1,4 +1,4 @@
-"""The filter, steps 1 to 7: each step's law, and what they do together on a toy with two valleys."""
+"""The filter, steps 1 to 7: properties of each step, and all steps on a problem with two modes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ VALLEYS = np.array([[0.5, 0.1], [-0.5, 0.1]])  # of the toy, the first a little 
 
 
 def toy(poses: Array) -> Refined:
-    """Two hinges whose cost has two valleys, left and right: each particle comes down into the nearer."""
+    """Two hinges with two modes, left and right: each particle is refined to the nearer one."""
     right = poses[:, 0] > 0.0
     refined = np.where(right[:, None], VALLEYS[0], VALLEYS[1]) + 1e-4 * np.sin(poses)
     return Refined(refined, np.where(right, 0.0, -0.1) - 1e-3 * poses[:, 1] ** 2, np.full(len(poses), 0.01))
@@ -49,7 +49,7 @@ def toy(poses: Array) -> Refined:
 def follow(
     refine: Callable[[Array], Refined], settings: FilterSettings, seed: int, frames: int
 ) -> list[Hypotheses]:
-    """The toy through some frames."""
+    """The filter over some frames."""
     rng, found = np.random.default_rng(seed), [begin(hinges(), np.zeros(2), settings)]
     for _ in range(frames):
         found.append(advance("gepf", hinges(), found[-1], refine, settings, rng))
@@ -62,7 +62,7 @@ def as_bytes(found: list[Hypotheses]) -> list[bytes]:
 
 
 def some(rng: np.random.Generator, count: int) -> Array:
-    """Poses (count, 19) of the puppet, in bunches."""
+    """Poses (count, 19) of the puppet, in clusters."""
     model = puppet()
     spread = np.where(model.kinds == ROTATION, 0.6 * D, 1.0)
     bunches = rng.normal(size=(3, len(spread)))
@@ -86,7 +86,7 @@ def test_weights_are_normalised(log_weights: list[float], shift: float) -> None:
 
 @pytest.mark.parametrize(("weights", "size"), [([1.0, 0.0], 1.0), ([0.25] * 4, 4.0), ([0.5, 0.5, 0.0], 2.0)])
 def test_effective_sample_size(weights: list[float], size: float) -> None:
-    """One where one has all the weight, as many as there are where all are equal."""
+    """1 if one has all the weight, their number if all are equal."""
     assert effective_sample_size(np.array(weights)) == pytest.approx(size)
 
 
@@ -96,7 +96,7 @@ def test_effective_sample_size(weights: list[float], size: float) -> None:
     seeds,
 )
 def test_each_is_drawn_by_its_weight_give_or_take_one(weights: list[float], count: int, seed: int) -> None:
-    """Ancestors ascend, none is drawn more than once too often or too rarely, none of zero weight at all."""
+    """Ancestors ascend; each is drawn as often as expected, rounded, and never with weight zero."""
     w = np.array(weights)
     ancestors = draw_ancestors(w, count, np.random.default_rng(seed))
     assert len(ancestors) == count
@@ -119,7 +119,7 @@ def test_drawing_is_unbiased() -> None:
 
 
 def test_noise_has_the_ancestors_covariance() -> None:
-    """Many draws have the covariance that was asked for, each its ancestor's, flat directions too."""
+    """Many draws have the covariance of their ancestors, also if it is singular."""
     rng = np.random.default_rng(0)
     root = np.array([[0.3, 0.0, 0.0], [0.2, 0.1, 0.0], [0.0, 0.0, 0.0]])  # the third direction is flat
     covariances = np.stack([root @ root.T, np.diag([1.0, 4.0, 9.0])])
@@ -150,7 +150,7 @@ def test_each_kind_of_proposal_has_its_share(seed: int, count: int) -> None:
 
 
 def test_predicted_particles_move_on_and_others_are_spread() -> None:
-    """A hypothesis at 1 rad/s is drawn where it will be as its velocity fades, without noise and with it."""
+    """A hypothesis at 1 rad/s is predicted with a decaying velocity, with and without noise."""
     past = moving_at(1.0)
     proposal = propose(hinges(), past, NOTHING_SEEN, EXPLORING, np.random.default_rng(0))
     ahead = np.isclose(proposal.poses[:, 0], np.exp(-1.0) * INTERVAL)
@@ -173,7 +173,7 @@ def test_the_motion_is_that_of_real_time() -> None:
 
 @given(seeds, st.integers(1, 25))
 def test_merging_keeps_the_likeliest_of_what_is_near(seed: int, count: int) -> None:
-    """Each group's representative is its likeliest and within d of all of it; no two of them are so near."""
+    """A group's representative is its likeliest, within d of all members; representatives are not."""
     rng = np.random.default_rng(seed)
     model, poses, log_likelihood = puppet(), some(rng, count), rng.normal(size=count)
     angles = model.kinds == ROTATION
@@ -248,7 +248,7 @@ def test_it_begins_as_wide_as_the_merging_distance() -> None:
 
 @pytest.mark.parametrize("explores", [False, True])
 def test_two_valleys_stay_two_hypotheses(explores: bool) -> None:
-    """Through twenty frames both valleys are followed, the likelier one first, each by its likelihood."""
+    """Over twenty frames both modes are tracked, the likelier one first, weighted by likelihood."""
     settings = msgspec.structs.replace(PAPER, explore=explores)
     for found in follow(toy, settings, seed=1, frames=20):
         np.testing.assert_allclose(found.poses, VALLEYS, atol=1e-3)
@@ -257,7 +257,7 @@ def test_two_valleys_stay_two_hypotheses(explores: bool) -> None:
 
 
 def test_covariances_come_from_before_the_descent() -> None:
-    """With one valley the spread is that of the drawn particles about where they came down, less 10 %."""
+    """With one mode the covariance is that of the drawn particles about the mode, less 10 %."""
     asked: list[Array] = []
 
     def one_valley(poses: Array) -> Refined:
@@ -314,7 +314,7 @@ def test_a_single_particle_has_no_noise(explores: bool) -> None:
 
 
 def test_a_frame_that_nothing_explains_does_not_end_it() -> None:
-    """Where every likelihood is zero, all hypotheses count alike and go on."""
+    """If every likelihood is zero, all hypotheses have the same weight and continue."""
 
     def nothing(poses: Array) -> Refined:
         return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
@@ -326,7 +326,7 @@ def test_a_frame_that_nothing_explains_does_not_end_it() -> None:
 
 @pytest.mark.parametrize("explores", [False, True])
 def test_the_same_seed_gives_the_same_bytes(explores: bool) -> None:
-    """And another seed gives others."""
+    """Another seed gives others."""
     settings = msgspec.structs.replace(PAPER, explore=explores)
     once = as_bytes(follow(toy, settings, 4, 5))
     assert as_bytes(follow(toy, settings, 4, 5)) == once

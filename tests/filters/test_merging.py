@@ -1,4 +1,4 @@
-"""Merging by how sure the descent is of each pose."""
+"""Merging by the covariance of each refined pose."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_triangle_is_a_matrix_row_by_row() -> None:
 
 
 def test_what_is_not_observable_merges_and_what_is_does_not() -> None:
-    """A twist of 25 degrees that no frame shows is one hypothesis, a turn of 4 that it does another."""
+    """Poses that differ by an unobservable twist of 25 degrees merge; an observable turn of 4 does not."""
     twisted, turned = np.array([np.radians(25.0), 0.0]), np.array([0.0, np.radians(4.0)])
     poses = np.stack([np.zeros(2), twisted, turned])
     roots = roots_of(*[(np.radians(29.0), np.radians(0.8))] * 3)
@@ -96,7 +96,7 @@ def refined(poses: Array, roots: Triangles | None) -> Refined:
 def test_who_merges_by_covariance_asks_for_it(
     name: str, particles: int, refine: dict[str, float], asks: bool
 ) -> None:
-    """Preset `default` with several particles that descend, where depth is not by far the noisiest."""
+    """Preset `default` with several refined particles, unless the noise in depth is by far the largest."""
     settings = msgspec.structs.replace(preset(name).filter, particles=particles)
     past = begin(hinges(), np.zeros(2), settings)
     proposal = propose(hinges(), past, NOTHING_SEEN, settings, np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""Motion between frames: how far a velocity leads, and what holds a limb that a frame does not show."""
+"""Motion between frames: prediction by velocity, and the motion prior of unobserved limbs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def some_poses(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def test_after_a_third_of_a_second_nothing_is_left_of_a_velocity() -> None:
-    """At 3 frames a second it is holding still, at 30 most of it goes on; the paper keeps all of it."""
+    """At 3 frames a second nothing is left of the velocity, at 30 most of it; the paper keeps all of it."""
     decay = preset("default").filter.velocity_time_s
     velocities = np.array([[1.0, -2.0]])
     for interval, low, high in ((1 / 30, 0.6, 0.9), (0.1, 0.3, 0.6), (1 / 3, 0.0, 0.05), (10.0, 0.0, 0.001)):
@@ -66,7 +66,7 @@ def test_after_a_third_of_a_second_nothing_is_left_of_a_velocity() -> None:
 def test_a_swing_is_not_overshot_however_it_is_sampled(frames: int) -> None:
     """An arm that swings at 1.3 Hz and 60 degrees, seen every n-th of 30 frames a second.
 
-    Prediction errs hardly more than holding still, and goes at most 10 degrees beyond the swing's end.
+    The prediction error is hardly larger than without motion, at most 10 degrees beyond the swing's end.
     """
     interval = frames / 30.0
     times = np.arange(0.0, 20.0, interval)
@@ -104,7 +104,7 @@ def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval
 
 
 def test_nothing_is_held_beyond_its_limits() -> None:
-    """An elbow that was expected bent backwards is straight."""
+    """An elbow predicted beyond its limit is straight."""
     refined, _ = some_poses(np.random.default_rng(0))
     single = np.ones(DOFS, dtype=bool)
     single[[b + k for b in MODEL.balls for k in range(3)]] = False
@@ -117,7 +117,7 @@ def test_nothing_is_held_beyond_its_limits() -> None:
 
 
 def test_each_particle_that_was_answered_is_held_about_its_own_way_on() -> None:
-    """Whatever was not answered before it: where it was expected."""
+    """Also if particles before it were not answered."""
     rng, settings = np.random.default_rng(0), preset("default").filter
     drawn = propose(MODEL, begin(MODEL, np.zeros(DOFS), settings), NOTHING_SEEN, settings, rng)
     expected, poses = 0.1 * rng.standard_normal((2, *drawn.poses.shape))

@@ -25,7 +25,7 @@ MATRIX = [[CAMERA.fx, 0.0, CAMERA.cx], [0.0, CAMERA.fy, CAMERA.cy], [0.0, 0.0, 1
 
 
 def test_workers_give_the_same_bytes() -> None:
-    """Two worker processes say of every frame what this process says alone."""
+    """Two worker processes give the same estimates as this process alone."""
     frames = shown("standing").frames
     alone = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
     said = [as_bytes(alone.track(frame)) for frame in frames]

@@ -33,7 +33,7 @@ END = encode_live_end()
 
 @contextmanager
 def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambda: None) -> Iterator[None]:
-    """A publisher on a session of its own: each message when somebody listens, with rests between them."""
+    """A publisher with its own session: it sends each message when there is a subscriber, with pauses."""
 
     def publish(stop: threading.Event) -> None:
         with open_worker([where]) as bus:
@@ -73,7 +73,7 @@ def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) 
 def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
     """A `break` ends the session; another iteration listens anew.
 
-    One image may go to the ended session, which the publisher has not seen off yet.
+    One image may be sent to the ended session, if the publisher has not noticed its end.
     """
     first = shown("standing").frames[0]
     messages = [encode_live(first)] * 4 + [b"rubbish", END]
@@ -91,7 +91,7 @@ def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
 
 
 def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
-    """Nobody publishes: after the time that was given, or from another thread."""
+    """Without a publisher: after the timeout, or by `close` from another thread."""
     began = time.monotonic()
     assert list(gepf.live(KEY, listen=endpoint, idle_timeout=0.2)) == []
     with gepf.live(KEY, listen=endpoint) as live:
@@ -101,7 +101,7 @@ def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
 
 
 def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -> None:
-    """Both only connect: what `gepf publish` shows arrives, to the end."""
+    """Both only connect; all frames of `gepf publish` arrive, and the end."""
     write_small_sequence(tmp_path / "seq", 3)
     with open_router([endpoint]):
         publisher = publish(tmp_path, endpoint)
@@ -117,7 +117,7 @@ def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -
     ("mistake", "says"),
     [
         (lambda: gepf.live(KEY), "give listen or connect an endpoint"),
-        (lambda: gepf.live(KEY, listen="tcp/0.0.0.0:7447"), "listen=.* lets everyone in.*insecure=True"),
+        (lambda: gepf.live(KEY, listen="tcp/0.0.0.0:7447"), "listen=.* accepts anyone.*insecure=True"),
         (lambda: gepf.live(KEY, connect="tls/host:7447"), r"connect=.* add tls=TlsFiles\(ca, cert, key\)"),
         (lambda: gepf.live(KEY, connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
         (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),

@@ -28,7 +28,7 @@ def test_two_people_are_tracked_and_saved(tmp_path: Path) -> None:
 
 
 def test_nobody_is_refused() -> None:
-    """There has to be somebody to track, and to save."""
+    """Zero people to track, and no estimates to save."""
     with pytest.raises(gepf.InputError, match="would track no one"):
         gepf.PeopleTracker(0)
     with pytest.raises(gepf.InputError, match="no person to save"):

@@ -1,4 +1,4 @@
-"""A run in hand: by name, smoothed, exported, saved, and what is public."""
+"""A loaded run: values by name, smoothing, export, saving, and the public names."""
 
 from __future__ import annotations
 

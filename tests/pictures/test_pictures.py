@@ -1,4 +1,4 @@
-"""Pictures of a run: they exist, show what they should where they should, and never stop a run."""
+"""Pictures of a run: they exist, have the right content at the right place, and never stop a run."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def pixels(file: Path) -> Array:
 def test_a_run_gets_its_four_pictures_and_none_is_blank(
     source: Source, model: BodyModel, track: Track, truth: Truth, tmp_path: Path
 ) -> None:
-    """All are there, of a size to be looked at, with light and dark, and small enough to be sent."""
+    """All exist, with a useful size, contrast, and a small file."""
     files = draw_run(source, TrackedBody(model, {}), track, tmp_path, truth)
     assert [f.name for f in files] == ["overlay.mp4", "sheet.png", "hypotheses.png", "errors.png"]
     assert set(files) == set(tmp_path.iterdir())
@@ -177,7 +177,7 @@ def test_the_body_is_drawn_where_the_tracker_says_it_is(
 
 
 def test_the_surface_covers_what_opengl_says(view: View, model: BodyModel, track: Track) -> None:
-    """Opaque, it hides the picture where a renderer that is not ours has depth, and beyond by a line."""
+    """Drawn opaque, it covers the pixels of an independent renderer, and a thin line around them."""
     camera = view.intrinsics
     base = Image.new("RGB", (camera.width, camera.height), (0, 0, 255))
     drawn = np.asarray(draw_body(base, model, track.pose[0], camera, 1.0))[..., 2] < 255
@@ -191,7 +191,7 @@ def test_the_surface_covers_what_opengl_says(view: View, model: BodyModel, track
 def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
     source: Source, view: View, model: BodyModel, track: Track
 ) -> None:
-    """It is warm where the body is, white joins its joints, and the status has its colour in the corner."""
+    """The body has a warm colour, white lines join the joints, the status has its colour in the corner."""
     picture = painted(source, view, model, track, 3)
     assert picture.shape == (view.height // 2, view.width // 2, 3)
     assert max(picture.shape) == 300
@@ -203,7 +203,7 @@ def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
 
 
 def test_a_flagged_joint_is_hollow(source: Source, view: View, model: BodyModel, track: Track) -> None:
-    """White in the middle of a joint that is sure, not of one that is not."""
+    """White in the middle of a joint that is not flagged, but not of a flagged one."""
     chance = np.zeros((FRAMES, len(model.joint_names)))
     chance[:, model.joint_names.index("left_wrist")] = 1.0
     alone = replace(track, hypothesis_weight=np.full((FRAMES, 2), np.nan))
@@ -219,7 +219,7 @@ def test_a_flagged_joint_is_hollow(source: Source, view: View, model: BodyModel,
 def test_a_hypothesis_is_the_fainter_the_less_its_weight(
     source: Source, view: View, model: BodyModel, track: Track
 ) -> None:
-    """The other one of two changes the picture, and less so where it hardly counts."""
+    """The second of two hypotheses changes the picture, less if its weight is small."""
     alone, faint, strong = (
         painted(source, view, model, replace(track, hypothesis_weight=np.tile(weights, (FRAMES, 1))), 0)
         for weights in ([1.0, np.nan], [1.0, 0.01], [1.0, 1.0])
@@ -259,7 +259,7 @@ def test_a_view_shows_a_point_where_its_camera_says(view: View, track: Track, so
 
 
 def test_a_lost_body_does_not_widen_the_view(view: View, track: Track, source: Source) -> None:
-    """Joints of the lost frame far outside leave the view as it was; if all are lost, they count."""
+    """Joints of a lost frame do not change the view; if all frames are lost, they do."""
     away = track.joint_positions.copy()
     away[3] += (0.5, 0.0, -1.0)
     once = replace(track, joint_positions=away)

@@ -1,4 +1,4 @@
-"""When a request that is due may do with what has been answered."""
+"""Deadlines: a late request ends with the particles that were answered."""
 
 from __future__ import annotations
 

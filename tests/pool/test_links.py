@@ -1,4 +1,4 @@
-"""Who connects says to whom, that nobody answers, that a router went and that it is back: real processes."""
+"""Messages about connections: endpoint, no answer, router lost, router back; real processes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def started(process: BaseProcess) -> Iterator[BaseProcess]:
 
 
 def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
-    """`gepf-worker --connect-timeout`: whom it tries, that it waits, and at the end exit code 1."""
+    """`gepf-worker --connect-timeout`: the endpoint, that it waits, and at the end exit code 1."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     done = subprocess.run(
         [*WORKER, "--connect", endpoint, "--connect-timeout", "5"],
@@ -49,7 +49,7 @@ def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
 
 
 def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
-    """Killed, and started again: a line each, on both sides, and the run goes on."""
+    """Killed and started again: a line for each on both sides, and the run continues."""
     write_small_sequence(tmp_path / "seq", 400)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     logs = {name: tmp_path / f"{name}.log" for name in ("router", "run", "worker")}
@@ -63,7 +63,7 @@ def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
     with ExitStack() as stack:
         first = stack.enter_context(started(start(gepf, *router, log=logs["router"])))
         run = stack.enter_context(started(start(gepf, *track, *alone, log=logs["run"])))
-        wait_until(lambda: says("run", "no worker is there"), LONG)
+        wait_until(lambda: says("run", "no worker is connected"), LONG)
         first.kill()
         wait_until(lambda: says("run", f"{endpoint} is gone; trying to reach it again"), LONG)
         worker = stack.enter_context(started(start(work, (endpoint,), "w", log=logs["worker"])))

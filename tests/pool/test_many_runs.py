@@ -1,4 +1,4 @@
-"""Several runs on one pool: each gets its turn and its own bytes, and is forgotten when it is gone."""
+"""Several runs on one pool: each is served, has its own bytes, and is forgotten after its end."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ from worker.service import Kernel
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_same_bytes_for_any_number_of_workers(endpoint: str, workers: int) -> None:
-    """Frame after frame, the result is that of the kernel itself, however it is divided."""
+    """In every frame the result is that of the kernel itself, for any division."""
     with pool(endpoint) as refiner, ExitStack() as stack:
         for k in range(workers):
             stack.enter_context(serving(endpoint, f"w{k}"))
@@ -69,7 +69,7 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
 
 
 class WatchedBus:
-    """A bus on which fetching is in vain as often as `in_vain` yields, and which keeps what was fetched."""
+    """A bus on which fetching fails as often as `in_vain` yields, and which records the fetched keys."""
 
     def __init__(self, bus: Bus, in_vain: Iterator[int], fetched: SimpleQueue[str]) -> None:
         self._bus = bus
@@ -113,7 +113,7 @@ def telling(observed: SimpleQueue[int]) -> Callable[[SubjectFrame], Any]:
 
 
 def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
-    """An idle worker lays it out for the settings of its run before it is asked; used when published."""
+    """An idle worker prepares it for the settings of its run before a request; it is used when published."""
     coming, observed, prepared = frame(2), SimpleQueue[int](), SimpleQueue[RefineSettings]()
 
     kernel = Kernel(telling(observed), refine, prepare=lambda _, settings: prepared.put(settings))
@@ -154,7 +154,7 @@ def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
 
 
 def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoint: str) -> None:
-    """The worker says what is wrong with it to who asks, and serves the frames before and after."""
+    """The worker reports the fault to a request for it, and serves the frames before and after."""
     coming, tried = frame(2), SimpleQueue[int]()
 
     def refuse_the_second(subject: SubjectFrame) -> Any:
@@ -178,7 +178,7 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
 
 
 def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
-    """Workers that ask for a body in vain, as when all have just lost and found each other, ask again."""
+    """Workers that cannot fetch the body, for example just after a reconnection, ask again."""
     said: list[str] = []
     in_vain = iter(range(6))
     with (
@@ -206,7 +206,7 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
 def test_runs_that_share_a_pool_say_once_that_it_is_not_ready(
     endpoint: str, lanes: int, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They wait for the pool's own, if it has one; others are invited to where the user said."""
+    """They wait for the pool's local worker, if it has one; the line says where others can connect."""
     monkeypatch.setattr("coordinator.pool.rpc_client.ALONE_S", 0.1)
     shared = Pool(lanes, listen="tcp/host:7447", connect="tcp/router:7447", shared_at=endpoint)
     options = replace(shared, worker_timeout=0.6)
@@ -220,7 +220,7 @@ def test_runs_that_share_a_pool_say_once_that_it_is_not_ready(
 
 
 def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
-    """What no worker can do is an error that says why, and the workers live on."""
+    """If no worker can refine, the error says why, and the workers continue."""
 
     def fail(*_: object, **__: object) -> Refined:
         raise ZeroDivisionError("no mass")
@@ -235,7 +235,7 @@ def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
 
 @contextmanager
 def answering(endpoint: str, name: str, answer: Callable[[IncomingRequest], None]) -> Iterator[None]:
-    """Something on the bus that says it is a worker."""
+    """A client on the bus that pretends to be a worker."""
 
     def serve(request: IncomingRequest) -> None:
         with request:
@@ -260,7 +260,7 @@ def answering(endpoint: str, name: str, answer: Callable[[IncomingRequest], None
 def test_bad_worker_does_not_spoil_the_result(
     endpoint: str, answer: Callable[[IncomingRequest], None], malformed: bool
 ) -> None:
-    """Answers that make no sense, or none at all, are counted and the batches done by others."""
+    """Invalid or missing answers are counted, and other workers do the batches."""
     with pool(endpoint) as refiner, answering(endpoint, "a-liar", answer):
         refiner.wait_for(1)  # the liar is known, and gets work first
         with serving(endpoint, "good"):
@@ -271,12 +271,12 @@ def test_bad_worker_does_not_spoil_the_result(
 
 
 def test_a_worker_of_another_version_is_named(endpoint: str) -> None:
-    """A run with nobody else ends with what to do; beside others it is counted, with the same bytes."""
+    """Without other workers the run ends with a line that says what to do; else it continues, same bytes."""
     other = encode_refusal("cannot read it").replace(b"version" + bytes([PROTOCOL]), b"version\x02")
     with pool(endpoint) as refiner, answering(endpoint, "old", lambda request: request.refuse(other)):
         refiner.wait_for(1)
         refiner.publish(frame(1))
-        with pytest.raises(ProtocolError, match=r"version 2, expected .*install the same gepf"):
+        with pytest.raises(ProtocolError, match=r"version 2, expected .*install the same version of gepf"):
             refiner.submit(MODEL, POSES, SETTINGS).result()
         with serving(endpoint, "good"):
             refiner.wait_for(2)
@@ -285,7 +285,7 @@ def test_a_worker_of_another_version_is_named(endpoint: str) -> None:
 
 
 def test_of_many_answers_the_first_counts(endpoint: str) -> None:
-    """A worker that answers again and again fills nobody's memory."""
+    """Repeated answers of a worker are not kept in memory."""
 
     def chatter(request: IncomingRequest) -> None:
         for number in range(50):
@@ -341,7 +341,7 @@ def connected(endpoint: str) -> Iterator[Client]:
     ids=["empty", "rubbish", "version", "nan", "unknown-run"],
 )
 def test_request_that_cannot_be_served_gets_a_reason(endpoint: str, payload: bytes, reason: str) -> None:
-    """Whatever a worker is asked, it answers; and it serves the next one."""
+    """A worker answers any request, and serves the next one."""
     with connected(endpoint) as someone:
         for _ in range(2):
             kind, answer = someone.ask(payload)

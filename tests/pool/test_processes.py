@@ -1,4 +1,4 @@
-"""Workers as real processes, killed, frozen and left alone for real."""
+"""Workers as real processes that are killed, frozen, and left without a coordinator."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> 
 
 
 def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody would end the wait otherwise: once the bus misses it, it is given some time and then killed."""
+    """When the bus no longer sees it, it has some time and is then killed."""
     monkeypatch.setattr("coordinator.pool.local_worker.ABSENCE_S", 1.0)
     said: list[str] = []
     with local(1, said.append) as refiner:
@@ -147,7 +147,7 @@ def test_frozen_worker_is_ended_with_the_run() -> None:
 
 
 def test_workers_that_do_not_start() -> None:
-    """A worker that cannot start ends the run with what it said last."""
+    """If a worker cannot start, the run ends with its last line."""
     command = (sys.executable, "-c", "raise SystemExit('no such kernel')")
     why = pytest.raises(BusError, match=r"local workers do not start; .* exit code 1: no such kernel")
     with local(1, worker_command=command) as refiner, why:

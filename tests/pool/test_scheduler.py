@@ -232,7 +232,7 @@ def test_what_all_refuse_fails() -> None:
 
 
 def test_what_was_refused_by_all_that_are_left_is_tried_again() -> None:
-    """The worker that had taken it is gone: the other one has the last word."""
+    """The worker that had accepted it has left; the other one decides."""
     scheduler = play(
         [
             *TWO_IDLE,
@@ -254,7 +254,7 @@ def test_silence_is_an_error() -> None:
 
 @pytest.mark.parametrize("outcome", ["unavailable", "refused", "refined"])
 def test_any_answer_breaks_the_silence(outcome: Outcome) -> None:
-    """Of any worker, to any request: a worker that hangs is its own fault; nor is an early end silence."""
+    """Any answer of any worker shows that the connection works, as does an early end."""
     scheduler = play([(0.0, joined("a"), []), (0.0, started(10), [(0, "a", 0, 10)])])
     scheduler.end(99, outcome, 20.0)
     assert not scheduler.end(0, "nothing", 30.0)

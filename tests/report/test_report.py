@@ -1,4 +1,4 @@
-"""The page about a run: whole in itself, true to the run, and made to be read."""
+"""The page about a run: self-contained, correct, readable."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def test_ranges_are_those_of_the_known_frames() -> None:
 
 
 def test_a_robot_has_no_sides(tmp_path: Path) -> None:
-    """Its joints are one group, and nobody says that its arms hang."""
+    """Its joints are one group, without notes about hanging arms."""
     model = read_urdf(Path(__file__).parents[2] / "examples" / "arm7.urdf")
     write_run(tmp_path / "robot", model, swing(model, 3))
     (tmp_path / "robot" / "summary.json").write_text(json.dumps(SUMMARY))

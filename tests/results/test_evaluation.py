@@ -1,4 +1,4 @@
-"""Scores against a truth that is known by construction."""
+"""Scores against a constructed truth."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_the_deviation_is_held_against_the_errors() -> None:
 
 
 def test_angles_are_scored_in_degrees_by_name_and_without_translations() -> None:
-    """The truth's order of names is its own, and metres never count as angles."""
+    """The truth may have another order of names, and metres never count as angles."""
     pose = np.zeros((FRAMES, 3))
     pose[:, 0], pose[:, 1] = 5.0, np.deg2rad(10.0)
     truth = make_truth(
@@ -95,7 +95,7 @@ def test_an_angle_error_is_the_shorter_way_round(angle: float, truth: float, tur
 
 
 def test_the_best_hypothesis_is_chosen_frame_by_frame() -> None:
-    """The nearest over all angles together, be it reported or not, and padding is never chosen."""
+    """The nearest over all angles, reported or not; padding is never chosen."""
     hypotheses = np.full((FRAMES, 3, 3), np.nan)
     hypotheses[:, 0] = np.deg2rad([0.0, 20.0, 20.0])
     hypotheses[::2, 1] = np.deg2rad([0.0, 2.0, 4.0])
@@ -120,7 +120,7 @@ def test_joints_are_scored_in_centimetres_by_name() -> None:
 
 
 def test_without_a_true_pose_only_joints_are_scored() -> None:
-    """A motion-capture truth knows places, not angles; a perfect track has no error and is never lost."""
+    """A motion-capture truth has positions, no angles; a perfect track has no error and is never lost."""
     score = evaluate(make_track(), make_truth(dof_names=(), pose=np.empty((FRAMES, 0))))
     assert score.mean_angle_error_deg is None
     assert score.mean_angle_error_deg_by_dof is None
@@ -292,7 +292,7 @@ def test_a_track_is_read_from_a_runs_folder_only(tmp_path: Path) -> None:
 
 
 def test_a_body_without_angles_is_read_back(tmp_path: Path) -> None:
-    """What only moves to and fro has none: an empty list of names, not a damaged one."""
+    """A body with only sliding joints has an empty list of names, which is valid."""
     with (tmp_path / "track.npz").open("wb") as file:
         write_track(make_track(), file)
     assert read_track(tmp_path).angle_names == ()

@@ -64,7 +64,7 @@ def nobody(frame: int) -> Estimate:
 
 
 def test_before_anybody_is_found_all_is_null() -> None:
-    """Such frames are published too, with nulls, and angles begin with who comes."""
+    """Such frames are published with nulls; angles begin with the first person."""
     heard = Heard()
     results = LiveResults(heard, as_json=True)
     results.put(nobody(0), person(), {})
@@ -108,7 +108,7 @@ def test_a_message_says_all_of_itself() -> None:
 
 
 def test_angles_go_on_past_half_a_turn() -> None:
-    """A person who turns on is told on, not back by 360 degrees."""
+    """The turn of a person who keeps turning is continuous, without a jump of 360 degrees."""
     heard = Heard()
     results = LiveResults(heard)
     for frame, turn in enumerate(np.linspace(0.0, 6.0, 12)):

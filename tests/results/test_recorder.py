@@ -64,7 +64,7 @@ ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")
 
 
 def state(number: int) -> TrackerState:
-    """What the tracker knew after a frame; its arrays hold what is hard to write down."""
+    """The tracker's state after a frame; its arrays hold values that are hard to encode."""
     belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
     generator = f'{{"state": {2**127 + number}}}'
     scene = SceneChange(seen=number)
@@ -101,7 +101,7 @@ def names(folder: Path) -> list[str]:
 
 
 def test_a_run_leaves_its_files_and_nothing_else(run: Path) -> None:
-    """The log is gone, so are the drafts."""
+    """The log and temporary files are removed."""
     assert names(run) == ["model.npz", "poses.csv", "summary.json", "track.npz"]
     summary = json.loads((run / "summary.json").read_text())
     assert (summary["sequence"], summary["frames"], summary["complete"]) == ("wall", 3, True)
@@ -134,7 +134,7 @@ def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) ->
 
 
 def test_values_come_through_bit_by_bit_and_missing_hypotheses_are_nan(run: Path) -> None:
-    """What the tracker said is what stands in the file."""
+    """The file holds the tracker's values."""
     track = read_track(run)
     for f, each in enumerate(ESTIMATES):
         count = len(each.hypothesis_weight)
@@ -195,7 +195,7 @@ def records_of(content: bytes) -> list[bytes]:
 
 @given(data=st.data())
 def test_a_log_torn_anywhere_gives_the_whole_records_before(log: bytes, data: st.DataObject) -> None:
-    """Power may fail at any byte, and a disk alter one: what was written before is read, nothing made up."""
+    """After a power failure at any byte, or a changed byte, all records before it are read, and no others."""
     whole = records_of(log)
     assert b"".join(whole) == log
     at = data.draw(st.integers(0, len(log) - 1))
@@ -215,7 +215,7 @@ def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_gone_hides_no_error(tmp_path: Path) -> None:
-    """Somebody removed it: what ended the run comes out, and the log's descriptor is closed."""
+    """If the folder was removed, the original error is raised, and the log is closed."""
 
     def lose_the_folder() -> None:
         with Recorder(tmp_path / "run", CONFIGURATION) as recorder:
@@ -240,7 +240,7 @@ def test_a_folder_in_use_is_refused_and_the_run_in_it_goes_on(tmp_path: Path) ->
     """Two runs never write into one folder."""
     with Recorder(tmp_path / "run", CONFIGURATION) as recorder:
         for resume in (False, True):
-            with pytest.raises(InputError, match="in use by a run that is still going on"):
+            with pytest.raises(InputError, match="in use by a run that has not ended"):
                 Recorder(tmp_path / "run", CONFIGURATION, resume=resume)
         append(recorder, ESTIMATES[0])
     recorded = read_log(tmp_path / "run" / "frames.log")
@@ -257,7 +257,7 @@ def test_an_earlier_run_is_never_written_over(run: Path) -> None:
 
 
 def test_an_interrupted_run_is_never_written_over(tmp_path: Path) -> None:
-    """Its log may be all that there is of a long run."""
+    """Its log may be the only result of a long run."""
     record(tmp_path, ESTIMATES[:1], complete=False)
     assert names(tmp_path) == ["frames.log", "model.npz", "poses.csv", "summary.json", "track.npz"]
     before = (tmp_path / "frames.log").read_bytes()
@@ -274,7 +274,7 @@ def test_a_log_without_a_frame_is_no_reason_to_refuse(tmp_path: Path) -> None:
 
 
 def test_a_resumed_run_ends_with_the_bytes_of_one_that_was_not_interrupted(tmp_path: Path, run: Path) -> None:
-    """Frames, statistics and time add up over both goes, the torn end is cut off, and the log is gone."""
+    """Frames, statistics and time add up, the damaged end is removed, and the log is deleted."""
     folder = tmp_path / "resumed"
     record(folder, ESTIMATES[:1], complete=False)
     with (folder / "frames.log").open("ab") as file:
@@ -291,7 +291,7 @@ def test_a_resumed_run_ends_with_the_bytes_of_one_that_was_not_interrupted(tmp_p
 
 
 def test_a_complete_run_is_known_as_such(run: Path, tmp_path: Path) -> None:
-    """Only where all is there and nothing is to be gone on with; other options are refused here, too."""
+    """Only if all results exist and nothing is left to do; other options are refused here, too."""
     assert is_complete(run, CONFIGURATION)
     with pytest.raises(InputError, match=r"settings\.seed"):
         is_complete(run, {"settings": {"seed": 4}})
@@ -319,7 +319,7 @@ def test_pictures_that_fail_leave_a_run_that_can_be_gone_on_with(tmp_path: Path)
 
 
 def test_a_file_that_fails_half_way_does_not_come_to_be(tmp_path: Path) -> None:
-    """Neither the file nor its draft; what was there before stays."""
+    """Neither the file nor its temporary file; an existing file is unchanged."""
     path = tmp_path / "results"
     path.write_text("before")
 

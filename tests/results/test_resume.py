@@ -1,4 +1,4 @@
-"""Runs that end early and go on, in one process: a tracker from its state, a run from its folder."""
+"""Runs that end early and continue, in one process: a tracker from its state, a run from its folder."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> T
 
 @pytest.mark.parametrize(("method", "room"), [*((method, False) for method in METHODS), ("gepf", True)])
 def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Path) -> None:
-    """Whatever frame it is stopped after, a new tracker from the recorded state says what it would say.
+    """After any frame, a new tracker from the recorded state gives the same estimates.
 
     What is known of a room is folded from the log.
     """
@@ -109,7 +109,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does(
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Stopped twice, it ends with the bytes of a calm run; counts and times are of all three goes."""
+    """Stopped twice, it ends with the bytes of an undisturbed run; counts and times cover all three parts."""
     out = tmp_path / "out"
     assert track(workers, sequence, tmp_path / "calm") == 0
     interrupt(workers, 1)
@@ -138,7 +138,7 @@ def test_a_damaged_frame_ends_a_run_that_can_go_on(
     capsys: pytest.CaptureFixture[str],
     damaged: int,
 ) -> None:
-    """Exit code 2 and one line that names the file; what was tracked before is kept; mended, it goes on."""
+    """Exit code 2 and one line that names the file; tracked frames are kept; once repaired, it continues."""
     out, calm = tmp_path / "out", tmp_path / "calm"
     assert track(workers, sequence, calm) == 0
     picture = sequence / "depth" / f"{damaged:06d}.png"
@@ -179,7 +179,7 @@ def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The same command may be given until it is done, and then again."""
+    """The same command can be repeated until the run is complete, and after that."""
     out = tmp_path / "out"
     assert track(workers, sequence, out, "--resume") == 0
     assert f"nothing to resume in {out}; starting again" in said(capsys)
@@ -195,7 +195,7 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
     workers: StillWorkers,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """All frames are there, no worker is asked, and the files come to be as ever."""
+    """All frames are recorded, no worker is used, and the usual files are written."""
     out = tmp_path / "out"
     assert track(workers, sequence, tmp_path / "calm") == 0
     workers.before = lambda number: (out / "poses.csv").mkdir(exist_ok=True) if number == 4 else None
@@ -230,7 +230,7 @@ def test_other_options_are_named(
     *,
     complete: bool,
 ) -> None:
-    """One line that names what is not as it was, whether the run had ended or not, and nothing is touched."""
+    """One line names the changed options, for complete and incomplete runs, and no file is changed."""
     interrupt(workers, None if complete else 2)
     track(workers, sequence, tmp_path / "out")
     before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}

@@ -1,4 +1,4 @@
-"""Joints that slide: how far out, how far that may be off, in the report and in the picture of errors."""
+"""Prismatic joints: value and deviation, in results, report, pictures, exports and library."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_the_report_shows_what_slides_in_centimetres(gantry: BodyModel, tmp_path
 
 
 def test_the_picture_of_errors_has_a_column_for_what_slides(gantry: BodyModel, tmp_path: Path) -> None:
-    """Where the truth says what slides; three columns are wider than two."""
+    """If the truth names sliding joints; three columns are wider than two."""
     track = write_run(tmp_path / "run", gantry, swing(gantry, FRAMES))
     truth = Truth(track.frame, track.joint_names, track.joint_positions, track.dof_names, track.pose)
     sizes = []

@@ -69,7 +69,7 @@ def angle(track: Track, name: str) -> tuple[Array, Array]:
 
 
 def test_a_rotation_that_nothing_shows_is_that_of_the_frames_around(model: BodyModel) -> None:
-    """While the elbow is straight and what is reported hops by 220; it is said to be that unsure."""
+    """While the elbow is straight and the reported rotation jumps by 220; the deviation is as large."""
     elbow, twist = np.full(30, 80.0), np.full(30, 20.0)
     elbow[10:20], twist[10:20] = 1.0, np.resize([110.0, -110.0], 10)
     poses = standing(model, 30, r_elbow_flexion=elbow, r_shoulder_twisting=twist)
@@ -124,7 +124,7 @@ def test_a_fast_motion_that_is_seen_stays_as_it_is(model: BodyModel) -> None:
 
 
 def test_angles_of_frames_in_which_the_body_is_lost_are_those_of_the_frames_around(model: BodyModel) -> None:
-    """What stands there is a guess; how far it is off is not said."""
+    """Their values are guesses; their deviation is NaN."""
     bend = np.linspace(0.0, 90.0, 31)
     guessed = bend.copy()
     guessed[10:13] = 150.0
@@ -135,7 +135,7 @@ def test_angles_of_frames_in_which_the_body_is_lost_are_those_of_the_frames_arou
 
 
 def test_what_is_guessed_while_the_body_is_lost_is_no_turn(model: BodyModel) -> None:
-    """Guesses all round the compass do not add a turn to who stands as before when found again."""
+    """Guesses in all directions do not add a turn for a person who stands as before."""
     turned = np.zeros(40)
     turned[15:20], turned[20:25] = 140.0, -100.0
     track = tracked(model, standing(model, 40, root_ry=turned), unknown=tuple(range(15, 25)))
@@ -156,7 +156,7 @@ def test_time_stamps_that_stand_still_do_not_flatten_angles(model: BodyModel) ->
 
 
 def test_angles_are_as_sure_as_their_hypotheses_agree(model: BodyModel) -> None:
-    """An elbow that may as well be straight is as unsure as that; others are not."""
+    """An elbow with a straight hypothesis has a large deviation; others do not."""
     bent = standing(model, 2, r_elbow_flexion=80.0)
     track = tracked(model, bent, others=standing(model, 2), unknown=(1,))
     found, deviation = angle(track, "right_elbow_flexion")

@@ -1,4 +1,4 @@
-"""The background is learned outside the body, forgets what goes away, and takes in what stays."""
+"""The background is learned outside the body, forgets removed objects, and learns objects that stay."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def known(scene: Scene) -> NDArray[np.float32]:
 
 
 def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
-    """After many frames of somebody who stands still, the background holds the room and not the person."""
+    """After many frames of a person who stands still, the background has the room and not the person."""
     scene, room = Scene(), Room((CABINET,))
     watch(scene, room, 35)
     truth = room.see(PERSON)
@@ -48,7 +48,7 @@ def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
 
 
 def test_what_goes_away_is_forgotten_at_once() -> None:
-    """Where a thing stood, the wall behind it is known as soon as it is seen."""
+    """Where an object was removed, the wall behind it is known as soon as it is visible."""
     scene = Scene()
     watch(scene, Room((CHAIR,)), 2)
     before = known(scene)
@@ -59,7 +59,7 @@ def test_what_goes_away_is_forgotten_at_once() -> None:
 
 
 def test_what_comes_to_stay_is_taken_in_after_a_while() -> None:
-    """A chair that is put down is foreground for half a second, and background after two."""
+    """A chair that is put down is foreground for half a second, and background after two seconds."""
     scene = Scene()
     watch(scene, Room(), 5)
     watch(scene, Room((CHAIR,)), 15)
@@ -71,7 +71,7 @@ def test_what_comes_to_stay_is_taken_in_after_a_while() -> None:
 
 
 def test_changes_alone_lead_to_the_same_knowledge() -> None:
-    """A scene that recalls what every frame changed, or all at once, goes on as the one that watched."""
+    """A scene that recalls the changes, one by one or at once, continues as the original one."""
     first, second, third = Scene(), Scene(), Scene()
     room = Room((CABINET,), noise=0.002)
     for number in range(8):
@@ -92,7 +92,7 @@ def test_changes_alone_lead_to_the_same_knowledge() -> None:
 
 
 def test_a_part_of_the_room_that_is_given_is_kept_with_the_rest() -> None:
-    """Where only a cabinet is known before, a first frame that shows all the room does not void that."""
+    """If only a cabinet is known before, a first frame with the whole room does not discard it."""
     room = Room((CABINET,), noise=0.001)
     empty = room.see(None).frame.metres()
     cabinet = empty < Room().see(None).frame.metres() - 0.2
@@ -109,7 +109,7 @@ def test_a_part_of_the_room_that_is_given_is_kept_with_the_rest() -> None:
 
 
 def test_a_camera_that_was_moved_forgets() -> None:
-    """When most of the picture is another, the background is that of the new picture at once."""
+    """If most of the image has changed, the background is that of the new image at once."""
     scene = Scene()
     watch(scene, Room((CABINET,)), 5)
     turned = Room((CABINET,), pitch=0.5)
@@ -122,7 +122,7 @@ def test_a_camera_that_was_moved_forgets() -> None:
 
 
 def test_who_comes_through_a_door_is_seen() -> None:
-    """Somebody deeper than the background was is the subject, for as long as he stands there."""
+    """A person behind the former background is the subject, as long as the person stands there."""
     door = ((-0.9, -0.9, 2.2), (0.1, 1.1, 2.25))
     scene, behind = Scene(), (PERSON[0], 2.9)
     watch(scene, Room((door,)), 3, (1.2, 2.4))
@@ -138,7 +138,7 @@ def test_who_comes_through_a_door_is_seen() -> None:
 
 
 def test_a_person_who_is_not_found_yet_is_not_learned_as_the_room() -> None:
-    """Whoever may be a person stays a candidate, however long, while a touching box becomes the room."""
+    """A possible person stays a candidate for any time, while a touching box becomes background."""
     room, scene = Room((CABINET,), noise=0.0015), Scene()
     for number in range(40):
         frame, truth = room.see(PERSON, number)
@@ -152,7 +152,7 @@ def test_a_person_who_is_not_found_yet_is_not_learned_as_the_room() -> None:
 
 @pytest.mark.parametrize("background", [False, True])
 def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None:
-    """A scene then knows what one knows that saw only frames of that size; a resumed run, too."""
+    """The scene is then the same as one with frames of that size only; also in a resumed run."""
     room = Room((CABINET,), noise=0.002)
     scene, recorded = (Scene(room.see(None).frame.metres() if background else None) for _ in range(2))
     fresh = Scene()
@@ -176,7 +176,7 @@ def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5])
 def test_a_log_knows_the_background_that_was_given(pitch: float) -> None:
-    """The changes lead from nothing to what is known, also where the given background does not fit."""
+    """The recorded changes give the background, also if the given one does not fit."""
     given = Room((CABINET,), pitch=pitch).see(None).frame.metres()
     frame = Room((CABINET,)).see(None).frame
     dark = np.where(np.arange(frame.depth.shape[1]) < 20, 0, frame.depth).astype(np.uint16)

@@ -1,4 +1,4 @@
-"""Who may be a person in a room: found whole, before furniture, and chosen as asked."""
+"""Candidates in a room: people are found whole, ranked before furniture, and chosen by the options."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_person_is_found_and_not_the_cabinet() -> None:
 
 
 def test_a_person_behind_a_table_comes_before_the_table() -> None:
-    """What a table leaves of a person is likelier to be one than the table is."""
+    """The visible part of a person behind a table has a higher score than the table."""
     table = ((-0.7, 0.3, 1.7), (0.7, 0.42, 1.9))
     room = Room((table,), noise=0.001)
     best = found_in(room, PERSON)[0]
@@ -55,7 +55,7 @@ def test_nobody_is_found_in_an_empty_room() -> None:
 
 
 def test_one_of_two_is_chosen_as_asked() -> None:
-    """The nearest, or who is at a pixel, or who moved, is first."""
+    """The nearest, the one at a pixel, or the moving one, is first."""
     near, far = Room(noise=0.001).see((-0.5, 2.2)), Room(noise=0.001).see((0.7, 3.0))
     both = np.where(near.mask, near.frame.depth, far.frame.depth)
     frame = type(near.frame)(0, 0.0, both, 1000.0, near.frame.intrinsics)
@@ -72,7 +72,7 @@ def test_one_of_two_is_chosen_as_asked() -> None:
 
 
 def test_limits_leave_nothing_else() -> None:
-    """Beyond near, far and region nothing is measured any more; without limits the frame is the same one."""
+    """Outside near, far and region there is no depth; without limits the frame is unchanged."""
     frame = Room().see(PERSON).frame
     kept = Scope(near=2.4, far=2.8, region=(10, 20, 90, 100)).limit(frame)[0]
     rows, columns = np.nonzero(kept.depth)
@@ -85,7 +85,7 @@ def test_limits_leave_nothing_else() -> None:
 
 
 def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
-    """It is neither empty nor unmeasured: whose arm reaches out of the region has it still."""
+    """It is neither empty nor unmeasured, so an arm that leaves the region is still possible."""
     room, scope = Room(), Scope(region=(0, 0, 66, 120))
     frame = room.see(PERSON).frame
     frame, left_out = scope.limit(frame)

@@ -1,4 +1,4 @@
-"""Rooms at the command line: what is found is shown, what is asked for is understood."""
+"""Rooms at the command line: the detected scene is shown, and the options work."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def recording(tmp_path: Path) -> Path:
 def test_info_shows_floor_wall_and_who_comes(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Camera height and tilt, the wall, and who comes in the third frame; all in a picture."""
+    """Camera height and tilt, the wall, and the person who enters in the third frame; and a picture."""
     picture = tmp_path / "scene.png"
     assert main(["info", str(recording), "--json", "--picture", str(picture)]) == 0
     facts = json.loads(capsys.readouterr().out)
@@ -83,7 +83,7 @@ def test_what_is_to_be_said_of_a_recording_is_said_once(
 
 
 def test_lists_are_lines_of_words(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No brackets and quotes: camera, gravity, and one line for whoever may be a person."""
+    """No brackets and quotes: camera, gravity, and one line for each candidate."""
     assert main(["info", str(recording)]) == 0
     said = capsys.readouterr().out
     assert not set("{}[]'") & set(said)
@@ -94,7 +94,7 @@ def test_lists_are_lines_of_words(recording: Path, capsys: pytest.CaptureFixture
 
 
 def test_who_is_doubtful_is_said_to_be(recording: Path) -> None:
-    """A candidate with a low score is listed all the same, as what it is."""
+    """A candidate with a low score is listed as doubtful."""
     view, found = look(open_source(recording))
     people = describe_scene(view, [replace(found[0], score=0.0)])["people"]
     assert isinstance(people, list)
@@ -121,7 +121,7 @@ def test_what_the_recording_says_of_itself_comes_before_the_scene(recording: Pat
     [
         (asked(near=3.0, far=2.0), "--near 3 is not below --far 2"),
         (asked(roi="1,2,3"), "--roi 1,2,3 is not understood; give 4 whole numbers"),
-        (asked(roi="9,2,3,8"), "--roi 9,2,3,8 holds no pixel"),
+        (asked(roi="9,2,3,8"), "--roi 9,2,3,8 contains no pixel"),
         (asked(person="tallest"), "--person tallest is unknown; give X,Y in pixels or one of nearest"),
         (asked(person="4,"), "--person 4, is not understood; give 2 whole numbers"),
     ],
@@ -146,7 +146,7 @@ def test_an_empty_room_is_read_from_a_frame_a_picture_or_a_sequence(recording: P
 
 
 def test_all_that_decides_the_results_is_described() -> None:
-    """Of two scopes that differ in anything, the descriptions do."""
+    """Scopes that differ have different descriptions."""
     options = (
         asked(),
         asked(near=1.0),
@@ -162,7 +162,7 @@ def test_all_that_decides_the_results_is_described() -> None:
 
 
 def test_a_chair_in_the_empty_room_is_none_of_the_body() -> None:
-    """A box that touches the person is cut out with it, unless the room is given without anybody."""
+    """A box that touches the person is segmented with it, unless the empty room is given."""
     alone = shown("standing").frames[0]
     frame = in_a_room(alone)
     model = human(1.82)

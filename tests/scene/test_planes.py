@@ -1,4 +1,4 @@
-"""Floor and walls are found where they are, and nothing else is taken for them."""
+"""Floor and walls are found at the right place, and no other surface is."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_planes_are_followed_when_the_camera_moves_a_little() -> None:
 
 
 def test_a_person_alone_has_no_planes() -> None:
-    """Where nothing but a person is measured, no part of it is taken for a wall or a floor."""
+    """If only a person is measured, no part of it becomes a wall or a floor."""
     seen = Room().see(PERSON)
     depth = np.where(seen.mask, seen.frame.metres(), np.float32(0.0))
     assert len(find_planes(rays_of(depth), Planes().sky).coefficients) == 0
@@ -78,7 +78,7 @@ def test_a_floor_between_furniture_is_found() -> None:
 
 
 def test_no_floor_is_made_up() -> None:
-    """Where boxes hide all of it, no slanting plane through edges of things is taken for one."""
+    """If boxes hide all of it, no slanted plane through edges of objects is used instead."""
     room = Room((((-2.5, 0.3, 1.3), (2.5, HEIGHT, 1.6)), CABINET), noise=0.002)
     depth = room.see(PERSON).frame.metres()
     rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy

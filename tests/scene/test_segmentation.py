@@ -1,4 +1,4 @@
-"""The subject is cut out of a room, and of every other pixel it is known what it says about the subject."""
+"""The subject is segmented from a room, and every other pixel has the right label."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def whole(cut: Segmentation, shape: tuple[int, int]) -> NDArray[np.uint8]:
 
 
 def cut_from(room: Room, frame: DepthFrame, off: float = 0.0) -> NDArray[np.uint8]:
-    """Kinds of a frame's pixels, cut with a body that is so far off its place, metres."""
+    """Labels of a frame's pixels, segmented with a body that has this offset, metres."""
     view = Scene().see(frame)
     surface = room.surface((PERSON[0] + off, PERSON[1]))
     return whole(segment_body(view, surface, measure_distances(view, surface)), view.depth.shape)
@@ -69,7 +69,7 @@ def test_a_table_hides_and_a_wall_does_not() -> None:
 
 
 def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_else_is_seen() -> None:
-    """A camera's shadow beside the person is a kind of its own; in a cut-out recording it is empty."""
+    """The camera's shadow beside the person is UNMEASURED; in a segmented recording it is empty."""
     room = Room()
     frame, truth = room.see(PERSON)
     shadow = np.roll(truth, 4, axis=1) & ~truth
@@ -86,7 +86,7 @@ def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_el
 
 
 def test_pixels_that_are_known_are_the_subject() -> None:
-    """Of somebody whose pixels are given, these are the subject and no others."""
+    """If a person's pixels are given, exactly these are the subject."""
     room = Room((TABLE,), noise=0.001)
     frame, truth = room.see(PERSON)
     kinds = whole(segment_mask(Scene().see(frame), truth), truth.shape)
@@ -96,7 +96,7 @@ def test_pixels_that_are_known_are_the_subject() -> None:
 
 
 def test_of_two_people_each_has_the_nearest_pixels() -> None:
-    """Two people side by side: hardly a pixel of one is the other's; who stands alone is not divided."""
+    """Two people side by side: almost no pixel is assigned to the other; one person alone is not divided."""
     room = Room(noise=0.001)
     places = (-0.25, 2.4), (0.25, 2.6)
     seen = [room.see(place) for place in places]

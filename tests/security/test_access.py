@@ -1,4 +1,4 @@
-"""Encrypted runs: the same bytes, directly and through a router, and keys of others stay closed."""
+"""Encrypted runs: the same bytes, directly and through a router, and no access to other keys."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SHORT = 0.3  # seconds in which something that must not happen would have happen
 
 
 def test_run_over_tls_gives_the_same_bytes(place: str, ours: Folder) -> None:
-    """Directly, with certificates on both sides, and beside a local worker, which needs none."""
+    """Directly, with certificates on both sides, and with a local worker, which needs none."""
     options = Pool(1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=60.0)
     with (
         ZenohRefiner(options) as refiner,
@@ -73,7 +73,7 @@ def test_other_workers_name_is_never_seen(place: str, ours: Folder) -> None:
 
 
 def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
-    """Signed by the same authority but not listed: sees no frame, no model, no worker, and is not seen."""
+    """Signed by the same authority but not listed: no access to frames, models, workers, and not visible."""
     with listening(place, ours) as refiner, secure_worker(place, ours, "w0"):
         refiner.wait_for(1)
         assert refined_bytes(refiner, 1) == expected(1)
@@ -93,7 +93,7 @@ def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
 
 
 def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
-    """A worker cannot ask, watch or serve in place of another, nor publish frames of a run."""
+    """A worker cannot send requests, watch, serve instead of another, or publish frames of a run."""
     with listening(place, ours) as refiner, secure_worker(place, ours, "w0") as honest:
         refiner.wait_for(1)
         assert refined_bytes(refiner, 1) == expected(1)
@@ -117,7 +117,7 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
 
 
 def test_worker_process_with_a_certificate(place: str, ours: Folder) -> None:
-    """A real process is called as its certificate, serves, and survives that its coordinator ends."""
+    """A real process has the name of its certificate, serves, and continues after its coordinator ends."""
     with started("--connect", place, *ours.options("w1"), command=INSTANT) as process:
         for number in range(2):
             with listening(place, ours) as refiner:

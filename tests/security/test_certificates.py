@@ -1,4 +1,4 @@
-"""Certificates as they are made, kept and renewed."""
+"""Certificates are made, kept and renewed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.support.processes.certificates import Folder, make_folder
 
 
 def test_certificates_are_made_once(tmp_path: Path) -> None:
-    """A second call keeps what is good, adds new names, and renews for new hosts and what is over."""
+    """A second call keeps valid ones, adds new names, and renews for new hosts and after expiry."""
     first = make_certificates(tmp_path, ("w0",), (), 1, None)
     assert first == ["coordinator", "router", "w0"]
     assert make_certificates(tmp_path, ("w0",), (), 1, None) == []
@@ -34,7 +34,7 @@ def test_certificates_are_made_once(tmp_path: Path) -> None:
 
 
 def test_expired_certificates_are_renewed(tmp_path: Path) -> None:
-    """What is over is made anew; with the authority, all that it signed."""
+    """Expired certificates are renewed; with the authority, all that it signed."""
     folder = make_folder(tmp_path)
     (tmp_path / "w0.pem").write_bytes((tmp_path / "old.pem").read_bytes())
     (tmp_path / "w0.key").write_bytes((tmp_path / "old.key").read_bytes())

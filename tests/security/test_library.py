@@ -22,7 +22,7 @@ GEPF = (sys.executable, "-m", "coordinator.cli")
 
 
 def files_of(folder: Folder, name: str) -> gepf.TlsFiles:
-    """Three files of a certificate, as users name them: texts."""
+    """The three files of a certificate as strings."""
     own = folder.of(name)
     return gepf.TlsFiles(str(own.ca), str(own.cert), str(own.key))
 
@@ -62,7 +62,7 @@ def test_a_tracker_has_workers_with_certificates(way: str, place: str, ours: Fol
 
 
 def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours: Folder) -> None:
-    """Another's certificate, a plain endpoint beside one, a key that would be dropped: one line each."""
+    """Another name's certificate, a plain endpoint, a key that is not allowed: one line each."""
     tls, pool = files_of(ours, "coordinator"), gepf.Pool(0, listen="tcp/127.0.0.1:1")
     mistakes: list[tuple[Callable[[], object], str]] = [
         (lambda: gepf.live(KEY, listen=place, tls=files_of(ours, "w0")), "is for 'w0', not for"),
@@ -78,7 +78,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours
 
 
 def test_a_client_that_is_not_let_in_reads_what_to_give(place: str, ours: Folder) -> None:
-    """In Python's words, of live input and of workers: without certificates, at an encrypted port."""
+    """Without certificates at an encrypted port: messages name Python parameters, for input and workers."""
     plain = place.replace("tls/", "tcp/")
     with open_coordinator([place], (), ours.listening):
         for mistake in (lambda: list(gepf.live(KEY, connect=plain)), lambda: gepf.Tracker(workers=plain)):

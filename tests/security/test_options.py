@@ -1,4 +1,4 @@
-"""Endpoints and certificates as options give them: what is refused before anything is opened."""
+"""Options for endpoints and certificates that are refused before anything is opened."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ LISTENING = {
     "tcp/[::1]:7447": None,
     "tcp/localhost:7447": None,
     "unixsock-stream//tmp/bus": None,
-    "tcp/0.0.0.0:7447": "lets everyone in",
-    "tcp/[::]:7447": "lets everyone in",
-    "tcp/10.0.0.5:7447": "lets everyone in",
-    "ws/0.0.0.0:7447#iface=lo": "lets everyone in",
+    "tcp/0.0.0.0:7447": "accepts anyone",
+    "tcp/[::]:7447": "accepts anyone",
+    "tcp/10.0.0.5:7447": "accepts anyone",
+    "ws/0.0.0.0:7447#iface=lo": "accepts anyone",
     "tls/0.0.0.0:7447": "needs a certificate",
     "7447": "is not an endpoint",
 }
@@ -30,14 +30,14 @@ LISTENING = {
 
 @pytest.mark.parametrize("endpoint", LISTENING)
 def test_listening_beyond_this_host_needs_tls(endpoint: str) -> None:
-    """What others can reach is refused without a certificate, unless the user insists."""
+    """An endpoint that others can reach needs a certificate or --insecure."""
     fault = LISTENING[endpoint]
     if fault is None:
         check_listening(endpoint, None, insecure=False)
         return
     with pytest.raises(InputError, match=fault):
         check_listening(endpoint, None, insecure=False)
-    if fault == "lets everyone in":
+    if fault == "accepts anyone":
         check_listening(endpoint, None, insecure=True)
 
 
@@ -52,7 +52,7 @@ def test_commands_refuse_to_listen_openly(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_certificate_forbids_plain_endpoints(ours: Folder) -> None:
-    """A certificate asks for encryption; a plain endpoint beside it is a mistake."""
+    """A plain endpoint together with a certificate is a mistake."""
     for option in ("--listen", "--connect"):
         with pytest.raises(InputError, match="is not encrypted; with a certificate, give tls/HOST:PORT"):
             check_endpoint(option, "tcp/127.0.0.1:7447", ours.of("coordinator"))
@@ -91,7 +91,7 @@ def test_certificate_files_that_are_none(ours: Folder, tmp_path: Path) -> None:
 
 
 def test_names_of_workers() -> None:
-    """A number or a list; the names of the other roles are taken."""
+    """A number or a list; the names of the other roles are reserved."""
     assert choose_names("2") == ("worker-0", "worker-1")
     assert choose_names("anna, ben") == ("anna", "ben")
     for bad in ("coordinator", "router", "a/b", "", "a,,b", "*"):

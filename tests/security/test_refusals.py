@@ -20,7 +20,7 @@ from tests.support.processes.warm_processes import start, work_instantly
 
 
 def bare_settings(endpoint: str, credentials: Credentials | None) -> dict[str, Any]:
-    """A client that gives up soon, and does not check itself what it does."""
+    """A client with a short timeout that does not check its own certificate."""
     security = None if credentials is None else Security(credentials)
     settings = session_settings("client", (), [endpoint], security)
     settings["connect"] |= {"timeout_ms": 700, "exit_on_failure": True}
@@ -28,10 +28,10 @@ def bare_settings(endpoint: str, credentials: Credentials | None) -> dict[str, A
 
 
 REFUSED = {
-    "no certificate": "refuses us without a certificate; add --tls-ca, --tls-cert and --tls-key",
+    "no certificate": "refuses connections without a certificate; add --tls-ca, --tls-cert and --tls-key",
     "foreign authority": "have one signed by the authority there",
     "expired": "certificate expired; have one signed by the authority there, or make a new one",
-    "plain tcp": "admits encrypted connections only; give tls/HOST:PORT with --tls-ca",
+    "plain tcp": "accepts only encrypted connections; give tls/HOST:PORT with --tls-ca",
 }
 
 
@@ -39,7 +39,7 @@ REFUSED = {
 def test_listener_refuses_and_the_refused_learns_why(
     case: str, place: str, ours: Folder, foreign: Folder
 ) -> None:
-    """A client that checks nothing itself does not get in, and asking why gives the reason in one line."""
+    """A client without own checks is refused, and `why_refused` gives the reason in one line."""
     presented = {
         "no certificate": ours.of("w0"),
         "foreign authority": foreign.of("w0", ca=ours.path / "ca.pem"),
@@ -64,30 +64,30 @@ def test_listener_refuses_and_the_refused_learns_why(
 
 
 def test_foreign_listener_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
-    """A worker does not connect to a coordinator of another authority, and says whose fault it sees."""
+    """A worker does not connect to a coordinator of another authority, and says why."""
     why = pytest.raises(InputError, match="shows a certificate that is not valid under ours")
     with open_coordinator([place], (), foreign.listening), why:
         open_worker([place], Security(ours.of("w0")))
 
 
 def test_worker_cannot_pose_as_coordinator(place: str, ours: Folder) -> None:
-    """A worker's certificate, though of the same authority, is not accepted from one who listens."""
+    """A worker's certificate of the same authority is not accepted from a listener."""
     why = pytest.raises(InputError, match="shows a certificate that is not valid under")
     with open_coordinator([place], (), Security(ours.of("w1"))), why:
         open_worker([place], Security(ours.of("w0")))
 
 
 def test_certificate_of_another_host_is_refused(ours: Folder) -> None:
-    """A coordinator that is reached under a name that its certificate does not hold is not trusted."""
+    """A coordinator reached by a host name that is not in its certificate is not trusted."""
     place = f"tls/127.0.0.2:{free_port()}"
     with open_coordinator([place], (), ours.listening):
         line = why_refused(place, ours.of("w0"))
     assert line is not None
-    assert "connect by a host name that it holds" in line
+    assert "connect by a host name in the certificate" in line
 
 
 def test_who_speaks_no_tls_refuses_nobody(ours: Folder) -> None:
-    """Neither a listener without encryption, with which a worker may only have to wait, nor nobody at all."""
+    """There is no reason for a listener without encryption, or without a listener."""
     port = free_port()
     with open_coordinator([f"tcp/127.0.0.1:{port}"]):
         assert why_refused(f"tls/127.0.0.1:{port}", ours.of("w0")) is None
@@ -116,7 +116,7 @@ PROCESSES = {
 def test_refused_process_says_so_in_one_line(
     case: str, place: str, ours: Folder, foreign: Folder, tmp_path: Path
 ) -> None:
-    """`gepf-worker` that is not let in ends with exit code 2 and one line that says why."""
+    """A `gepf-worker` that is refused ends with exit code 2 and one line that says why."""
     options = {
         "foreign": [*foreign.options("w0")[2:], "--tls-ca", str(ours.path / "ca.pem")],
         "other name": [*ours.options("w0"), "--name", "w1"],

@@ -1,4 +1,4 @@
-"""An Azure Kinect's recording: its camera, its lens and gravity against values worked out by hand."""
+"""An Azure Kinect's recording: camera, distortion and gravity against values computed by hand."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_the_camera_is_the_sensors_cropped(recording: Path) -> None:
 
 
 def test_frames_are_millimetres_from_time_zero(recording: Path) -> None:
-    """Its depth frame reads again and again the same, between 0.19 and 3.7 m, most of it measured."""
+    """Its depth frame is the same every time, between 0.19 and 3.7 m, mostly measured."""
     source = open_source(recording)
     frame = source.frame(0)
     assert (frame.time_s, frame.depth_scale) == (0.0, 1000.0)
@@ -64,7 +64,7 @@ def test_gravity_is_what_the_accelerometer_says(recording: Path) -> None:
 
 
 def test_a_given_camera_replaces_the_lens(recording: Path) -> None:
-    """With --intrinsics the picture stays as it was recorded; --depth-scale is the user's too."""
+    """With --intrinsics the image stays as recorded; --depth-scale is applied, too."""
     source = open_source(recording, CameraOptions((500.0, 501.0, 320.0, 288.0), 500.0))
     assert source.intrinsics == Intrinsics(640, 576, 500.0, 501.0, 320.0, 288.0)
     assert source.frame(0).depth_scale == 500.0
@@ -72,10 +72,10 @@ def test_a_given_camera_replaces_the_lens(recording: Path) -> None:
 
 @pytest.mark.parametrize("kept", [5000, 300_000])
 def test_a_cut_recording_is_one_line(recording: Path, tmp_path: Path, kept: int) -> None:
-    """Whatever is missing, the error is the input's, and names the file."""
+    """A truncated file is an input error that names the file."""
     cut = tmp_path / "cut.mkv"
     cut.write_bytes(recording.read_bytes()[:kept])
-    with pytest.raises(InputError, match=r"damaged or no Matroska file|holds no depth|cut short") as caught:
+    with pytest.raises(InputError, match=r"not a Matroska file|holds no depth|truncated") as caught:
         open_source(cut).frame(0)
     assert str(cut) in str(caught.value)
 
@@ -97,7 +97,7 @@ def test_the_lens_is_opencvs() -> None:
 
 
 def test_depth_is_never_mixed() -> None:
-    """Before a near thing and a far one, undistorted depth is one or the other."""
+    """At the edge between a near and a far object, undistorted depth is one of the two."""
     camera = Intrinsics(64, 64, 40.0, 40.0, 31.5, 31.5)
     depth = np.where(np.indices((64, 64))[1] < 32, 1000, 3000).astype(np.uint16)
     assert set(np.unique(undistorted(depth, lens_pixels(LENS, camera)))) <= {0, 1000, 3000}

@@ -43,7 +43,7 @@ def test_frames_are_found_by_number(tmp_path: Path) -> None:
 def test_wrong_counts_and_sizes_are_refused_before_tracking(
     tmp_path: Path, name: str, size: tuple[int, int], says: str
 ) -> None:
-    """All frames are looked at, not only the first."""
+    """All frames are checked, not only the first."""
     save(tmp_path, "000000.png")
     save(tmp_path, name, size)
     with pytest.raises(InputError) as caught:
@@ -53,7 +53,7 @@ def test_wrong_counts_and_sizes_are_refused_before_tracking(
 
 @pytest.mark.parametrize("content", [b"", b"no picture"])
 def test_damage_is_reported(tmp_path: Path, content: bytes) -> None:
-    """As is a folder that is not there."""
+    """So is a missing folder."""
     (tmp_path / "0.png").write_bytes(content)
     with pytest.raises(InputError, match="damaged"):
         ColourFolder(tmp_path, CAMERA, range(1))

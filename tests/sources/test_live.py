@@ -1,4 +1,4 @@
-"""Live input: what others publish is tracked as it comes, and what does not fit in time is counted."""
+"""Live input: published frames are tracked as they come, and skipped ones are counted."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ AT_TWO_METRES = np.array([0.0, 0.0, 2.05, 0.0, 0.0, 0.0])  # the plate's pose in
 
 
 def image(number: int, depth: int = 2000) -> DepthFrame:
-    """A plate in the middle of 32 by 32 pixels, and nothing around it."""
+    """A plate in the middle of 32 by 32 pixels, with no depth around it."""
     seen = np.zeros((CAMERA.height, CAMERA.width), dtype=np.uint16)
     seen[8:24, 8:24] = depth
     return DepthFrame(number, number / 30, seen, 1000.0, CAMERA)
@@ -204,7 +204,7 @@ def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_pat
 
 
 def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) -> None:
-    """A listener hears of every tracked frame of a 30 Hz stream, soon, and of the end, in both forms."""
+    """A subscriber gets every tracked frame of a 30 Hz stream, soon, and the end, in both formats."""
     for form, option in (("msgpack", ()), ("json", ("--publish-json",))):
         heard_: list[tuple[float, bytes]] = []
         hearing = threading.Event()
@@ -296,7 +296,7 @@ def test_publisher_and_tracker_start_in_either_order(
 def test_a_run_whose_stream_breaks_off_is_complete(
     endpoint: str, recording: Path, tmp_path: Path, *, publisher_dies: bool
 ) -> None:
-    """A killed publisher can say no end, so silence ends the run; Ctrl-C at the tracker ends it at once."""
+    """A killed publisher sends no end, so a timeout ends the run; Ctrl-C at the tracker ends it at once."""
     track = [*tracking(endpoint, tmp_path), "--idle-timeout", "2", "--no-pictures"]
     with at_work(endpoint, Finder()), started(*track, command=GEPF) as tracker:
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
@@ -315,7 +315,7 @@ def test_a_run_whose_stream_breaks_off_is_complete(
 
 @pytest.mark.slow
 def test_a_publisher_names_an_endpoint_without_an_answer(endpoint: str, recording: Path) -> None:
-    """And not only the key; it goes on to try."""
+    """The line names endpoint and key; it keeps trying."""
     play = ["publish", str(recording), "--key", KEY, "--connect", endpoint]
     with started(*play, command=GEPF) as publisher:
         assert publisher.stderr is not None
@@ -357,7 +357,7 @@ def arrivals(endpoint: str, recording: Path, *options: str) -> list[float]:
 
 @pytest.mark.slow
 def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_path: Path) -> None:
-    """Waiting that is given up ends with exit code 130, as every other run, and without a folder."""
+    """An interrupt while waiting gives exit code 130, as in every run, and no folder."""
     with started(*tracking(endpoint, tmp_path), command=GEPF) as tracker:
         assert tracker.stderr is not None
         assert any(line.startswith("listening on") for line in tracker.stderr)
@@ -372,7 +372,7 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         assert main(tracking(endpoint, tmp_path)) == 2
     told = capsys.readouterr().err
-    assert f"gepf: {endpoint} is in use by another program; end that, or choose another port" in told
+    assert f"gepf: {endpoint} is in use by another program; end it, or choose another port" in told
     assert not (tmp_path / "run").exists()
 
 
@@ -403,6 +403,6 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_faults_are_reported_in_one_line(
     command: list[str], line: str, recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Options that cannot be done are refused before anything is made."""
+    """Impossible options are refused before anything is created."""
     assert main([str(recording) if part == "PLATE" else part for part in command]) == 2
     assert line in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Frames of a live stream: the newest is yielded, what does not belong to it is rejected and counted."""
+"""Frames of a live stream: the newest is yielded; frames that do not fit are rejected and counted."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def image(
 
 
 def counted(**counts: int) -> dict[str, int]:
-    """All counts; what is not given is none."""
+    """All counts; those not given are zero."""
     return dict.fromkeys(COUNTED, 0) | counts
 
 

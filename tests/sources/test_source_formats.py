@@ -1,4 +1,4 @@
-"""One recorded sequence through every input format: the same frames, the same poses; and every damage."""
+"""One recorded sequence in every input format: the same frames and poses; and damaged files."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ SCALES = {"open3d": 1000.0}
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_format_gives_the_same_frames(tmp_path: Path, name: str) -> None:
-    """It is known by what is there; depth to the unit, the camera, numbers, times and rate."""
+    """The format is detected; depth to the unit, the camera, numbers, times and rate."""
     path = WRITERS[name](tmp_path / name, recorded())
     assert find_format(path).name == FORMATS[name]
     source = open_source(path)
@@ -64,7 +64,7 @@ def test_every_format_gives_the_same_frames(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_camera_that_the_user_gives_replaces_the_recorded_one(tmp_path: Path, name: str) -> None:
-    """Pixels stay what they are, and so do the places of points; a camera file is not needed."""
+    """Pixels are unchanged, as are the positions of points; a camera file is not needed."""
     path = WRITERS[name](tmp_path / name, recorded())
     (path / "camera_intrinsic.json").unlink(missing_ok=True) if path.is_dir() and name != "ply" else None
     source = open_source(path, CameraOptions((300.0, 301.0, 150.0, 110.0), SCALES.get(name)))
@@ -87,7 +87,7 @@ def test_every_encoding_of_pcd_is_read(tmp_path: Path, encoding: Encoding) -> No
 
 
 def test_an_unorganised_cloud_without_a_camera_is_seen_by_the_nominal_one(tmp_path: Path) -> None:
-    """Every point is where it was, to the pixel's width."""
+    """Every point has its position, to the width of a pixel."""
     path = write_ply(tmp_path / "clouds", recorded()[:1])
     (path / "camera_intrinsic.json").unlink()
     source = open_source(path)
@@ -98,7 +98,7 @@ def test_an_unorganised_cloud_without_a_camera_is_seen_by_the_nominal_one(tmp_pa
 
 
 def test_of_points_in_one_pixel_the_nearest_counts(tmp_path: Path) -> None:
-    """What is behind is hidden."""
+    """Points behind it are hidden."""
     (tmp_path / "clouds").mkdir()
     points = "0 0 3\n0 0 2\n0 0 2.5\n0 0 -1\nnan 0 1\n"
     head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
@@ -172,15 +172,15 @@ DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("ply", "cloud_1.ply", cut, "cloud_1.ply is damaged"),
     ("ply", "x.pcd", text(""), "holds both .ply and .pcd"),
     ("pcd", "0.pcd", cut, "0.pcd is damaged"),
-    ("walk.bag", "", cut, "walk.bag is damaged or no ROS bag"),
+    ("walk.bag", "", cut, "walk.bag is damaged or not a ROS bag"),
     ("walk.npz", "", cut, "walk.npz is damaged"),
     ("walk.npz", "", arrays(depth=None), "has no 'depth' but"),
     ("walk.npz", "", arrays(depth_scale=None), "needs depth_scale, its units per metre"),
     ("walk.npz", "", arrays(depth=np.zeros((3, 4))), "'depth' has shape (3, 4)"),
-    ("walk.npz", "", arrays(depth=np.full((1, 2, 2), -5)), "nor whole units from 0 to 65535"),
+    ("walk.npz", "", arrays(depth=np.full((1, 2, 2), -5)), "or whole units from 0 to 65535"),
     ("walk.npz", "", arrays(intrinsics=np.zeros((3, 3))), "intrinsics are not fx 0 cx"),
     ("walk.npz", "", arrays(intrinsics=np.eye(4)), "'intrinsics' has shape (4, 4)"),
-    ("walk.npz", "", arrays(fps=-1), "-1.0 frames a second make no sense"),
+    ("walk.npz", "", arrays(fps=-1), "-1.0 frames a second is not valid"),
 ]
 
 
@@ -197,7 +197,7 @@ def read_all(path: Path) -> None:
 def test_damage_is_found_and_reported_in_one_line(
     tmp_path: Path, name: str, file: str, damage: Callable[[Path], object], says: str
 ) -> None:
-    """Whatever is wrong and wherever: an error of ours, which names the file and the mend."""
+    """Each fault in each format is an InputError that names the file and the correction."""
     path = WRITERS[name](tmp_path / name, recorded())
     damage(path / file if file else path)
     with refused() as raised:
@@ -208,7 +208,7 @@ def test_damage_is_found_and_reported_in_one_line(
 
 @pytest.mark.parametrize("name", ["x.bag", "x.mat"])
 def test_a_file_cut_or_changed_anywhere_is_read_or_refused(tmp_path: Path, name: str) -> None:
-    """No damage gets past as an error of the library's own."""
+    """No damage raises another library's error."""
     if name == "x.bag":
         path = write_bag(tmp_path / name, recorded()[:1, 100:140, 140:180], camera=small())
     else:
@@ -251,7 +251,7 @@ def test_an_organised_cloud_that_no_pinhole_camera_sees_needs_a_camera(tmp_path:
     (twisted / "0.pcd").write_bytes(
         cloud.replace(b"WIDTH 320", b"WIDTH 240").replace(b"HEIGHT 240", b"HEIGHT 320")
     )
-    with pytest.raises(InputError, match=r"not as a pinhole camera sees it; add camera_intrinsic\.json"):
+    with pytest.raises(InputError, match=r"does not fit a pinhole camera; add camera_intrinsic\.json"):
         open_source(twisted)
 
 
@@ -272,8 +272,8 @@ def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (["--depth-scale", "50"], "all depth lies between 40 and 40 m; is it in other units? --depth-scale"),
-        (["--depth-scale", "10000"], "all depth lies between 0.2 and 0.2 m; is it in other units?"),
+        (["--depth-scale", "50"], "all depth lies between 40 and 40 m; is the unit right? --depth-scale"),
+        (["--depth-scale", "10000"], "all depth lies between 0.2 and 0.2 m; is the unit right?"),
         (
             ["--intrinsics", "500,500,3200,240"],
             "centre (3200, 240) is outside its picture of 40x30",
@@ -284,7 +284,7 @@ def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_units_and_a_camera_that_cannot_be_are_told(
     given: list[str], says: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """`gepf info` shows all the same, with a line on stderr that names what to mend."""
+    """`gepf info` still shows the facts, with a line on stderr that names the correction."""
     np.save(tmp_path / "flat.npy", np.full((2, 30, 40), 2000, dtype=np.uint16))
     camera = [] if "--intrinsics" in given else ["--intrinsics", "40,40,20,15"]
     assert main(["info", str(tmp_path / "flat.npy"), "--json", *camera, *given]) == 0

@@ -1,4 +1,4 @@
-"""Folders of pictures with gaps and their own times, `.npy`, ROS 2 bags, what a user says of a camera."""
+"""Folders of images with gaps and their own times, `.npy`, ROS 2 bags, options about the camera."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def taken(path: Path, given: CameraOptions = LENS) -> tuple[list[int], list[floa
 def test_missing_frames_keep_their_numbers_and_times(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Frames 3 and 6 are 0.1 s apart though two are missing in between, which is said."""
+    """Frames 3 and 6 are 0.1 s apart though two are missing in between, which is reported."""
     write_pictures(tmp_path / "seq" / "depth", ["000002.png", "000003.png", "000006.png"])
     describe_camera(tmp_path / "seq")
     assert taken(tmp_path / "seq", CameraOptions()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
@@ -94,7 +94,7 @@ def test_names_are_times_or_numbers(
     ],
 )
 def test_a_text_file_gives_times(tmp_path: Path, lines: str, times: list[float]) -> None:
-    """One a line, or with the picture's name on either side, which may leave some out."""
+    """One per line, or with the image's name on either side; some images may be omitted."""
     write_pictures(tmp_path / "seq" / "depth", ["2.png", "3.png", "5.png"])
     (tmp_path / "seq" / "timestamps.txt").write_text(lines)
     assert taken(tmp_path / "seq") == ([2, 3, 5][: len(times)], times)
@@ -143,13 +143,13 @@ def test_an_array_file_is_metres_whatever_it_holds(
     units: str,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """Whole millimetres, metres, and millimetres as floats, which is said."""
+    """Whole millimetres, metres, and millimetres as floats, which is reported."""
     np.save(tmp_path / "depth.npy", convert(depth(2)))
     with caplog.at_level(logging.WARNING):
         source = open_source(tmp_path / "depth.npy", CameraOptions(LENS.intrinsics, scale))
     assert np.allclose(source.frame(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
     assert source.intrinsics.fy == 51.0
-    assert ("taken as millimetres" in caplog.text) == (units == "millimetres as floats")
+    assert ("is interpreted as millimetres" in caplog.text) == (units == "millimetres as floats")
 
 
 def write_ros2(path: Path, encoding: str = "16UC1", kind: str = "sensor_msgs/msg/Image") -> Path:
@@ -202,19 +202,19 @@ def test_a_bag_of_compressed_depth_says_how_to_unpack_it(tmp_path: Path) -> None
         ("film.mp4", "a film holds colours, not depth; write its depth as 16-bit PNG"),
         ("walk.svo2", "ZED's files need its SDK"),
         ("walk.db3", "give the folder that ROS 2 recorded"),
-        ("walk.h5", "save depth by numpy.save"),
+        ("walk.h5", "save depth with numpy.save"),
         ("walk.xyz", "not a depth sequence of a known format; give one of"),
     ],
 )
 def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path, name: str, says: str) -> None:
-    """What is not read is refused in one line that says how to make something that is."""
+    """Unsupported formats are refused in one line that says how to convert them."""
     (tmp_path / name).write_bytes(b"x")
     with pytest.raises(InputError, match=says):
         open_source(tmp_path / name)
 
 
 def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
-    """Who gives the folder around a recording is told its path; a truth is no recording."""
+    """For the folder that contains recordings, the line gives the path of one; truth files do not count."""
     for name in ("a_truth.npz", "notes.txt", "walk.mkv", "zoo.mkv"):
         (tmp_path / name).write_bytes(b"x")
     with pytest.raises(InputError, match=r"give \S+/walk\.mkv, or one of: TUM"):

@@ -85,8 +85,8 @@ def picture(*shape: int, dtype: type[np.unsignedinteger[Any]] = np.uint8) -> Cal
         (altered(lambda content: content[: len(content) // 2]), "damaged"),
         (altered(lambda content: content[:-12]), "damaged"),  # the closing chunk
         (altered(lambda content: content[:-18] + bytes([content[-18] ^ 0x55]) + content[-17:]), "damaged"),
-        (altered(lambda _: b"depth"), "no PNG"),
-        (altered(lambda _: b""), "no PNG"),
+        (altered(lambda _: b"depth"), "not a PNG"),
+        (altered(lambda _: b""), "not a PNG"),
         (picture(6, 8), "8-bit, not 16-bit grey"),
         (picture(6, 8, 3), "RGB, not 16-bit grey"),
     ],
@@ -140,7 +140,7 @@ def test_pictures_that_cannot_be_ordered_are_refused(folder: Path, name: str, sa
 def test_a_camera_file_that_makes_no_sense_is_refused(
     folder: Path, content: dict[str, object] | bytes, says: str
 ) -> None:
-    """Entries that are missing or of another type or range, and files that are no JSON object."""
+    """Entries that are missing or of another type or range, and files without a JSON object."""
     if isinstance(content, dict):
         entries = {name: value for name, value in (CAMERA | content).items() if value is not ...}
         content = json.dumps(entries).encode()

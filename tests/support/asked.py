@@ -1,4 +1,4 @@
-"""What one request asks for, kernels of which only the answer has to be said, and made-up answers."""
+"""The content of a request, kernels defined by their answer, and artificial answers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from worker.service import Refine
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Asked:
-    """What one request asks for."""
+    """The content of one request."""
 
     model: BodyModel
     poses: NDArray[np.float64]  # (N, D)
@@ -57,6 +57,6 @@ def sure(poses: Array, deviation: float = 0.01) -> NDArray[np.float32]:
 
 
 def unmoved(poses: Array, *, covariance: bool) -> Refined:
-    """Poses (N, D) as they are, all equally likely and a centimetre off, as sure as ever if that is asked."""
+    """Unchanged poses (N, D), all equally likely, with a residual of 1 cm, and a covariance on request."""
     count = len(poses)
     return Refined(poses, np.zeros(count), np.full(count, 0.01), sure(poses) if covariance else None)

@@ -1,4 +1,4 @@
-"""Bodies to test with: one small enough to check by hand, any number of random ones, and the person."""
+"""Bodies for tests: one small enough to check by hand, random ones, and the person."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def share(
 def random_body(rng: np.random.Generator) -> BodyModel:
     """A random tree of single axes, translations and balls of either hand, with skin on every link.
 
-    Now and then a link hangs in the middle of three rotations through one point, which are no ball then.
+    Sometimes a link depends on the middle of three rotations through one point, which are no ball then.
     """
     kinds: list[int] = []
     parents: list[int] = []

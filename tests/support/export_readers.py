@@ -1,4 +1,4 @@
-"""Exported files as readers that are not ours have them."""
+"""Exported files, read by independent readers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests that every decoder accepts and nobody would send: all of their numbers at the bounds."""
+"""Requests that every decoder accepts, with all of their numbers at the bounds."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """What a worker would have in hand when it refines."""
+    """The decoded input of a refinement."""
 
     model: BodyModel
     frame: SubjectFrame
@@ -47,7 +47,7 @@ class Extremes:
         self._rng = np.random.default_rng(seed)
 
     def case(self) -> Case:
-        """A case as it comes off the wire; ProtocolError if it does not."""
+        """A case after encoding and decoding; ProtocolError if it is not accepted."""
         model = self._one_of((self._model, self._pyramid))()
         frame = self._one_of((self._frame, tiny_frame))()
         request = RefineRequest("extreme", 0, model.hash, self._settings(), self._poses(len(model.dof_names)))

@@ -52,7 +52,7 @@ class OnePerson:
 
     @property
     def state(self) -> TrackerState:
-        """All that the next frame goes on from."""
+        """The state for the next frame."""
         return self._tracker.states[0]
 
     @property
@@ -158,7 +158,7 @@ def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -
 
 
 def as_bytes(estimate: Estimate) -> list[bytes]:
-    """All that is said about a frame, time taken aside."""
+    """All values of an estimate except times."""
     names = [field.name for field in fields(Estimate) if field.name not in ("stage_seconds", "certainty")]
     certainty = estimate.certainty
     sure = [] if certainty is None else [getattr(certainty, field.name) for field in fields(Certainty)]

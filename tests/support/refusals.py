@@ -1,4 +1,4 @@
-"""What the user's faults are answered with."""
+"""Checks of error messages for wrong input."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from common.errors import InputError
 
 @contextmanager
 def refused(says: str | None = None) -> Iterator[pytest.ExceptionInfo[InputError]]:
-    """What is done here is refused in one line, which matches `says`; its text is known afterwards."""
+    """The body must raise an InputError of one line that matches `says`; gives the error."""
     with pytest.raises(InputError, match=says) as caught:
         yield caught
     assert "\n" not in str(caught.value)

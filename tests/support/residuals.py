@@ -1,4 +1,4 @@
-"""How badly a pose explains a frame, as the tracker has it."""
+"""The tracker's normalised residual of a pose."""
 
 from __future__ import annotations
 

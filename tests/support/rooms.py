@@ -1,4 +1,4 @@
-"""Rooms seen by a depth camera, computed exactly: a floor, a wall, boxes, and somebody made of ellipsoids."""
+"""Exact depth images of rooms: a floor, a wall, boxes, and a person made of ellipsoids."""
 
 from __future__ import annotations
 

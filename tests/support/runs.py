@@ -1,4 +1,4 @@
-"""Runs on disk as `gepf track` leaves them, with poses that are made up."""
+"""Runs on disk as `gepf track` writes them, with artificial poses."""
 
 from __future__ import annotations
 

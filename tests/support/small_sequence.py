@@ -1,4 +1,4 @@
-"""A sequence that takes next to no time to track: the paper's arm, forth and back, seen by a tiny camera."""
+"""A sequence that is tracked very fast: the paper's arm, forth and back, with a tiny image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What takes the place of workers: only the answer has to be said, or particles stay where they are."""
+"""Replacements of workers: defined by their answer, or with particles that do not move."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from tests.support.recordings import write_open3d
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
-    """Particles that nobody needs to wait for."""
+    """A result that is ready."""
 
     refined: Refined
 
@@ -45,7 +45,7 @@ class Ready:
 
 
 class StandIn(ABC):
-    """Fills the tracker's port; by itself it looks at no frame."""
+    """A Refiner that ignores frames."""
 
     statistics = PoolStatistics()
     run = "none"
@@ -55,7 +55,7 @@ class StandIn(ABC):
         del subject
 
     def send_ahead(self, subject: SubjectFrame) -> None:
-        """Have no use for it."""
+        """Ignore it."""
         del subject
 
     def submit(
@@ -70,7 +70,7 @@ class StandIn(ABC):
         return self.answer(Asked(model, poses, settings, covariance))
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
-        """Hear nothing."""
+        """Do nothing."""
         del key, on_message
 
     def speak(self, key: str) -> Outlet:
@@ -86,7 +86,7 @@ class StandIn(ABC):
 
     @abstractmethod
     def answer(self, asked: Asked) -> Pending:
-        """Refine, or do as if."""
+        """Refine, or pretend to."""
 
 
 class Direct(StandIn):

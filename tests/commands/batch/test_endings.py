@@ -1,4 +1,4 @@
-"""Several recordings as one real process: what Ctrl-C leaves, and workers with certificates."""
+"""Several recordings in one real process: after Ctrl-C, and with certificates."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FRAMES, NAMES = 60, ("a", "b", "c")
 
 
 def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> None:
-    """Exit code 130 within seconds, frames of those under way kept, and --resume does the rest of all."""
+    """Exit code 130 within seconds, frames of running recordings are kept, and --resume does the rest."""
     recordings = [tmp_path / name for name in NAMES]
     write_small_sequences(recordings, FRAMES)
     options = ["--out", str(tmp_path / "runs"), "--no-pictures", *OPTIONS]
@@ -46,7 +46,7 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
 
 
 def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
-    """Two recordings through one TLS listener: who shows a certificate works for both."""
+    """Two recordings through one TLS listener: a worker with a certificate works for both."""
     made, place = make_folder(tmp_path / "certificates"), f"127.0.0.1:{free_port()}"
     recordings = [tmp_path / name for name in NAMES[:2]]
     write_small_sequences(recordings, 4)

@@ -28,7 +28,7 @@ from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  
 
 
 def copy_of(sequence: Path, name: str) -> Path:
-    """The same recording once more, beside it."""
+    """A copy of the recording, beside it."""
     return Path(shutil.copytree(sequence, sequence.with_name(name)))
 
 
@@ -39,13 +39,13 @@ def write_truth(folder: Path) -> None:
 
 
 def small_job(recording: Path, out: Path, seed: int) -> Job:
-    """A `gepf track` that takes little time, by a worker that is there at once."""
+    """A short `gepf track`, with a worker that starts at once."""
     settings = settings_for("gepf", "default", 6, 300, seed)
     return Job(recording, out, settings, Pool(2, worker_command=INSTANT), pictures=False)
 
 
 def test_a_list_and_seeds_give_a_run_each(tmp_path: Path) -> None:
-    """Names come from folders and files; a list's lines are as seen from its folder, without comments."""
+    """Names come from folders and files; the lines of a list are relative to its folder, without comments."""
     (tmp_path / "walk").mkdir()
     (tmp_path / "list.txt").write_text("walk  # slowly\n\n# nothing\nsub/run.mat\n")
     runs = choose_runs(small_job(tmp_path, tmp_path, 0), [tmp_path / "list.txt"], range(3, 5))
@@ -61,13 +61,13 @@ def test_a_list_and_seeds_give_a_run_each(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "says"),
     [
-        (("a/walk", "b/walk"), "two recordings are called 'walk'"),
+        (("a/walk", "b/walk"), "two recordings have the name 'walk'"),
         (("none.txt",), "cannot read"),
         (("a/walk", "zenoh:camera"), "live input is tracked alone"),
     ],
 )
 def test_what_cannot_be_several_is_refused(tmp_path: Path, names: tuple[str, ...], says: str) -> None:
-    """Equal names, lists that are not there, and live input; before anything is read."""
+    """Equal names, missing lists, and live input, before anything is read."""
     given = [name if ":" in name else str(tmp_path / name) for name in names]
     job = small_job(tmp_path, tmp_path, 0)
     with pytest.raises(InputError, match=says):
@@ -79,7 +79,7 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
 ) -> None:
     """Real processes that share a worker; the table has a line for each, also for the one that is refused.
 
-    The exit code is the gravest of all.
+    The exit code is the most severe one.
     """
     names = ("first", "second", "damaged")
     recordings = [copy_of(sequence, name) for name in names]
@@ -108,7 +108,7 @@ def test_runs_are_compared_with_their_own_truths_alone(
     capsys: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """--csv has a line a run, and names those without truth; a truth beside other frames is refused."""
+    """--csv has one line per run, and names those without truth; a truth of other frames is refused."""
     known, other = copy_of(sequence, "known"), copy_of(sequence, "other")
     shutil.copy(other / "depth" / "000003.png", other / "depth" / "000000.png")
     for folder in (known, other):
@@ -126,7 +126,7 @@ def test_runs_are_compared_with_their_own_truths_alone(
     for asked, says in (
         ((run, "--truth", str(other / "truth.npz")), "is the truth of other, but"),
         ((run, without), "add --csv"),
-        ((without, "--csv"), "has no truth of this body, or is not where it was; give it with --truth"),
+        ((without, "--csv"), "has no truth for this body, or was moved; give it with --truth"),
     ):
         assert main(["evaluate", *asked]) == 2
         assert says in capsys.readouterr().err

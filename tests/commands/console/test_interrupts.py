@@ -1,4 +1,4 @@
-"""Interrupts at awkward moments: while libraries load, and where one takes them for a fault of its own."""
+"""Interrupts while libraries load, and in code that hides them or treats them as an error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  
 
 
 def load_for_ever(begun: Path) -> None:
-    """A library whose loading takes any exception for a missing part."""
+    """Load a library that hides all exceptions."""
     with loading():
         begun.touch()
         while True:
@@ -34,7 +34,7 @@ def load_for_ever(begun: Path) -> None:
 
 
 def test_an_interrupt_while_libraries_load_ends_the_process_at_once(tmp_path: Path) -> None:
-    """Whatever the library swallows, and sleeps for a minute at a time: by the signal."""
+    """The signal ends the process, though the library hides exceptions and sleeps."""
     begun = tmp_path / "begun"
     process = start(load_for_ever, begun, log=tmp_path / "log")
     try:
@@ -48,7 +48,7 @@ def test_an_interrupt_while_libraries_load_ends_the_process_at_once(tmp_path: Pa
 
 
 def test_after_loading_interrupts_are_exceptions_again() -> None:
-    """And one that is ignored, as of a job in the background, stays so."""
+    """An ignored signal, as in a background job, stays ignored."""
     with loading():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
     with pytest.raises(KeyboardInterrupt):
@@ -83,7 +83,7 @@ def test_what_was_swallowed_or_turned_into_a_fault_is_raised_at_the_end(happens:
 
 
 def test_a_fault_without_an_interrupt_stays_what_it_is() -> None:
-    """Also after one that is being done."""
+    """Also after an interrupt that was handled."""
     swallow()
     with pytest.raises(ImportError), noted_interrupts():
         raise ImportError("really missing")
@@ -98,7 +98,7 @@ def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
     capsys: pytest.CaptureFixture[str],
     number: signal.Signals,
 ) -> None:
-    """Exit code 130, and what was tracked is kept."""
+    """Exit code 130, and the tracked frames are kept."""
 
     def connect_and_swallow(pool: Pool, show: Show) -> AbstractContextManager[Any]:
         swallow(number)
@@ -112,7 +112,7 @@ def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
 
 @pytest.mark.usefixtures("no_traces")
 def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> None:
-    """The moment at which Open3D begins to load: never an exit code of its own."""
+    """When Open3D begins to load; the exit code is that of an interrupt."""
     command = [sys.executable, "-m", "coordinator.cli", "info", str(sequence)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -126,7 +126,7 @@ def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> Non
 def test_what_could_not_be_kept_after_an_interrupt_is_said(
     sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A full disk, say, while the results of an interrupted run are written: one line before the last."""
+    """For example a full disk while results of an interrupted run are written: one line before the last."""
 
     def connect(pool: Pool, show: Show) -> AbstractContextManager[Any]:
         del pool, show

@@ -49,7 +49,7 @@ def test_the_rate_of_received_frames_is_that_of_the_last_second() -> None:
 
 
 def test_a_terminal_shows_a_bar_and_lines_above_it() -> None:
-    """The bar ends with the last state; what is said in between is not lost."""
+    """The bar ends with the last state; messages in between are kept."""
     screen = io.StringIO()
     show = Show(Console(file=screen, force_terminal=True, width=120))
     with show.steps("frame", keep=True) as advance:
@@ -62,7 +62,7 @@ def test_a_terminal_shows_a_bar_and_lines_above_it() -> None:
 
 @pytest.mark.parametrize(("quiet_seconds", "frames"), [(60.0, [9]), (0.0, [*range(1, 10)])])
 def test_a_log_gets_lines_now_and_then_and_the_last_state(quiet_seconds: float, frames: list[int]) -> None:
-    """No control characters; lines are apart by as much as is wanted; what is not kept has no last."""
+    """No control characters; lines at the given interval; a progress that is not kept has no last line."""
     log = io.StringIO()
     show = Show(Console(file=log, force_terminal=False, width=40), quiet_seconds)
     with show.steps("frame", keep=True) as advance:

@@ -1,4 +1,4 @@
-"""Commands that speak: at once, with what there is to choose from, and when they are interrupted."""
+"""Messages of commands: at once, with the valid choices, and after an interrupt."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_what_there_is_to_choose_from_is_listed(
 def test_every_command_says_that_a_killed_run_can_be_continued(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of a folder with a log and without results: exit code 2, and what to do."""
+    """For a folder with a log and without results: exit code 2, and what to do."""
     run = tmp_path / "killed"
     run.mkdir()
     (run / "frames.log").write_bytes(b"frames")
@@ -67,7 +67,7 @@ def test_every_command_says_that_a_killed_run_can_be_continued(
     ):
         assert main([word.format(run=run) for word in command]) == 2
         said = capsys.readouterr().err
-        assert "was interrupted; end it by the same gepf track command with --resume" in said
+        assert "was interrupted; finish it with the same gepf track command and --resume" in said
 
 
 def test_results_of_a_part_of_a_run_are_said_to_be_that(
@@ -76,7 +76,7 @@ def test_results_of_a_part_of_a_run_are_said_to_be_that(
     workers: StillWorkers,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """What ended early is exported all the same, with a warning."""
+    """A run that ended early is exported, with a warning."""
     workers.fail_at, workers.failure = 2, KeyboardInterrupt()
     out = tmp_path / "part"
     assert workers.track(sequence, out) == 130
@@ -85,7 +85,7 @@ def test_results_of_a_part_of_a_run_are_said_to_be_that(
 
 
 def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path, tmp_path: Path) -> None:
-    """Its first line comes before compiler and figures are loaded; interrupted then, it ends."""
+    """Its first line comes before the compiler and matplotlib are loaded; an interrupt then ends it."""
     program = (sys.executable, "-X", "importtime", *GEPF[1:])  # each module that was loaded, a line
     with subprocess.Popen(
         [*program, "track", str(sequence), "--out", str(tmp_path / "out")], stderr=subprocess.PIPE, text=True
@@ -161,7 +161,7 @@ def draw_slowly(run: Path, delay: float) -> None:
 
 @pytest.mark.usefixtures("no_traces")
 def test_an_interrupt_ends_drawing(tracked: Path, tmp_path: Path) -> None:
-    """Even one that a library swallows: exit code 130 soon, and no picture."""
+    """Even one that a library hides: exit code 130 soon, and no picture."""
     process = start(draw_slowly, tracked, 600.0, log=tmp_path / "log")
     wait_until((tracked / "drawing").exists, 60.0)
     time.sleep(0.2)

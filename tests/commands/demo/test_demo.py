@@ -1,4 +1,4 @@
-"""The demo: from nothing to a table and pictures, again and again."""
+"""The demo makes a table and pictures, and can be repeated."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def test_what_no_command_understands_is_refused(table: dict[str, object], says: 
 def test_the_working_folder_s_file_is_read_and_the_command_line_wins(
     written: Written, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A required option may come from the file; one that is given twice is the command line's."""
+    """A required option may come from the file; the command line overrides the file."""
     folder = written('[synth]\nframes = 2\nout = "from-file"\n')
     assert main(["synth", "arm"]) == 0
     assert len(list((folder / "from-file" / "depth").iterdir())) == 2
@@ -85,12 +85,13 @@ def test_config_names_another_file(written: Written, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(
-    ("text", "says"), [("[track\n", "gepf.toml is no TOML: "), ("[trak]\n", "gepf.toml: there is no command")]
+    ("text", "says"),
+    [("[track\n", "gepf.toml is not valid TOML: "), ("[trak]\n", "gepf.toml: there is no command")],
 )
 def test_a_damaged_file_is_one_line(
     written: Written, capsys: pytest.CaptureFixture[str], text: str, says: str
 ) -> None:
-    """Whatever the command is."""
+    """For any command."""
     written(text)
     assert main(["info", "nowhere"]) == 2
     err = capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`gepf track --people`: a run for each person, one summary, the same bytes however often it is stopped."""
+"""`gepf track --people`: a run for each person, one summary, the same bytes after interruptions."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Interrupted(Direct):
         self._until = until
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Be interrupted if it is time."""
+        """Raise the interrupt at its frame."""
         if subject.frame.number == self._until:
             raise KeyboardInterrupt
         super().publish(subject)
@@ -81,7 +81,7 @@ def test_each_person_is_a_run(calm: Path, sequence: Path, capsys: pytest.Capture
 
 
 def test_a_truth_is_not_taken_for_anybodys(calm: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Whose it is has to be said, and which of the people is meant."""
+    """The user must say to whom the truth belongs, and which person is meant."""
     assert main(["evaluate", str(calm / "person1")]) == 2
     assert "give it with --truth" in capsys.readouterr().err
     assert main(["export", str(calm), "--to", "bvh", "--out", str(calm / "all.bvh")]) == 2
@@ -89,7 +89,7 @@ def test_a_truth_is_not_taken_for_anybodys(calm: Path, capsys: pytest.CaptureFix
 
 
 def test_an_interrupted_run_goes_on_with_the_same_bytes(sequence: Path, calm: Path, tmp_path: Path) -> None:
-    """Stopped twice, once while a frame was written, each ends with the bytes of the calm run."""
+    """Stopped twice, once while a frame was written, each ends with the bytes of an undisturbed run."""
     out = tmp_path / "out"
     assert track(sequence, out, until=3) == 130
     assert track(sequence, out, until=3) == 2  # without --resume nothing is touched
@@ -103,7 +103,7 @@ def test_an_interrupted_run_goes_on_with_the_same_bytes(sequence: Path, calm: Pa
 
 
 def test_where_nobody_is_nobody_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The first person has a folder all the same."""
+    """The first person has a folder nevertheless."""
     empty = in_a_room(frame_of(0, np.zeros((CAMERA.height, CAMERA.width))))
     sequence = write_open3d(tmp_path / "empty", np.repeat(empty.depth[None], 2, axis=0), CAMERA)
     assert track(sequence, tmp_path / "out") == 3

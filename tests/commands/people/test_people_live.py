@@ -16,7 +16,7 @@ KEY = "camera/depth"
 
 
 def free_endpoint() -> str:
-    """Where nobody listens yet."""
+    """An endpoint that is not in use."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -1,4 +1,4 @@
-"""The puppet before a small camera, and stages of the kernel on it, to hold against the plain path."""
+"""The puppet before a small camera, and stages of the kernel on it, to compare with the plain path."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def layout(model: BodyModel) -> Indices:
 
 
 def dirty(workspace: Workspace) -> Workspace:
-    """A workspace in which others were before."""
+    """A workspace with values of earlier use."""
     for value in workspace[1:]:  # the first, transforms, ends in what stays
         for array in value if isinstance(value, tuple) else (value,):
             array.fill(7)

@@ -185,7 +185,7 @@ def weigh_correspondences(
     subject: SubjectFrame,
     settings: RefineSettings,
 ) -> Factors:
-    """All that draws on the body in this pose, point by point."""
+    """All correspondences of the body in this pose, point by point."""
     points = observed_points(subject)
     index, squared = closest_points(points, posed[visible], settings)
     vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
@@ -274,7 +274,7 @@ def rest_weight(settings: RefineSettings) -> float:
 
 
 def prior_costs(model: BodyModel, poses: Array, settings: RefineSettings) -> Array:
-    """What poses (N, D) cost for each point, whatever is observed: far from rest, or balls out of limits."""
+    """Prior cost of poses (N, D) per point: distance from rest, and balls beyond their limits."""
     away = difference(model, np.zeros_like(poses), poses)
     away[:, [name in ROOT_DOFS for name in model.dof_names]] = 0.0
     cost = rest_weight(settings) * np.sum((away / model.rest_spreads) ** 2, axis=1)
@@ -355,7 +355,7 @@ def evaluate(
 def refine(
     model: BodyModel, subject: SubjectFrame, pose: Array, settings: RefineSettings
 ) -> tuple[Array, float, float]:
-    """Steps 4a-4d, as often as asked, and then 5."""
+    """Steps 4a-4d for all iterations, and then step 5."""
     pose = clamp_to_limits(model, pose)
     visible = np.empty(0, dtype=np.int64)
     for k in range(settings.icp_iterations):
@@ -370,6 +370,6 @@ def refine(
 
 
 def over_relax(model: BodyModel, before: Array, pose: Array, settings: RefineSettings) -> Array:
-    """The pose (D,), moved on by the motion that led there from another if the descent is so."""
+    """The pose (D,), extrapolated by the last motion if the descent is accelerated."""
     step = STEPS[settings.descent].over_relaxed * difference(model, before[None], pose[None])
     return clamp_to_limits(model, retract(model, pose[None], step)[0])

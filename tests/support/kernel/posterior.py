@@ -47,7 +47,7 @@ BODIES = ("person", "arm")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosteriorCase:
-    """A body before a camera, and what is asked about it."""
+    """A body before a camera, its truth and the settings."""
 
     model: BodyModel
     truth: Array  # (D,)
@@ -99,7 +99,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """What is held still about a pose."""
+    """What is fixed at a pose: points, correspondences, visibility."""
 
     model: BodyModel
     settings: RefineSettings

@@ -1,1 +1,1 @@
-"""Programs to test with: real processes, hosts, certificates, and workers that stand in for real ones."""
+"""Programs for tests: real processes, hosts, certificates, and replacements of workers."""

@@ -1,4 +1,4 @@
-"""`gepf track` without what takes long and takes no part: no pictures, and a body that was built before.
+"""`gepf track` without slow parts that do not matter here: no pictures, and a body built before.
 
 For sequences of `tests.support.small_sequence`. Importing it imports all that a run needs.
 """
@@ -13,7 +13,7 @@ from coordinator.commands.workers import connect_workers
 from coordinator.pool import rpc_client
 from tests.support.small_sequence import OPTIONS
 
-rpc_client.ALONE_S = 0.5  # that no worker is there is reported soon
+rpc_client.ALONE_S = 0.5  # that no worker is connected is reported soon
 human()  # built once, and kept, for all processes that are forked from this one
 
 

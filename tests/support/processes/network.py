@@ -1,6 +1,6 @@
 """Network hosts on one switch: namespaces of the kernel, each with an address and shared memory of its own.
 
-Nothing of it is visible outside, and all of it goes with the process that made it, however that ends.
+It is not visible outside, and it disappears with the process that made it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NEW_NAMESPACES = {"mnt": 0x00020000, "net": 0x40000000}  # CLONE_NEWNS, CLONE_NE
 
 
 class NotAllowed(Exception):
-    """Whoever runs this may not make namespaces."""
+    """This user may not create namespaces."""
 
 
 class Host:
@@ -103,7 +103,7 @@ class Network:
         return host
 
     def pull(self, host: Host) -> None:
-        """Take a host's cable out of the switch: no packet arrives, and nobody gets to know."""
+        """Disconnect a host from the switch: no packet arrives, without notice."""
         self._switch.ip(f"link set dev {host.name} down")
 
     def put_back(self, host: Host) -> None:

@@ -1,4 +1,4 @@
-"""Real processes that start in a moment: forked from one that has loaded all and opened no bus yet."""
+"""Real processes that start fast: forked from one that has loaded all modules and opened no bus."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Workers:
         )
 
     def kill(self, name: str) -> None:
-        """End all workers of a name, at once, whatever they are at."""
+        """Kill all workers of a name at once."""
         for process in self._processes.pop(name, []):
             process.kill()
             process.join()
