@@ -58,7 +58,7 @@ def is_no_person(points: Array, stature: float) -> str:
     span = float(np.max(high - low))
     if not SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
         size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
-        return f"what is seen is {size} from end to end, which is not a person: is depth_scale right?"
+        return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
     some = points[:: -(-len(points) // 1_000)]
     flat = share_on_plane(to_rays(some, USUAL_GROWTH))
     return (

@@ -20,7 +20,7 @@ STANDING = {
 
 
 def test_hanging_arms_have_no_angles() -> None:
-    """Limbs straight down along the trunk, whichever way the person is turned; all names are there."""
+    """Limbs straight down along the trunk, for any turn of the person; all names exist."""
     turn = np.array([[0.0, 0.6, 0.8], [0.0, -0.8, 0.6], [1.0, 0.0, 0.0]])
     found = angles_from_joints(tuple(STANDING), np.array([list(STANDING.values())]) @ turn.T)
     assert len(found) == 12

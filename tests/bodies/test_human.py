@@ -133,7 +133,7 @@ def test_left_and_right_are_mirror_images(model: BodyModel) -> None:
 def test_positive_angles_move_limbs_as_documented(
     model: BodyModel, word: str, motion: str, joint: str, outward: float, up: float, forward: float
 ) -> None:
-    """Half a radian moves the joint at least so many metres each way (or, for 0, is not held to any)."""
+    """Half a radian moves the joint at least this far in metres (0: no condition on that axis)."""
     moved = joints_at(model, {f"{SIDES[word]}_{motion}": 0.5})[f"{word}_{joint}"]
     step = moved - joints_at(model, {})[f"{word}_{joint}"]
     side = 1.0 if word == "left" else -1.0

@@ -43,7 +43,7 @@ def robot(tmp_path: Path) -> Path:
 
 
 def test_a_robot_of_meshes_is_tracked(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Rendered with noise while it roams, tracked with its base held: its joints are where they were."""
+    """Rendered with noise while it moves, tracked with a fixed base: its joints are right."""
     seq, run = robot.parent / "seq", robot.parent / "run"
     model = ("--model", str(robot))
     assert main(["synth", "roam", *model, "--kinect", "--frames", FRAMES, "--out", str(seq), "-q"]) == 0

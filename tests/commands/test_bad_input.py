@@ -50,7 +50,7 @@ def sequence(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Run a command line that must be refused, and give the line that it said."""
+    """Run a command line that must be refused, and return its error line."""
 
     def run(*arguments: object) -> str:
         before = contents(tmp_path)
@@ -98,7 +98,7 @@ def test_a_damaged_folder_is_refused(
 ) -> None:
     """Faults of a recording's files or first frame are found before anything is written.
 
-    `tests.sources` has what else there is; `tests.results.test_resume` what happens at a later frame.
+    `tests.sources` tests other faults, `tests.results.test_resume` those of later frames.
     """
     damage(sequence)
     assert says in refused("track", sequence, "--out", tmp_path / "out")
@@ -155,7 +155,7 @@ def test_an_output_folder_that_cannot_be_had_is_refused(
 
 
 def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """No run, no truth, no scene, no format, no such command, and what is missing from a command."""
+    """Unknown runs, scenes, formats and commands, and missing arguments."""
     run, truth = tmp_path / "run", tmp_path / "truth.npz"
     assert "no such folder" in refused("evaluate", run, "--truth", truth)
     assert "no such folder" in refused("export", run, "--to", "csv", "--out", tmp_path / "x.csv")

@@ -80,7 +80,7 @@ def test_a_camera_that_turns_slowly_keeps_the_person(tmp_path: Path) -> None:
 def test_who_is_cropped_is_found(tmp_path: Path, top: int, bottom: int) -> None:
     """Without feet or head: visible joints are right after a few frames, and in every `tracked` frame.
 
-    The rest is not said to be seen.
+    Other joints are not reported as visible.
     """
     depth, joints = film(0.0, 0.0)
     run = track(write(tmp_path / "cropped", depth, top, bottom), tmp_path / "run")

@@ -35,7 +35,7 @@ Tracked = Callable[..., tuple[Track, dict[str, Any]]]
 
 @pytest.fixture
 def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Tracked:
-    """Track the sequence with options, and give what came out."""
+    """Track the sequence with options, and return track and summary."""
 
     def run(*options: str) -> tuple[Track, dict[str, Any]]:
         assert workers.track(sequence, tmp_path / "out", *options) == 0
@@ -142,7 +142,7 @@ def test_the_seed_decides_the_bytes(sequence: Path, tmp_path: Path, workers: Sti
 
 
 def test_only_the_named_degrees_of_freedom_move(tracked: Tracked) -> None:
-    """The rest, the root too, is held at the start's pose, which the sequence's own file gives."""
+    """The rest, including the root, is held at the start pose from the sequence's own file."""
     track, summary = tracked("--dof", ",".join(ARM))
     assert track.dof_names == ARM
     pelvis = track.joint_positions[:, track.joint_names.index("pelvis")]
@@ -153,7 +153,7 @@ def test_only_the_named_degrees_of_freedom_move(tracked: Tracked) -> None:
 
 
 def test_a_start_from_a_file_overrides_that_of_the_sequence(tracked: Tracked, tmp_path: Path) -> None:
-    """What the file does not name is zero."""
+    """Values that the file omits are zero."""
     (tmp_path / "start.json").write_text(json.dumps({"root_tz": 2.05}))
     track, _ = tracked("--method", "gradient", "--init", str(tmp_path / "start.json"))
     assert track.pose[0, track.dof_names.index("root_tz")] == 2.05

@@ -20,7 +20,7 @@ FRAMES = 60
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
-    """A sequence, and a calm run of it."""
+    """A sequence, and an undisturbed run of it."""
     found = Place(tmp_path_factory.mktemp("endings"), FRAMES)
     with found.workers(calm=1):
         found.finish(found.folder / "calm")

@@ -52,7 +52,7 @@ def job(sequence: Path, out: Path) -> Job:
 
 
 def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, tmp_path: Path) -> None:
-    """Frames that are recorded stay, and the tracker goes on from the last of them."""
+    """Recorded frames are kept, and the tracker continues from the last of them."""
     written, opened = io.StringIO(), list[int]()
 
     def connect(pool: Pool, show: Show) -> ZenohRefiner:
@@ -84,7 +84,7 @@ def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: P
 
 
 def test_who_listens_hears_one_end(sequence: Path, endpoint: str, tmp_path: Path) -> None:
-    """What is published goes on over the new connection, and ends with the run."""
+    """Publication continues over the new connection, and ends with the run."""
     heard, opened = list[str](), list[int]()
 
     def connect(pool: Pool, show: Show) -> ZenohRefiner:

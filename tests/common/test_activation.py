@@ -1,4 +1,4 @@
-"""Part of a body's degrees of freedom active, the rest held: the same body, moving less."""
+"""A part of a body's degrees of freedom is active, the rest is held."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_part_bends_blended_skin_as_the_whole_does(seed: int) -> None:
 
 
 def test_the_held_pose_becomes_the_rest_pose() -> None:
-    """A hinge held bent is bent at rest, shared skin and all, whatever value is given for the active ones."""
+    """A hinge held bent is bent at rest, including blended skin, for any values of the active ones."""
     full = puppet()
     held = np.zeros(len(full.dof_names))
     held[full.dof("l_elbow")] = -1.2
@@ -96,7 +96,7 @@ def test_a_ball_stays_one_only_as_a_whole() -> None:
 
 
 def test_an_unknown_name_is_refused() -> None:
-    """The error names what was asked for, what is nearest to it, and where all choices are."""
+    """The error has the unknown name, the nearest name, and the command that lists all."""
     full = puppet()
     with refused() as caught:
         activate(full, ["l_elbow", "r_elbo"], np.zeros(len(full.dof_names)))

@@ -1,4 +1,4 @@
-"""What makes three rotations a ball."""
+"""When three rotations form a ball."""
 
 from __future__ import annotations
 

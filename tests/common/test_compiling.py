@@ -46,7 +46,7 @@ def checkout(tmp_path: Path) -> Path:
 
 
 def result(root: Path, **environment: str) -> str:
-    """What the kernel gives, and how often it was kept, in a fresh process."""
+    """The kernel's result, and its number of cache hits, in a new process."""
     return fresh_python(root, RUN, **environment).stdout.strip()
 
 
@@ -63,7 +63,7 @@ def test_a_kernel_is_compiled_anew_when_what_it_stands_on_changed(checkout: Path
 
 @pytest.mark.slow
 def test_a_process_that_was_killed_leaves_no_earlier_kernel_behind(checkout: Path) -> None:
-    """Between writing what calls a kernel current and the kernel; and kernels of earlier sources go."""
+    """Killed between writing the index and the kernel; and kernels of earlier sources are deleted."""
 
     def kept() -> set[str]:
         return {file.name for file in (checkout / "worker" / "__pycache__").glob("*.nb[ic]")}

@@ -88,7 +88,7 @@ def test_transforms_are_products_of_homogeneous_matrices(seed: int) -> None:
 
 @given(seeds)
 def test_skin_and_joints_follow_their_links(seed: int) -> None:
-    """A vertex is the weighted mean of where its links carry it; a joint goes with its link."""
+    """A vertex is the weighted mean of its positions on its links; a joint moves with its link."""
     rng = np.random.default_rng(seed)
     model = random_body(rng)
     pose = rng.normal(size=len(model.dof_names))

@@ -172,7 +172,7 @@ def test_other_version_names_both(kind: str) -> None:
 
 
 def test_a_camera_that_speaks_as_documented_is_understood() -> None:
-    """What `docs/live.md` says of the message holds whatever coordinator and workers speak."""
+    """The live message is as in `docs/live.md`, independent of the version of coordinator and workers."""
     table = (Path(__file__).parents[2] / "docs" / "live.md").read_text()
     assert "| `version` | integer | 1 |" in table
     depth = np.full((2, 3), 1500, "<u2")

@@ -83,7 +83,7 @@ def to_decoders(endpoint: str) -> Messages:
 
 
 def to_kernel(endpoint: str) -> Messages:
-    """Refine what decoders accept and nobody would send; each answer must be one that a coordinator takes."""
+    """Refine extreme requests that decoders accept; a coordinator must accept each answer."""
     del endpoint
     extremes = Extremes(0)
     warm_up(Kernel(observe, refine))

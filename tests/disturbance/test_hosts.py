@@ -94,7 +94,7 @@ class Site:
         process.join()
 
     def count(self, who: str, line: str) -> int:
-        """How often a process has said something."""
+        """How often a line is in the log of a process."""
         log = self.folder / f"{who}.txt"
         return log.read_text().count(line) if log.exists() else 0
 
@@ -104,9 +104,9 @@ class Site:
             self.wait_until(partial(self._knows, name, False), f"{name} leaves")
 
     def await_answers(self, workers: Iterable[str]) -> None:
-        """Return when each of these workers is there, has done batches from now on, and was heard.
+        """Return when each of these workers has joined, has done new batches, and has answered.
 
-        Three of them: a worker has two requests at the most, and is given no more until one is answered.
+        Three batches: a worker has at most two requests, and gets no more until one is answered.
         """
         for name in workers:
             self.wait_until(partial(self._knows, name, True), f"{name} joins")
@@ -141,7 +141,7 @@ class Site:
         return summary
 
     def story(self) -> str:
-        """What all have said."""
+        """The logs of all processes."""
         return "\n".join(f"{path.name}:\n{path.read_text()}" for path in sorted(self.folder.glob("*.txt")))
 
     def _knows(self, worker: str, there: bool) -> bool:

@@ -60,7 +60,7 @@ def printed(program: str) -> list[str]:
 
 
 def understand(line: str) -> None:
-    """Parse a command line as its program does; what is said of a command need not name all that it needs."""
+    """Parse a command line as its program does; arguments may be missing."""
     program, *words = (PLACEHOLDERS.get(word.strip("[]"), word.strip("[]")) for word in shlex.split(line))
     command = PROGRAMS[program]
     while words and hasattr(command, "commands") and not words[0].startswith("-"):

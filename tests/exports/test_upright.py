@@ -131,7 +131,7 @@ def opensim_columns(path: Path) -> dict[str, Array]:
 def test_a_robot_that_stands_still_is_turned_too(tmp_path: Path, body: str | int, apart: float) -> None:
     """The root of a body whose base does not move is turned once; its joints are where they were.
 
-    So they are where they lie a few centimetres beside what turns, or beside the base.
+    Also with joints a few centimetres away from their axis or from the base.
     """
     rng = np.random.default_rng(body if isinstance(body, int) else 0)
     model = puppet() if body == "puppet" else random_body(rng)

@@ -107,7 +107,7 @@ def test_each_is_drawn_by_its_weight_give_or_take_one(weights: list[float], coun
 
 
 def test_drawing_is_unbiased() -> None:
-    """Over many seeds each is drawn as often as its weight says."""
+    """Over many seeds each is drawn in proportion to its weight."""
     weights = np.array([0.05, 0.0, 0.33, 0.11, 0.51])
     drawn = [
         np.bincount(draw_ancestors(weights, 7, np.random.default_rng(s)), minlength=5) for s in range(4000)
@@ -140,7 +140,7 @@ def moving_at(speed: float) -> Hypotheses:
 
 @given(seeds, st.integers(20, 120))
 def test_each_kind_of_proposal_has_its_share(seed: int, count: int) -> None:
-    """Whatever the number of hypotheses; the first particle is neither spread nor data-driven."""
+    """For any number of hypotheses; the first particle is neither spread nor data-driven."""
     spread, data_driven = choose_kinds(count, np.random.default_rng(seed))
     assert not spread[0]
     assert not data_driven[0]

@@ -130,7 +130,7 @@ def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: s
 
 
 def test_the_example_runs(endpoint: str, tmp_path: Path) -> None:
-    """As its users run it, before `gepf publish`: what comes is tracked, and the last frame, too."""
+    """As users run it, before `gepf publish`: frames are tracked, including the last one."""
     write_small_sequence(tmp_path / "seq", 6)
     example = (sys.executable, "-m", "examples.live_tracking")
     tracking = [*example, KEY, endpoint, str(tmp_path / "seq" / "init.json")]

@@ -29,7 +29,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def follow(recording: Path, settings: gepf.Settings) -> list[gepf.Estimate]:
-    """What the library finds in this process."""
+    """Estimates of the library in this process."""
     source = gepf.open_source(recording)
     tracker = gepf.Tracker(settings=settings, start=source.init, active=tuple(MOVING.split(",")))
     return list(tracker.follow(source))

@@ -61,7 +61,7 @@ def test_a_data_frame_holds_the_csv(run: gepf.Run, monkeypatch: pytest.MonkeyPat
 
 
 def test_exports_by_suffix(run: gepf.Run, tmp_path: Path) -> None:
-    """The format is the suffix's; what is there stays unless forced; a smoothed run is written smoothed."""
+    """The format follows the suffix; existing files stay unless forced; a smoothed run is smoothed there."""
     path = run.export(tmp_path / "angles.mot")
     assert "inDegrees=yes" in path.read_text()
     with pytest.raises(gepf.InputError, match="is there already"):
@@ -91,7 +91,7 @@ def test_plot_and_report(run: gepf.Run) -> None:
 
 
 def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
-    """What a tracker says of a frame is read by name; saved, it is the run that `load` gives back."""
+    """An estimate is read by name; saved estimates are the run that `load` returns."""
     tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
     estimates = [tracker.track(frame) for frame in shown("standing").frames[:2]]
     first = estimates[0]
@@ -113,6 +113,6 @@ def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
 
 
 def test_nothing_private_shows() -> None:
-    """`dir(gepf)` is what the library documents, and each of it is there."""
+    """`dir(gepf)` lists the documented names, and each exists."""
     assert dir(gepf) == sorted(gepf.__all__)
     assert all(hasattr(gepf, name) for name in gepf.__all__)

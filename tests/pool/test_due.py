@@ -16,12 +16,12 @@ REQUEST = RefineRequest("run", 0, "model", preset("default").refine, np.zeros((P
 
 
 def part(count: int) -> Refined:
-    """So many particles that were answered."""
+    """A part of a reply with this number of particles."""
     return Refined(np.zeros((count, DOFS)), np.zeros(count), np.zeros(count))
 
 
 def test_a_frame_waits_for_one_particle_at_least() -> None:
-    """A deadline is kept once one batch was refined; what is missing then is not a number."""
+    """A deadline applies after the first refined batch; missing particles are NaN."""
     refinement = Refinement(cast("RpcClient", None), REQUEST, due=1.0)
     assert not refinement.is_over(2.0)
     refinement.parts[4] = part(2)

@@ -318,7 +318,7 @@ class Client:
 
 @contextmanager
 def connected(endpoint: str) -> Iterator[Client]:
-    """A worker, and someone who asks it without being a run."""
+    """A worker, and a client that sends requests without a run."""
     with open_coordinator([endpoint]) as bus, serving(endpoint, "w"):
         alive: SimpleQueue[bool] = SimpleQueue()
         bus.watch(keys.of_worker("*", "alive"), lambda _, there: alive.put(there))

@@ -30,7 +30,7 @@ from worker.service import Kernel
 
 
 def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
-    """A coordinator with a worker process of its own, of so many lanes."""
+    """A coordinator with a local worker of this number of lanes."""
     options = {"worker_command": INSTANT, **options}
     return ZenohRefiner(Pool(workers=lanes, **options), report)
 
@@ -39,7 +39,7 @@ def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options:
 def local_and_outside(
     lanes: int, outside: int, folder: Path, report: Callable[[str], None] = lambda _: None
 ) -> Iterator[ZenohRefiner]:
-    """The same, and a worker process from elsewhere, if that is to have lanes; all are there."""
+    """The same, with another worker process if it has lanes; all have joined."""
     endpoint = f"unixsock-stream/{folder / 'outside'}"
     with ExitStack() as stack:
         refiner = stack.enter_context(local(lanes, report, listen=endpoint))
@@ -58,7 +58,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One process serves frame after frame, whatever its lanes, and ends by itself with the run."""
+    """One process serves all frames, with any number of lanes, and ends with the run."""
     monkeypatch.setattr("coordinator.pool.local_worker.GRACE_S", 60.0)
     with local(lanes) as refiner:
         refiner.wait_for(lanes)
@@ -184,7 +184,7 @@ def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Pa
 
 
 def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
-    """`gepf-worker` started before its coordinator connects, serves, says so in a line, and ends with 0."""
+    """A `gepf-worker` started before its coordinator connects, serves, reports it, and ends with 0."""
     endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
     with started("--connect", endpoint, "--name", "outside", "--lanes", "2") as process:
         with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner:
@@ -202,7 +202,7 @@ def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
 
 
 def test_idle_worker_is_idle(tmp_path: Path) -> None:
-    """A worker that nobody asks uses next to no processor time."""
+    """A worker without requests uses almost no processor time."""
     endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
     with (
         ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner,
@@ -242,7 +242,7 @@ def serve_without_hearing(endpoint: str, asked: Path) -> None:
 def test_a_worker_whose_signal_is_swallowed_ends_after_the_request(
     number: signal.Signals, tmp_path: Path
 ) -> None:
-    """A library that lets no exception through does not keep it alive; what was asked for is answered."""
+    """A library that hides exceptions does not keep it alive; the request is answered."""
     endpoint, asked = f"unixsock-stream/{tmp_path / 'bus'}", tmp_path / "asked"
     with ZenohRefiner(Pool(workers=0, listen=endpoint)) as refiner:
         worker = start(serve_without_hearing, endpoint, asked, log=tmp_path / "log")

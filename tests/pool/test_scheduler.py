@@ -23,12 +23,12 @@ def started(particles: int, *, by_deadline: bool = False) -> Event:
 
 
 def joined(worker: str, lanes: int = 1) -> Event:
-    """A worker comes."""
+    """A worker joins."""
     return lambda scheduler, now: scheduler.join(worker, lanes, now)
 
 
 def left(worker: str) -> Event:
-    """A worker goes."""
+    """A worker leaves."""
     return lambda scheduler, now: scheduler.leave(worker, now)
 
 
@@ -52,7 +52,7 @@ def play(table: Table) -> Scheduler:
 
 
 def sent(requests: list[Request]) -> list[Sent]:
-    """What a worker would be asked for."""
+    """The content of requests."""
     return [(each.ticket, each.worker.name, each.batch.start, each.batch.stop) for each in requests]
 
 
@@ -99,7 +99,7 @@ def test_late_joiner_takes_what_waits() -> None:
 
 
 def test_killed_worker() -> None:
-    """What a lost worker was working on goes to the other one, and its late answers are ignored."""
+    """The batches of a lost worker are sent to the other one, and its late answers are ignored."""
     scheduler = play(
         [
             *TWO_AT_WORK,
@@ -200,7 +200,7 @@ def test_a_worker_without_a_result_rests(outcome: Outcome) -> None:
 
 
 def test_what_one_refuses_another_does() -> None:
-    """Even if that one is busy at the moment; another batch is tried with the first one all the same."""
+    """Even if that one is busy; the first one still gets another batch."""
     play(
         [
             *TWO_IDLE,
@@ -279,7 +279,7 @@ def test_shares_go_with_lanes() -> None:
 
 @given(st.integers(0, 9000), st.lists(st.integers(1, 50), min_size=1, max_size=12))
 def test_no_share_is_empty_or_too_large(particles: int, lanes: list[int]) -> None:
-    """All particles in order; none is far from what its lanes do, or more than a request may hold."""
+    """All particles in order; no share is far from its lanes' part, or larger than a request may be."""
     ranges = split(particles, lanes)
     assert [n for start, stop in ranges for n in range(start, stop)] == list(range(particles))
     most = particles * max(lanes) / sum(lanes) + 1.0
@@ -309,7 +309,7 @@ HISTORY = st.lists(
 
 @given(st.integers(1, 60), HISTORY, st.booleans())
 def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]], by_deadline: bool) -> None:
-    """Whatever workers do, each particle is accepted once, and with a good worker the job gets done."""
+    """For any events, each particle is accepted once, and with a good worker the job is completed."""
     scheduler, now = Scheduler(), 0.0
     scheduler.start(particles, now, by_deadline=by_deadline)
     batches = list(scheduler.batches)

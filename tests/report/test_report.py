@@ -86,7 +86,7 @@ def test_text_from_outside_stays_text(run: Path) -> None:
 
 
 def test_the_lost_frame_is_named(run: Path) -> None:
-    """Under 'where to look twice' stands the frame that is lost, by its own number."""
+    """'Where to look twice' lists the lost frame by its number."""
     main(["report", str(run)])
     words = Page((run / "report.html").read_text()).words
     assert any(word.strip().endswith("s (frame 103): lost") for word in words)
@@ -150,7 +150,7 @@ def elbow_track(degrees: list[float], status: list[str] | None = None, off: floa
     ],
 )
 def test_a_banner_says_whether_to_trust_a_run(tracked: int, complete: bool, says: str | None) -> None:
-    """By the share of frames that are tracked; a run that ended early is said to be one."""
+    """By the share of tracked frames; a run that ended early is reported."""
     track = track_of(["tracked"] * tracked + ["lost"] * (10 - tracked))
     banner = find_banner(track, {"complete": complete})
     assert (banner is None) == (says is None)
@@ -158,7 +158,7 @@ def test_a_banner_says_whether_to_trust_a_run(tracked: int, complete: bool, says
 
 
 def test_ranges_are_those_of_the_known_frames() -> None:
-    """From, to and how fast; what was reported while lost does not count."""
+    """Smallest, largest and fastest value; lost frames do not count."""
     none = Slides((), np.empty((4, 0)), np.empty((4, 0)))
     track = elbow_track([10.0, 40.0, 170.0, 20.0], ["tracked", "ambiguous", "lost", "tracked"])
     (row,) = list_ranges(track, none)

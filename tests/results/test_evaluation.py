@@ -164,7 +164,7 @@ def test_joints_that_slide_are_scored_in_centimetres() -> None:
 
 
 def test_truth_that_is_not_known_does_not_count() -> None:
-    """A joint that nobody saw is NaN in the truth; the others are scored."""
+    """An unknown joint is NaN in the truth; the others are scored."""
     places = np.zeros((FRAMES, 2, 3))
     places[:, 0] = np.nan
     places[:, 1] = [0.02, 0.0, 0.0]
@@ -231,7 +231,7 @@ def write_truth(path: Path, **changes: Any) -> Path:
 
 
 def test_a_truth_file_without_numbers_counts_from_zero(tmp_path: Path) -> None:
-    """Frame numbers and the pose are optional, and what is not finite is not known."""
+    """Frame numbers and the pose are optional; values that are not finite are unknown."""
     places = np.zeros((FRAMES, 2, 3))
     places[3, 1] = np.inf
     truth = read_truth(write_truth(tmp_path / "t.npz", joint_positions=places, dof_names=None, pose=None))

@@ -40,7 +40,7 @@ class Heard:
 
 
 def estimate(frame: int, turn: float, status: Status = "tracked") -> Estimate:
-    """A person turned about the vertical by so many radians."""
+    """An estimate of a person turned about the vertical by this angle."""
     pose = np.zeros(len(person().dof_names))
     pose[person().dof("root_ry")] = turn
     joints = joint_positions(person(), pose[None])[0]
@@ -77,7 +77,7 @@ def test_before_anybody_is_found_all_is_null() -> None:
 
 
 def test_a_message_says_all_of_itself() -> None:
-    """Names and values of everything that is known of the frame; null for what is not."""
+    """Names and values of all results of the frame; null for unknown ones."""
     heard = Heard()
     results = LiveResults(heard, as_json=True, clock=lambda: 12.5)
     results.put(estimate(3, 0.5), person(), {})
@@ -119,7 +119,7 @@ def test_angles_go_on_past_half_a_turn() -> None:
 
 @contextmanager
 def slept(seconds: float) -> Iterator[None]:
-    """A while before what follows in the same statement."""
+    """Wait in a `with` statement before its next item."""
     time.sleep(seconds)
     yield
 

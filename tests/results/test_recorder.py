@@ -81,7 +81,7 @@ def append(recorder: Recorder, *estimates: Estimate) -> None:
 def record(
     folder: Path, estimates: list[Estimate], *, complete: bool = True, resume: bool = False
 ) -> Recorded | None:
-    """A whole run, or the rest of one; gives what had been recorded before."""
+    """Record a whole run, or the rest of one; returns what was recorded before."""
     with Recorder(folder, CONFIGURATION, resume=resume) as recorder:
         append(recorder, *estimates)
         recorder.finish({"complete": complete}, 0.0)
@@ -96,7 +96,7 @@ def run(tmp_path: Path) -> Path:
 
 
 def names(folder: Path) -> list[str]:
-    """What a folder holds."""
+    """Names of the files in a folder."""
     return sorted(path.name for path in folder.iterdir())
 
 

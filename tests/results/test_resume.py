@@ -51,7 +51,7 @@ def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> T
 def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Path) -> None:
     """After any frame, a new tracker from the recorded state gives the same estimates.
 
-    What is known of a room is folded from the log.
+    The state of a room is restored from the log.
     """
     settings = settings_for(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
     frames = list(shown("standing").frames)

@@ -88,7 +88,7 @@ def test_the_picture_of_errors_has_a_column_for_what_slides(gantry: BodyModel, t
 
 
 def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path: Path) -> None:
-    """Of a run, an estimate and a table; the root's place is no angle either, and what turns is as it was."""
+    """For a run, an estimate and a table; the root's position is not an angle; rotations are unchanged."""
     poses = swing(gantry, FRAMES)
     poses[:, gantry.dof("root_tx")] = np.linspace(0.0, 8.0, FRAMES)  # which no turn may be taken off
     track = write_run(tmp_path / "run", gantry, poses)

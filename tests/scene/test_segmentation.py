@@ -114,7 +114,7 @@ def test_of_two_people_each_has_the_nearest_pixels() -> None:
 
 
 def test_distances_are_those_to_the_nearest_point() -> None:
-    """Of pixels around random points, to half a cell's diagonal; what is far is far."""
+    """For pixels around random points, to half a cell's diagonal; far pixels have a large distance."""
     points = np.random.default_rng(3).uniform(-0.2, 0.3, (60, 3)) + np.array([0.1, -0.2, 2.0])
     view = Scene().see(Room().see(None).frame)
     depth = np.random.default_rng(4).uniform(1.6, 2.6, view.depth.shape).astype(np.float32)

@@ -29,7 +29,7 @@ def files_of(folder: Folder, name: str) -> gepf.TlsFiles:
 
 @pytest.mark.parametrize("way", ["listen", pytest.param("router", marks=pytest.mark.slow)])
 def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_path: Path) -> None:
-    """What `gepf publish` shows with the coordinator's certificate, to the end."""
+    """All frames of `gepf publish` with the coordinator's certificate, to the end."""
     write_small_sequence(tmp_path / "seq", 3)
     playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", place]
     tls = files_of(ours, "coordinator")

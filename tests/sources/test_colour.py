@@ -24,7 +24,7 @@ def save(folder: Path, name: str, size: tuple[int, int] = (64, 48)) -> None:
 
 
 def test_frames_are_found_by_number(tmp_path: Path) -> None:
-    """Whatever else the name holds, and whatever else is there."""
+    """With other text in the names, and with other files in the folder."""
     save(tmp_path, "color_000007.png")
     save(tmp_path, "000008.png", (128, 96))
     (tmp_path / "notes.txt").write_text("x")

@@ -127,7 +127,7 @@ def test_frames_that_fit_each_other_are_a_new_stream(other: dict[str, object]) -
 
 
 def test_two_cameras_on_one_key_leave_the_first_one_tracked() -> None:
-    """And where both start again, tracking goes on with one of them."""
+    """If both start again, tracking continues with one of them."""
     frames, _ = opened()
     numbers = iter(frames)
     yielded: list[tuple[int, Intrinsics]] = []

@@ -134,7 +134,7 @@ def test_a_tum_folder_has_the_camera_that_the_data_set_documents(
 
 
 def test_a_bag_without_units_is_in_millimetres_and_one_with_units_in_those(tmp_path: Path) -> None:
-    """As ROS says of 16-bit depth; a D405 counts in 0.1 mm."""
+    """Millimetres, as in ROS for 16-bit depth; 0.1 mm for a D405."""
     assert open_source(write_bag(tmp_path / "a.bag", recorded(), None)).frame(0).depth_scale == 1000.0
     assert open_source(write_bag(tmp_path / "b.bag", recorded(), 1e-4)).frame(0).depth_scale == 10_000.0
 

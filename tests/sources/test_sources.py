@@ -165,7 +165,7 @@ def test_a_path_without_a_sequence_says_what_was_expected(tmp_path: Path) -> Non
     ],
 )  # fmt: skip
 def test_a_range_of_frames_is_half_open_and_has_to_be_there(wanted: str | None, frames: range | None) -> None:
-    """Either end may be left out; what is out of range, backwards or no range names the frames that are."""
+    """Either end may be omitted; invalid ranges are refused with a line that has the sequence's frames."""
     if frames is None:
         with refused("this sequence has frames 10:20"):
             select_frames(range(10, 20), wanted)

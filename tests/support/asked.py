@@ -31,7 +31,7 @@ class Asked:
 
 
 def refining(answer: Callable[[Asked, Any], Refined]) -> Refine:
-    """A worker's kernel that gives this answer to what is asked, and to what it has observed."""
+    """A worker's kernel that answers a request and an observation with this function."""
 
     def refine(
         model: BodyModel,

@@ -58,7 +58,7 @@ class Extremes:
         )
 
     def accepted(self, count: int) -> list[Case]:
-        """So many cases that are accepted."""
+        """This number of accepted cases."""
         cases: list[Case] = []
         while len(cases) < count:
             with suppress(ProtocolError):  # where limits leave no room between them

@@ -26,7 +26,7 @@ STATURES = (1.82, 1.7)
 def pair(apart: float = 1.0) -> tuple[Shown, Shown]:
     """Two people who raise the left arm: the same frames of a room, and the joints of each.
 
-    apart: How far, metres, their middles are from each other.
+    apart: distance between them, metres.
     """
     models = [human(stature) for stature in STATURES]
     pictures, joints = [np.zeros((CAMERA.height, CAMERA.width))] * FRAMES, []

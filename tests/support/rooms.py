@@ -38,7 +38,7 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Room:
-    """What stands in a room, y down, metres, before a camera that looks down by `pitch` radians."""
+    """A room with boxes, y down, metres, before a camera that looks down by `pitch` radians."""
 
     boxes: Sequence[Box] = ()
     pitch: float = 0.0

@@ -66,7 +66,7 @@ class StandIn(ABC):
         *,
         covariance: bool = False,
     ) -> Pending:
-        """What `answer` makes of it."""
+        """The result of `answer`."""
         return self.answer(Asked(model, poses, settings, covariance))
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
@@ -114,7 +114,7 @@ class Listening(Direct):
         self.asked: set[bool] = set()
 
     def answer(self, asked: Asked) -> Pending:
-        """As ever."""
+        """As in the base class."""
         self.asked.add(asked.covariance)
         return super().answer(asked)
 

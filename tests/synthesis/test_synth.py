@@ -1,4 +1,4 @@
-"""Synthetic sequences: rendered where the camera says, with noise as wide as stated, and exact truth."""
+"""Synthetic sequences: rendered for the camera, with the stated noise, and exact truth."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def test_a_person_is_another_with_every_seed_and_moves_as_people_can() -> None:
 
 
 def test_a_person_is_rendered_without_a_start(tmp_path: Path) -> None:
-    """Who tracks it has to find it; the truth is there."""
+    """The person must be detected; the truth exists."""
     synthesise("person", tmp_path / "fast", frames=2, seed=1, kinect=True)
     source = open_source(tmp_path / "fast")
     assert source.init is None

@@ -1,4 +1,4 @@
-"""The detector: what it finds in a single rendered frame, and how it tells front from back."""
+"""The detector in a single rendered frame, and the distinction of front and back."""
 
 from __future__ import annotations
 

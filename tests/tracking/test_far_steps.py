@@ -1,4 +1,4 @@
-"""Who walks far between two frames, as a slow camera sees it, is looked for in the same frame."""
+"""A person who moves far between two frames is searched for in the same frame."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def stepping(posture: str) -> Shown:
 
 @pytest.mark.parametrize("posture", STARTS)
 def test_who_steps_far_is_found_in_that_frame(posture: str) -> None:
-    """Found there at once, though some of it is left near where the body was; and in the frame after it."""
+    """Found in that frame, though some points are near the former place; and in the next frame."""
     frames, joints = stepping(posture)
     followed = OnePerson(DirectRefiner(), SETTINGS, known(), STARTS[posture])
     for frame, truth in zip(frames, joints, strict=True):

@@ -1,4 +1,4 @@
-"""Where the head is, of who looks down."""
+"""The head of a person who looks down."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joint states as the motion prior's mean: a robot too fast for its camera is followed all the same."""
+"""Joint states as the motion prior's mean: a robot that is too fast for its camera is tracked."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_a_fast_robot_is_followed_where_its_encoders_lead(
 
 
 def test_a_known_step_takes_the_place_of_the_velocity() -> None:
-    """Where it is not a number, the velocity goes on; a body at rest moves as the encoders say."""
+    """For NaN the velocity is used; a body at rest follows the encoders."""
     observation = Observation(interval=0.1, step=np.array([0.3, np.nan]))
     velocities = np.array([[1.0, 2.0], [0.0, -2.0]])
     assert np.allclose(observation.expect(velocities, None), [[0.3, 0.2], [0.3, -0.2]])
@@ -151,11 +151,11 @@ def test_a_bag_of_joint_states_is_read(tmp_path: Path) -> None:
         ("time_s,a\n0,1\n", "has 1 states of 1 joints"),
         ("time_s,a\n0,1\n0,2\n", "different times"),
         ("time_s,a\n0,one\n", "cannot read"),
-        ("time_s,a\n0,nan\n1,2\n", "of finite numbers"),
+        ("time_s,a\n0,nan\n1,2\n", "with finite numbers"),
     ],
 )
 def test_a_file_without_sense_is_refused(tmp_path: Path, text: str, says: str) -> None:
-    """One line that says how to mend it."""
+    """One line says how to correct it."""
     (tmp_path / "joints.csv").write_text(text)
     with pytest.raises(InputError, match=says):
         read_joint_states(tmp_path / "joints.csv")

@@ -1,4 +1,4 @@
-"""A camera of few frames a second: who is elsewhere in the next frame is found in that frame."""
+"""A camera of few frames a second: a person who has moved far is found in the same frame."""
 
 from __future__ import annotations
 

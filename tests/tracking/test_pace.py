@@ -1,4 +1,4 @@
-"""Time between frames: what the filter is told of it, and how many iterations it gives."""
+"""Time between frames: the filter's interval, and the number of iterations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
     ("interval", "iterations"), [(1 / 60, 3), (1 / 30, 3), (1 / 15, 9), (0.1, 15), (1 / 6, 27), (2.0, 27)]
 )
 def test_iterations_go_with_the_time_between_frames(interval: float, iterations: int) -> None:
-    """Three at 30 frames a second and more, nine times as many at the most."""
+    """Three at 30 frames a second or more, at most nine times as many."""
     settings = preset("default")
     assert settings.refine.icp_iterations == 3
     for each, many in ((settings, iterations), (preset("paper"), 3)):

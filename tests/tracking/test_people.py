@@ -1,4 +1,4 @@
-"""Several people at once: each keeps the own pixels and identity, and none is detected twice."""
+"""Several people: each keeps the own pixels and identity, and none is detected twice."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
 
 
 def tracker(people: int, states: Sequence[TrackerState] | None = None) -> Tracker:
-    """A tracker of so many people."""
+    """A tracker of this number of people."""
     return Tracker(DirectRefiner(), FEW, BODIES, people=people, states=states)
 
 
@@ -46,7 +46,7 @@ def test_two_people_are_detected_and_tracked() -> None:
 
 
 def test_a_third_person_who_is_not_there_is_absent() -> None:
-    """Two are there: none is detected twice."""
+    """There are two people: none is detected twice."""
     for results in tracker(3).follow(pair()[0].frames[:3]):
         assert results[2].estimate.status in ("absent", "searching")
         assert [each.state.start.found for each in results] == [True, True, False]

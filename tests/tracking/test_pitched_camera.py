@@ -1,4 +1,4 @@
-"""Who stands before a camera that hangs high, looks down and is rolled, is found and followed."""
+"""A person before a high camera that is pitched down and rolled is detected and tracked."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def test_a_room_without_people_has_no_candidates() -> None:
 
 
 def test_preparing_leaves_nothing_behind() -> None:
-    """What is loaded ahead does not change what is found."""
+    """Loading ahead does not change the result."""
     frame = Room(noise=0.001).see(PERSON).frame
     (before,) = Segmenter(300).segment(frame, [None]).candidates
     prepare()
@@ -49,7 +49,7 @@ def test_preparing_leaves_nothing_behind() -> None:
 
 @pytest.mark.parametrize("measured", ["head alone", "one frame of holes"])
 def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str) -> None:
-    """Dark clothes, or holes in a frame: what is not measured does not say that nobody is there."""
+    """Dark clothes, or holes in a frame: unmeasured pixels are no evidence that the person is absent."""
     model, pose = human(1.82), name_pose(human(1.82), STANDING)
     (person,) = rendered(model, pose[None])
     v, u = np.indices(person.shape)

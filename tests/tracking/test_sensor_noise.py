@@ -56,7 +56,7 @@ def test_noise_across_is_measured(lateral: float) -> None:
 
 
 def test_a_clean_camera_is_assumed_no_worse_than_it_was() -> None:
-    """Without noise, and with a step of a millimetre, settings stay as they are: the same bytes as ever."""
+    """Without noise, and with steps of a millimetre, settings are unchanged, so are the bytes."""
     for scale in (5000.0, 1000.0):
         assert assume_noise(DEFAULT, measure_noise(noisy(SensorNoise(), scale=scale))) == DEFAULT
 

@@ -11,7 +11,7 @@ from coordinator.tracking.track_management import TrackManagement
 
 
 def searched(management: TrackManagement, residual: float, frames: int) -> list[int]:
-    """The numbers of the frames in which the body is searched, of so many with this residual."""
+    """Numbers of the frames with a search, of a number of frames with this residual."""
     numbers = []
     for number in range(frames):
         if management.checks:
@@ -86,7 +86,7 @@ def test_a_body_that_cannot_be_there_is_said(rises: float, lowest: float, word: 
 
 
 def test_a_pose_that_something_else_rules_out_does_not_pass() -> None:
-    """With the first reason kept; nothing said changes nothing."""
+    """The first reason is kept; no reason changes nothing."""
     gate = Gate(0.8)
     assert gate.against("") == gate
     assert not gate.against("a board").passes

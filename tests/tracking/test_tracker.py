@@ -1,4 +1,4 @@
-"""The tracker on short rendered sequences, in one process: it starts, follows, and says how sure it is."""
+"""The tracker on short rendered sequences, in one process: start, tracking, certainty."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def apart(estimate: Estimate, joints: Array) -> Array:
     [("standing", 1.82, True), ("standing", 1.6, False), ("sitting", 1.75, False)],
 )
 def test_it_starts_by_itself_and_follows(posture: str, stature: float, room: bool) -> None:
-    """Told nothing, it finds stature, pelvis and all joints in every frame; alone or in a room."""
+    """Without a start, it finds stature, pelvis and all joints in every frame; alone or in a room."""
     frames, joints = shown(posture, stature)
     fresh = OnePerson(DirectRefiner(), SETTINGS, people())
     for frame, truth in zip(frames, joints, strict=True):
@@ -81,7 +81,7 @@ def test_it_starts_by_itself_and_follows(posture: str, stature: float, room: boo
 
 
 def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
-    """What hides the legs is no evidence that they are not there; the same pixels empty are."""
+    """An object before the legs is no evidence against them; the same pixels as empty ones are."""
     frames, joints = shown("standing", 1.82)
     legs = [n for n, name in enumerate(known().full(1.82, 1.0).joint_names) if "ankle" in name]
     rows = slice(160, 240)

@@ -1,4 +1,4 @@
-"""The recording of a run for the viewer holds what was tracked and what was seen."""
+"""A run's file for the viewer has the tracked and the observed data."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_what_a_live_view_lacks_is_said_once() -> None:
 def test_a_moved_sequence_is_a_warning(
     recorded: tuple[Path, Path], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Where the sequence is gone, the model alone is shown, and a line says how to mend it."""
+    """If the sequence is missing, only the model is shown, and a line says what to do."""
     _, run = recorded
     (run / "summary.json").write_text(json.dumps({PATH: str(tmp_path / "gone")}))
     file = tmp_path / "run.rrd"

@@ -98,7 +98,7 @@ def search(
 def test_the_closest_point_is_the_closest(
     observed_like: Cloud, model_like: Cloud, points: int, others: int, ordered: bool, seed: int
 ) -> None:
-    """Whatever the clouds and their order: none is nearer than the one found, and its distance is true."""
+    """For any clouds and order: no point is nearer than the one found, and its distance is right."""
     rng = np.random.default_rng(seed)
     arrange = in_order if ordered else np.asarray
     observed, model = (

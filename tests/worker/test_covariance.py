@@ -46,12 +46,12 @@ POSES = 3
 
 
 def widest(model: BodyModel) -> Array:
-    """Deviations (D,) of what nothing is known about."""
+    """Deviations (D,) without any information."""
     return np.where(model.kinds == ROTATION, np.radians(30.0), 0.05)
 
 
 def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
-    """The kernel's covariance (D, D) at a pose (D,), and what it should be."""
+    """The kernel's covariance (D, D) at a pose (D,), and the expected one."""
     skeleton, surface = pack_model(of.model)
     packed, parameters = pack_observation(observe(of.subject), of.settings), pack_parameters(of.settings)
     workspace, moved = make_workspace(skeleton, surface, packed), pose.copy()
@@ -150,7 +150,7 @@ def test_what_nothing_is_known_about_has_the_weak_priors_width() -> None:
 
 
 def as_bytes(refined: Refined) -> list[bytes]:
-    """All that is said of each particle."""
+    """All results of each particle."""
     assert refined.covariance_roots is not None
     columns = refined.poses, refined.log_likelihood, refined.residual, refined.covariance_roots
     return [b"".join(column[n].tobytes() for column in columns) for n in range(len(refined.poses))]

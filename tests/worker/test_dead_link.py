@@ -19,7 +19,7 @@ from worker.service import Service
 
 @pytest.mark.slow
 def test_a_worker_leaves_a_coordinator_without_a_run_for_the_next_coordinator(endpoint: str) -> None:
-    """One that listens, and stays for ever without a run, as a closing one may; then another is there."""
+    """One that listens without ever starting a run; then another one listens."""
     place = Path(endpoint.partition("/")[2])
     gone, there = place.with_name("gone"), place.with_name("there")
     with open_coordinator([f"unixsock-stream/{gone}"]) as silent:

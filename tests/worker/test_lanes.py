@@ -1,4 +1,4 @@
-"""Lanes refine what one refines alone, byte for byte, whatever their number."""
+"""Any number of lanes gives the same bytes as one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kernel stays within its arrays, whatever the frame and the pose: compiled code checks no index."""
+"""The kernel stays within its arrays for any frame and pose: compiled code checks no index."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def guarded_workspace(workspace: Workspace, guards: list[NDArray[np.uint8]]) -> 
 @pytest.mark.parametrize("frame", FRAMES)
 @pytest.mark.parametrize("name", SETTINGS)
 def test_nothing_is_written_beside_an_array(name: str, frame: str) -> None:
-    """Whatever the crop and wherever the body: guards around all that is written stay as they were."""
+    """For any crop and pose: guards around all written arrays are unchanged."""
     settings, model = SETTINGS[name], puppet()
     skeleton, surface = pack_model(model)
     observed = pack_observation(observe(cropped(frame, kinds=name != "paper")), settings)

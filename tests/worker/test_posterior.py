@@ -1,6 +1,6 @@
-"""One log posterior: what the descent climbs is what the weight is, prior, free space and all.
+"""One log posterior: the descent maximises the same value that is the weight, with all terms.
 
-The kernel's equations and its weights are held against `tests/support/kernel/posterior.py`.
+The kernel's equations and weights are compared with `tests/support/kernel/posterior.py`.
 """
 
 from __future__ import annotations

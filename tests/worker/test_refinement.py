@@ -1,4 +1,4 @@
-"""The whole descent: as the plain path has it, whatever stands beside what counts."""
+"""The whole descent matches the plain path, independent of padding."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_what_is_asked_for_is_not_changed() -> None:
 
 
 def test_padding_does_not_count() -> None:
-    """Whatever stands in the observation beyond its count leaves every result as it is."""
+    """Points of the observation beyond its count do not change any result."""
     observation = observe(subject())
     assert observation.count == POINTS < len(observation.points)
     points = observation.points.copy()

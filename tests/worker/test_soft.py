@@ -1,4 +1,4 @@
-"""Soft correspondences: their density, gradient and information, and what they find under heavy noise."""
+"""Soft correspondences: density, gradient and information, and accuracy with heavy noise."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def body() -> tuple[BodyModel, Array]:
 
 @cache
 def seen(seed: int, points: int = 4000) -> Observation:
-    """What a camera with heavy noise observes of the pose."""
+    """The observation of a pose with heavy noise."""
     model, truth = body()
     with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(model, truth[None])[0], model.triangles).astype(np.float64)

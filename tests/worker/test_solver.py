@@ -38,7 +38,7 @@ POSES: dict[str, Mapping[str, float]] = {
 
 @cache
 def seen(name: str) -> tuple[Array, Observation]:
-    """A pose (D,) of the person, and what a camera observes of it."""
+    """A pose (D,) of the person, and its observation."""
     truth = name_pose(person(), POSES[name])
     with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(person(), truth[None])[0], person().triangles)
@@ -92,7 +92,7 @@ def test_most_of_the_way_takes_few_iterations(settings: str) -> None:
 def test_the_truth_stays_and_is_the_likeliest(name: str) -> None:
     """The descent leaves the true pose within 3 mm, and finds nothing near it likelier.
 
-    That is what the frame says by itself; the pose prior draws by another millimetre at the most.
+    This is without the pose prior, which adds at most a millimetre.
     """
     truth, observation = seen(name)
     start, default = np.concatenate([truth[None], perturbed(truth)]), preset("default").refine

@@ -40,7 +40,7 @@ def judge(vertices: NDArray[np.float64], scene: Scene) -> tuple[Marks, Marks, Ma
     ("name", "frame"), [("arm", 0), ("arm", 60), ("arm", 105), ("turn", 50), ("turn", 140)]
 )
 def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
-    """Nothing clearly hidden is seen, all that lies open is, and 19 of 20 vertices are judged alike."""
+    """No clearly hidden vertex is visible, all clearly visible ones are, and 19 of 20 vertices agree."""
     scene = SCENES[name]()
     vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
     seen = np.zeros(len(vertices), dtype=bool)

@@ -56,7 +56,7 @@ def test_every_option_of_every_command_can_be_configured() -> None:
     ],
 )
 def test_what_no_command_understands_is_refused(table: dict[str, object], says: str) -> None:
-    """An unknown name, with what was meant or what there is."""
+    """An unknown name; the line has the nearest name or all names."""
     with pytest.raises(InputError) as caught:
         defaults_of(get_command(app), table, "gepf.toml")
     assert str(caught.value).startswith("gepf.toml: " + says)

@@ -118,7 +118,7 @@ def hold(
     settings: RefineSettings,
     drawn: tuple[DepthImage, Surface] | None = None,
 ) -> Held:
-    """What is seen and what belongs together at a pose (D,); with its depth image and surface, softly."""
+    """Visibility and correspondences at a pose (D,); soft ones with its depth image and surface."""
     posed, visible = plain_path.visible_vertices(model, pose)
     points, camera = plain_path.observed_points(subject), subject.frame.intrinsics
     index, _ = plain_path.closest_points(points, posed[visible], settings)

@@ -32,7 +32,7 @@ class Folder:
     path: Path
 
     def of(self, name: str, ca: Path | None = None) -> Credentials:
-        """Somebody's certificate."""
+        """The certificate for a name."""
         return Credentials(ca or self.path / "ca.pem", self.path / f"{name}.pem", self.path / f"{name}.key")
 
     def options(self, name: str) -> list[str]:
@@ -42,13 +42,13 @@ class Folder:
 
     @property
     def listening(self) -> Security:
-        """What a coordinator listens with."""
+        """The coordinator's certificate and access rules."""
         own = self.of(COORDINATOR)
         return Security(own, read_roster(own.ca))
 
     @property
     def routing(self) -> Security:
-        """What a router listens with."""
+        """The router's certificate and access rules."""
         return Security(self.of(ROUTER), WORKERS)
 
 
@@ -71,7 +71,7 @@ def free_port() -> int:
 
 @contextmanager
 def secure_worker(place: str, folder: Folder, name: str, claim: str | None = None) -> Iterator[Bus]:
-    """A worker in a thread, with somebody's certificate, that claims to be somebody."""
+    """A worker in a thread, with one name's certificate, that claims a name."""
     with open_worker([place], Security(folder.of(name))) as bus, running(Service(bus, claim or name, KERNEL)):
         yield bus
 

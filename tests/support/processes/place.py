@@ -11,7 +11,7 @@ from tests.support.small_sequence import write_small_sequence
 
 
 class Place:
-    """A folder with a sequence of so many frames."""
+    """A folder with a sequence of this number of frames."""
 
     def __init__(self, folder: Path, frames: int) -> None:
         self.folder = folder
@@ -20,7 +20,7 @@ class Place:
         write_small_sequence(folder / "sequence", frames)
 
     def workers(self, **lanes: int) -> Workers:
-        """Workers by name, each with so many lanes, that are started and end with the context."""
+        """Workers by name with their lanes; they end with the context."""
         workers = Workers((self.endpoint,), self.log, lanes)
         for name in lanes:
             workers.start(name)
@@ -39,7 +39,7 @@ class Place:
 
 
 def recorded(out: Path) -> int:
-    """Frames in the log of a run that goes on."""
+    """Frames in the log of a run."""
     try:
         past = read_log(out / "frames.log")
     except FileNotFoundError:

@@ -36,7 +36,7 @@ def frame(number: int) -> SubjectFrame:
 
 
 def expected(number: int, poses: NDArray[np.float64] = POSES) -> bytes:
-    """What refining poses on a frame must give."""
+    """The expected result of refining poses on a frame."""
     return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
 
 

@@ -1,4 +1,4 @@
-"""How sure the tracker is of each joint: what the frame shows of it, and what speaks against it."""
+"""Certainty of each joint: its visibility, and evidence against it."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[s
 
 
 def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:
-    """What follows from them."""
+    """The certainty from these features."""
     return FIT.judge(features_of(values, subject, *others))
 
 
@@ -167,7 +167,7 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
     ],
 )
 def test_status_follows_from_the_joints(off: list[float], word: str, why: str) -> None:
-    """One joint in doubt makes a frame ambiguous; it says which, the likeliest first."""
+    """One joint in doubt makes a frame ambiguous; joints are listed, the most likely first."""
     certainty = Certainty(np.ones(3), np.array(off), np.full(3, 0.05))
     assert judge(TrackManagement(), np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3)), certainty) == word
     assert explain_doubt(("head", "left_knee", "left_hip"), certainty) == why

@@ -1,4 +1,4 @@
-"""What is said of joints that are outside the picture."""
+"""Certainty of joints outside the image."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ INSIDE = ("head", "right_elbow", "right_wrist", "right_hip", "left_hip")
 
 
 def without_lower_legs(frame: DepthFrame) -> DepthFrame:
-    """What a camera sees whose picture ends at the knees."""
+    """The frame, cut at the knees."""
     camera = frame.intrinsics
     lens = (camera.fx, camera.fy, camera.cx, camera.cy)
     depth = np.ascontiguousarray(frame.depth[:KNEES])

@@ -1,4 +1,4 @@
-"""A limb that the body hides: what is not known of it is said, and it is found as soon as it comes out."""
+"""A limb hidden by the body is reported as uncertain, and found as soon as it is visible again."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def frames_of(*poses: dict[str, float]) -> list[DepthFrame]:
 
 
 def test_a_hidden_arm_is_not_said_to_be_known() -> None:
-    """Though it was where it is: it may have gone anywhere behind the body. As it comes out it is found."""
+    """A hidden arm may be anywhere behind the body. It is found when it is visible again."""
     out = {**BACK, "r_shoulder_abduct": 1.0, "r_elbow_flexion": 0.5}
     frames = frames_of(*[FOLDED] * 8, out, out, out)
     follower = tracker(MANY, FOLDED)
@@ -60,7 +60,7 @@ def test_a_hidden_arm_is_not_said_to_be_known() -> None:
 
 
 def test_a_hidden_arm_does_not_fall_to_rest() -> None:
-    """A forearm held up before the chest, seen from behind in noise: no frame says that it has moved."""
+    """A forearm held up before the chest, seen from behind with noise: it does not move in any frame."""
     picture, rng = frames_of(HELD_UP)[0].depth / 1000.0, np.random.default_rng(0)
     noise = 0.01 * rng.standard_normal((15, *picture.shape))
     shown = [frame_of(n, np.where(picture > 0.0, picture + off, 0.0)) for n, off in enumerate(noise)]

@@ -56,7 +56,7 @@ def certainty_of(pose: Array) -> Certainty:
 
 
 def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:
-    """It explains the frame badly; neither the true pose nor what nothing moves is flagged."""
+    """The lost arm is flagged; neither the true pose nor fixed joints are."""
     model, true, _ = scene()
     moved = [model.joint_names.index(f"right_{part}") for part in ("shoulder", "elbow", "wrist")]
     held = np.setdiff1d(np.arange(len(model.joint_names)), moved)
