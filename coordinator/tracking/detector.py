@@ -1,7 +1,8 @@
 """Detects a body in a frame, in any pose and orientation.
 
-Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations
-on few points; the best distinct ones on all points; the best of these with bodies of several sizes.
+Poses of a library that resemble the observed points are refined in stages on few points, with a coarse
+surface: all of them for a few iterations; the best distinct ones until they converge; the best of these with
+bodies of several sizes. At last, the tracked body is refined on all points.
 
 A search is a generator. It yields before every request to the workers, so that a caller can do its slices
 between other work. Each slice publishes the subject that it needs.
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import cast
 
 import msgspec
@@ -22,6 +23,7 @@ from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings, preset
+from coordinator.bodies.coarse import coarsen
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.scene.planes import Planes
@@ -40,26 +42,14 @@ STATURES_M = (1.5, 1.62, 1.74, 1.86, 1.98)
 STATURE_STEPS = (0.97, 1.0, 1.03)  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2)
 USUAL_GIRTH = GIRTHS[1]
-FIRST_ITERATIONS, FIRST_POINTS = 3, 1_000  # of the first stage
+CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
+SURVIVORS, FINALISTS = 32, 6  # distinct candidates after the first stage, and after the next ones
+FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage, and of the next ones
+FEW_POINTS = 1_000  # on which candidates are refined
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
 FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
 SLICE_ITERATIONS = 104  # of ICP in one request: about 10 ms on two lanes
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
-
-
-@dataclass(frozen=True, slots=True)
-class Effort:
-    """Number of candidates that each stage keeps, and of ICP iterations after the first stage."""
-
-    candidates: int
-    turned: int  # of every orientation of the image but the first
-    survivors: int
-    iterations: int
-    finalists: int
-
-
-FULL = Effort(200, 40, 24, 12, 4)  # for an unknown body
-KNOWN_SIZE = Effort(50, 5, 8, 6, 3)  # for a body that was tracked before
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,6 +123,7 @@ class Detector:
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
         self._ways_up = tuple(float(np.radians(each)) for each in degrees)
         self._usual = bodies.measures or (REFERENCE_STATURE, USUAL_GIRTH)
+        self._coarse = lru_cache(len(STATURES_M) + len(GIRTHS) * len(STATURE_STEPS))(self._coarsen)
 
     @cached_property
     def _library(self) -> PoseLibrary:
@@ -144,16 +135,17 @@ class Detector:
         for girth in GIRTHS if self._bodies.measures is None else ():
             self._bodies.full(REFERENCE_STATURE, girth)
             self._bodies.for_start(REFERENCE_STATURE, girth)
+        for size in self._sizes:
+            self._coarse(size)
 
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room."""
         settings = assume_noise(self._refine, noise)
-        size, found = yield from self._search(
-            subject, settings, FULL, self._bodies.measures, upright_ways(planes, self._ways_up)
-        )
+        ways = upright_ways(planes, self._ways_up)
+        size, found = yield from self._search(subject, settings, self._sizes, ways)
         model = self._bodies.for_start(*size)
         start = detected_start(model, found.poses[0], size, self._bodies, noise)
-        settled = iterations(settings, FULL.iterations)
+        settled = iterations(settings, ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
@@ -182,8 +174,8 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        _, found = yield from self._search(subject, settings, KNOWN_SIZE, size, ways, known)
-        settled = iterations(rules, KNOWN_SIZE.iterations)
+        _, found = yield from self._search(subject, settings, [size], ways, known)
+        settled = iterations(rules, ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(start, candidates, gate)
@@ -198,7 +190,7 @@ class Detector:
             if name in model.dof_names:
                 poses[:, model.dof(name)] += step
         self._refiner.publish(now)
-        candidates = ordered([refine(self._refiner, model, poses, iterations(rules, FULL.iterations), 0)])
+        candidates = ordered([refine(self._refiner, model, poses, iterations(rules, ITERATIONS), 0)])
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
@@ -206,54 +198,59 @@ class Detector:
         """Whether the body can move: its root is not held."""
         return set(ROOT_DOFS) <= set(start.model.dof_names)
 
+    @property
+    def _sizes(self) -> list[tuple[float, float]]:
+        """The sizes, stature and girth, with which an unknown body is searched for."""
+        known = self._bodies.measures
+        return [known] if known else [(stature, USUAL_GIRTH) for stature in STATURES_M]
+
+    def _coarsen(self, size: tuple[float, float]) -> BodyModel:
+        """The body of candidates of this size."""
+        return coarsen(self._bodies.for_start(*size), self._library.cell_m)
+
     def _search(
         self,
         subject: SubjectFrame,
         settings: RefineSettings,
-        effort: Effort,
-        size: tuple[float, float] | None,
+        sizes: Sequence[tuple[float, float]],
         ways_up: Sequence[float],
         last: Array | None = None,
     ) -> Generator[None, None, tuple[tuple[float, float], Candidates]]:
-        """The poses that explain a frame best, with bodies of this size, or of any size if it is None.
+        """The poses that explain a frame best, with bodies of these sizes, or of a size between them.
 
         Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
         rotated.
         """
-        sizes = [size] if size else [(stature, USUAL_GIRTH) for stature in STATURES_M]
         names = self._bodies.for_start(*sizes[0]).joint_names
-        poses, of = self._match(subject, sizes, effort, ways_up, last)
-        first = iterations(settings, FIRST_ITERATIONS)
-        found = yield from self._refine_candidates(thin(subject, FIRST_POINTS), sizes, poses, of, first)
-        found = found.distinct(names, effort.survivors)
-        then = iterations(settings, effort.iterations)
+        poses, of = self._match(subject, sizes, ways_up, last)
+        subject = thin(subject, FEW_POINTS)
+        first, then = (iterations(settings, count) for count in (FIRST_ITERATIONS, ITERATIONS))
+        found = yield from self._refine_candidates(subject, sizes, poses, of, first)
+        found = found.distinct(names, SURVIVORS)
         found = yield from self._refine_candidates(subject, sizes, found.poses, found.sizes, then)
-        found = found.distinct(names, effort.finalists)
-        if size is None:
-            steps = [(step, girth) for step in STATURE_STEPS for girth in GIRTHS]
-            tried = [(sizes[place][0] * step, girth) for place in found.sizes for step, girth in steps]
-            sizes = list(dict.fromkeys(tried))
-            poses = np.repeat(found.poses, len(steps), axis=0)
-            of = np.array([sizes.index(each) for each in tried])
+        found = found.distinct(names, FINALISTS)
+        if len(sizes) > 1:
+            stature = sizes[found.sizes[0]][0]
+            sizes = [(stature * step, girth) for step in STATURE_STEPS for girth in GIRTHS]
+            poses = np.repeat(found.poses, len(sizes), axis=0)
+            of = np.tile(np.arange(len(sizes)), len(found.poses))
             found = yield from self._refine_candidates(subject, sizes, poses, of, then)
-            found = found.distinct(names, effort.finalists)
+            found = found.distinct(names, FINALISTS)
         return sizes[found.sizes[0]], found
 
     def _match(
         self,
         subject: SubjectFrame,
         sizes: Sequence[tuple[float, float]],
-        effort: Effort,
         ways_up: Sequence[float],
         last: Array | None,
     ) -> tuple[Array, Indices]:
         """Candidates (N, D) from the library, in all orientations, and the last pose; their sizes (N,)."""
         points = observed_points(subject)
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
-        counts = [effort.candidates, *(effort.turned for _ in ways_up[1:])]
         matched = [
-            self._library.match(points, scales, way, count)
-            for way, count in zip(ways_up, counts, strict=True)
+            self._library.match(points, scales, way, CANDIDATES if n == 0 else TURNED)
+            for n, way in enumerate(ways_up)
         ]
         if last is not None:
             poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m)
@@ -268,10 +265,10 @@ class Detector:
         of: Indices,
         settings: RefineSettings,
     ) -> Generator[None, None, Candidates]:
-        """Refine poses (N, D) of bodies of sizes (N,)."""
+        """Refine poses (N, D) of coarse bodies of sizes (N,)."""
         parts = list[Candidates]()
         for size in np.unique(of):
-            model = self._bodies.for_start(*sizes[size])
+            model = self._coarse(sizes[size])
             parts += yield from self._refine_slices(subject, model, poses[of == size], settings, size)
         return ordered(parts)
 
