@@ -15,8 +15,9 @@ def coarsen(model: BodyModel, cell_m: float) -> BodyModel:
     Cells are cubes of the rest pose with sides of `cell_m`. Triangles with two corners in one cell go.
     """
     cells = np.column_stack([model.skin_links[:, 0], np.floor(model.vertices / cell_m).astype(np.int64)])
-    _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.ravel()
+    cells -= cells.min(axis=0)
+    number = np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
+    _, cell, count = np.unique(number, return_inverse=True, return_counts=True)
     means = np.zeros((len(count), 3))
     np.add.at(means, cell, model.vertices)
     distance = np.linalg.norm(model.vertices - (means / count[:, None])[cell], axis=1)

@@ -48,7 +48,7 @@ FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage, and of the next ones
 FEW_POINTS = 1_000  # on which candidates are refined
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
 FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
-SLICE_ITERATIONS = 104  # of ICP in one request: about 10 ms on two lanes
+SLICE_ITERATIONS = 300  # of ICP in one request: about 10 ms on two lanes
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 
 
@@ -229,14 +229,15 @@ class Detector:
         found = found.distinct(names, SURVIVORS)
         found = yield from self._refine_candidates(subject, sizes, found.poses, found.sizes, then)
         found = found.distinct(names, FINALISTS)
-        if len(sizes) > 1:
-            stature = sizes[found.sizes[0]][0]
-            sizes = [(stature * step, girth) for step in STATURE_STEPS for girth in GIRTHS]
+        size = sizes[found.sizes[0]]
+        for vary in (all_girths, all_statures) if len(sizes) > 1 else ():
+            sizes = vary(size)
             poses = np.repeat(found.poses, len(sizes), axis=0)
             of = np.tile(np.arange(len(sizes)), len(found.poses))
             found = yield from self._refine_candidates(subject, sizes, poses, of, then)
             found = found.distinct(names, FINALISTS)
-        return sizes[found.sizes[0]], found
+            size = sizes[found.sizes[0]]
+        return size, found
 
     def _match(
         self,
@@ -302,6 +303,16 @@ def complete(search: Search) -> Detection:
             next(search)
         except StopIteration as end:
             return cast("Detection", end.value)
+
+
+def all_girths(size: tuple[float, float]) -> list[tuple[float, float]]:
+    """Sizes with this stature, and each girth."""
+    return [(size[0], girth) for girth in GIRTHS]
+
+
+def all_statures(size: tuple[float, float]) -> list[tuple[float, float]]:
+    """Sizes with this girth, and statures nearby."""
+    return [(size[0] * step, size[1]) for step in STATURE_STEPS]
 
 
 def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
