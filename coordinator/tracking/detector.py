@@ -23,9 +23,8 @@ from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.settings import RefineSettings, Settings, preset
-from coordinator.bodies.coarse import coarsen
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, pose_by_name
+from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
 from coordinator.scene.planes import Planes
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
