@@ -14,6 +14,7 @@ from coordinator.bodies.choice import choose_bodies, load_body
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import human_of
+from coordinator.bodies.tracked import coarsen
 from tests.support.refusals import refused
 
 PEOPLE = (
@@ -36,6 +37,16 @@ def test_the_moved_surface_is_the_meshed_one(measures: Measures) -> None:
     np.testing.assert_allclose(moved.joint_points, meshed.joint_points, atol=1e-12)
     np.testing.assert_allclose(moved.points, meshed.points, atol=1e-12)
     np.testing.assert_array_equal(moved.limits, meshed.limits)
+
+
+def test_a_coarse_surface_is_near_the_fine_one() -> None:
+    """A third of the vertices, with every fine one within half a cell of the coarse surface."""
+    fine = shape_space().usual
+    coarse = coarsen(fine, 0.06)
+    surface = trimesh.Trimesh(coarse.vertices, coarse.triangles, process=False)
+    apart = trimesh.proximity.closest_point(surface, fine.vertices)[1]  # type: ignore[no-untyped-call]
+    assert 3 * len(coarse.vertices) < len(fine.vertices)
+    assert apart.max() < 0.03
 
 
 def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
