@@ -228,15 +228,14 @@ class Detector:
         found = found.distinct(names, SURVIVORS)
         found = yield from self._refine_candidates(subject, sizes, found.poses, found.sizes, then)
         found = found.distinct(names, FINALISTS)
-        size = sizes[found.sizes[0]]
-        for vary in (all_girths, all_statures) if len(sizes) > 1 else ():
-            sizes = vary(size)
+        if len(sizes) > 1:
+            stature = sizes[found.sizes[0]][0]
+            sizes = [(stature * step, girth) for step in STATURE_STEPS for girth in GIRTHS]
             poses = np.repeat(found.poses, len(sizes), axis=0)
             of = np.tile(np.arange(len(sizes)), len(found.poses))
             found = yield from self._refine_candidates(subject, sizes, poses, of, then)
             found = found.distinct(names, FINALISTS)
-            size = sizes[found.sizes[0]]
-        return size, found
+        return sizes[found.sizes[0]], found
 
     def _match(
         self,
@@ -302,16 +301,6 @@ def complete(search: Search) -> Detection:
             next(search)
         except StopIteration as end:
             return cast("Detection", end.value)
-
-
-def all_girths(size: tuple[float, float]) -> list[tuple[float, float]]:
-    """Sizes with this stature, and each girth."""
-    return [(size[0], girth) for girth in GIRTHS]
-
-
-def all_statures(size: tuple[float, float]) -> list[tuple[float, float]]:
-    """Sizes with this girth, and statures nearby."""
-    return [(size[0] * step, size[1]) for step in STATURE_STEPS]
 
 
 def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
