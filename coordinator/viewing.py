@@ -32,6 +32,7 @@ NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since
 SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # transparent, so that the points are visible
 DOUBT_COLOUR = to_rgb(STATUS["ambiguous"])
 LIVE_CURVES_S = 10.0  # of live curves
+THICKEST_M = 0.006  # radius of lines
 LARGEST_RESIDUAL_M = 0.1  # end of the colour scale
 
 
@@ -182,12 +183,11 @@ class PersonLog:
 
 
 def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:
-    """Lines between named joints (M, J, 3), with opacity by strength (M,) from 0 to 1."""
+    """Lines between named joints (M, J, 3), as thick as their strength (M,), from 0 to 1, says."""
     pairs = np.array(bones(names), dtype=np.int64).reshape(-1, 2)
-    strips = joints[:, pairs].reshape(-1, 2, 3)
-    alpha = np.repeat(255 * np.sqrt(strength), len(pairs))
-    colours = np.column_stack([np.tile(colour, (len(strips), 1)), alpha]).astype(np.uint8)
-    return rr.LineStrips3D([*strips.astype(np.float32)], colors=colours)
+    strips = joints[:, pairs].reshape(-1, 2, 3).astype(np.float32)
+    radii = np.repeat(THICKEST_M * np.sqrt(strength), len(pairs))
+    return rr.LineStrips3D([*strips], colors=colour, radii=radii)
 
 
 def observe(segmenter: Segmenter, frame: DepthFrame, body: PosedBody) -> tuple[Array, Array] | None:

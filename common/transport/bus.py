@@ -42,6 +42,22 @@ class Bus(Closing):
         with mapped(f"subscribing to {key}"):
             self._declared.append(self._session.declare_subscriber(key, receive))
 
+    def subscribe_newest(self, key: str, count: int) -> Callable[[], list[tuple[str, bytes]]]:
+        """Keep the newest messages, up to a count; the returned function takes all of them, with their keys.
+
+        They are received without any work of Python, so a program that is slow does not delay their sender.
+        """
+        with mapped(f"subscribing to {key}"):
+            subscriber = self._session.declare_subscriber(key, handlers.RingChannel(count))
+        self._declared.append(subscriber)
+
+        def take() -> list[tuple[str, bytes]]:
+            with mapped(f"receiving {key}"):
+                samples = iter(subscriber.try_recv, None)
+                return [(str(sample.key_expr), sample.payload.to_bytes()) for sample in samples]
+
+        return take
+
     def serve(self, key: str, find: Callable[[str], bytes | None]) -> None:
         """Answer every fetch of a key with `find(key)`; None gives no answer."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from coordinator.commands.console import loading, say
+from coordinator.commands.console import leave_processors, loading, say
 from coordinator.commands.options import (
     CameraOptions,
     Force,
@@ -260,6 +260,8 @@ def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
 @grouped
 def view(options: ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
     """Show a run, or live input while it is tracked: points, model, hypotheses, residuals, angles, status."""
+    if str(options.run).startswith("zenoh:"):
+        leave_processors()  # even loading would slow down a tracker on this host
     from coordinator.commands.view import run_view
 
     run_view(options, security, on_stderr(quiet=quiet))

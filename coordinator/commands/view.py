@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import signal
 import time
 from urllib.parse import quote
@@ -20,7 +19,7 @@ from common.recent import MODELS_KEPT, keep
 from common.transport.bus import Bus
 from coordinator.commands.console import INTERRUPTS
 from coordinator.commands.finished import find_sequence
-from coordinator.commands.live_scene import LiveScene
+from coordinator.commands.live_scene import MESSAGES_KEPT, LiveScene
 from coordinator.commands.options import SecurityOptions, ViewOptions
 from coordinator.commands.progress import Show
 from coordinator.commands.publish import open_session
@@ -31,8 +30,8 @@ from coordinator.sources.live import live_key
 from coordinator.viewing import FrameLog, PersonLog, layout, log_run
 
 MIDDLE = np.array([0.0, 0.0, 2.5])  # where the eye looks before a person is known, metres
-BUFFER = "64MB"  # between a live view and its browser: more would be shown late
-NICENESS = 10  # of a live view, so that it takes no time from a tracker on the same host
+KEPT = "256MB"  # of a live view, for browsers that connect later
+SHORTEST_S = 1 / 15  # between two frames of a live view: half of the work of 30 frames/s
 
 logger = logging.getLogger(__name__)
 
@@ -78,28 +77,28 @@ def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: S
     results = check_stream(options.results or results_key(key), guarded=secured is not None)
     reached = Pool(0, options.listen, options.connect, secured)
     with open_session(reached, "publisher", key, show) as bus:
-        scene = LiveScene(key, results, show.say)
-        bus.subscribe(key, scene.receive_frame)
-        bus.subscribe(f"{results}/**", scene.receive_result)  # several people have keys below it
-        os.nice(NICENESS)
-        recording, address = open_viewer(options, layout(MIDDLE, live=True), BUFFER)
+        told = bus.subscribe_newest(f"{results}/**", MESSAGES_KEPT)  # several people have keys below it
+        scene = LiveScene(bus.subscribe_newest(key, MESSAGES_KEPT), told, show.say)
+        recording, address = open_viewer(options, layout(MIDDLE, live=True), KEPT)
         show.say(f"showing {key}, and results on {results}")
         show.say(f"writing {options.save}; Ctrl-C ends" if address is None else f"see {address}; Ctrl-C ends")
         view = LiveView(recording, bus, scene, results)
         try:
             while view.step() or not scene.ended or address is not None:
                 INTERRUPTS.check()
+                if address is not None:
+                    view.rest()
         except KeyboardInterrupt:  # ends a file, as the end of the results does
             INTERRUPTS.noted = False
         recording.flush()
 
 
 def open_viewer(
-    options: ViewOptions, blueprint: rrb.Blueprint, buffer: str = "1GiB"
+    options: ViewOptions, blueprint: rrb.Blueprint, kept: str = "1GiB"
 ) -> tuple[rr.RecordingStream, str | None]:
     """A recording that is written to a file, or served in a browser at an address.
 
-    `buffer` limits the memory of the server; without a browser it keeps what was logged last.
+    `kept` limits the memory for browsers that connect later; what was logged first is dropped.
     """
     recording = rr.RecordingStream("gepf")
     if options.save is not None:
@@ -110,7 +109,7 @@ def open_viewer(
         signal.signal(number, signal.SIG_DFL)
     try:
         server = recording.serve_grpc(
-            grpc_port=options.port + 1, default_blueprint=blueprint, server_memory_limit=buffer
+            grpc_port=options.port + 1, default_blueprint=blueprint, server_memory_limit=kept
         )
         rr.serve_web_viewer(web_port=options.port, open_browser=options.browser, connect_to=server)
     except (OSError, RuntimeError, ValueError) as error:
@@ -123,7 +122,7 @@ class LiveView:
 
     def __init__(self, recording: rr.RecordingStream, bus: Bus, scene: LiveScene, results: str) -> None:
         self._recording, self._bus, self._scene, self._results = recording, bus, scene, results
-        self._began = time.monotonic()
+        self._began = self._due = time.monotonic()
         self._frames = FrameLog(recording)
         self._people: dict[str, PersonLog] = {}  # by key
         self._bodies: dict[str, BodyModel] = {}  # by key
@@ -141,6 +140,11 @@ class LiveView:
             self._shown = newest
         self._recording.flush()
         return bool(results)
+
+    def rest(self) -> None:
+        """Wait until the next frame may be shown."""
+        time.sleep(max(0.0, self._due - time.monotonic()))
+        self._due = time.monotonic() + SHORTEST_S
 
     def _log_result(self, key: str, result: Result) -> None:
         track, number = result.track, int(result.track.frame[0])
