@@ -36,11 +36,11 @@ THICKEST_M = 0.006  # radius of lines
 LARGEST_RESIDUAL_M = 0.1  # end of the colour scale
 
 
-def layout(middle: Array, up: Array | None = None, *, live: bool = False) -> rrb.Blueprint:
+def layout(middle: Array | None = None, up: Array | None = None, *, live: bool = False) -> rrb.Blueprint:
     """The scene to the left; depth, angles, residual and status to the right.
 
-    The eye looks at `middle` (3,), camera frame. `up` (3,) points away from the ground; None if unknown. Live
-    frames are shown as they come.
+    The eye looks at `middle` (3,), and `up` (3,) points away from the ground, camera frame; None if unknown.
+    Live frames are shown as they come.
     """
     now = rrb.TimeRangeBoundary.cursor_relative
     shown = rrb.VisibleTimeRange(SINCE, start=now(seconds=-LIVE_CURVES_S), end=now()) if live else None

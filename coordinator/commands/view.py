@@ -29,10 +29,6 @@ from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.sources.live import live_key
 from coordinator.viewing import FrameLog, PersonLog, layout, log_run
 
-MIDDLE = np.array([0.0, 0.0, 2.5])  # where the eye looks before a person is known, metres
-KEPT = "256MB"  # of a live view, for browsers that connect later
-SHORTEST_S = 1 / 15  # between two frames of a live view: half of the work of 30 frames/s
-
 logger = logging.getLogger(__name__)
 
 
@@ -79,27 +75,20 @@ def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: S
     with open_session(reached, "publisher", key, show) as bus:
         told = bus.subscribe_newest(f"{results}/**", MESSAGES_KEPT)  # several people have keys below it
         scene = LiveScene(bus.subscribe_newest(key, MESSAGES_KEPT), told, show.say)
-        recording, address = open_viewer(options, layout(MIDDLE, live=True), KEPT)
+        recording, address = open_viewer(options, layout(live=True))
         show.say(f"showing {key}, and results on {results}")
         show.say(f"writing {options.save}; Ctrl-C ends" if address is None else f"see {address}; Ctrl-C ends")
         view = LiveView(recording, bus, scene, results)
         try:
             while view.step() or not scene.ended or address is not None:
                 INTERRUPTS.check()
-                if address is not None:
-                    view.rest()
         except KeyboardInterrupt:  # ends a file, as the end of the results does
             INTERRUPTS.noted = False
         recording.flush()
 
 
-def open_viewer(
-    options: ViewOptions, blueprint: rrb.Blueprint, kept: str = "1GiB"
-) -> tuple[rr.RecordingStream, str | None]:
-    """A recording that is written to a file, or served in a browser at an address.
-
-    `kept` limits the memory for browsers that connect later; what was logged first is dropped.
-    """
+def open_viewer(options: ViewOptions, blueprint: rrb.Blueprint) -> tuple[rr.RecordingStream, str | None]:
+    """A recording that is written to a file, or served in a browser at an address."""
     recording = rr.RecordingStream("gepf")
     if options.save is not None:
         recording.save(options.save, default_blueprint=blueprint)
@@ -108,9 +97,7 @@ def open_viewer(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
     try:
-        server = recording.serve_grpc(
-            grpc_port=options.port + 1, default_blueprint=blueprint, server_memory_limit=kept
-        )
+        server = recording.serve_grpc(grpc_port=options.port + 1, default_blueprint=blueprint)
         rr.serve_web_viewer(web_port=options.port, open_browser=options.browser, connect_to=server)
     except (OSError, RuntimeError, ValueError) as error:
         raise GepfError(f"the viewer did not start ({error}); another --port may be free") from error
@@ -122,7 +109,7 @@ class LiveView:
 
     def __init__(self, recording: rr.RecordingStream, bus: Bus, scene: LiveScene, results: str) -> None:
         self._recording, self._bus, self._scene, self._results = recording, bus, scene, results
-        self._began = self._due = time.monotonic()
+        self._began = time.monotonic()
         self._frames = FrameLog(recording)
         self._people: dict[str, PersonLog] = {}  # by key
         self._bodies: dict[str, BodyModel] = {}  # by key
@@ -140,11 +127,6 @@ class LiveView:
             self._shown = newest
         self._recording.flush()
         return bool(results)
-
-    def rest(self) -> None:
-        """Wait until the next frame may be shown."""
-        time.sleep(max(0.0, self._due - time.monotonic()))
-        self._due = time.monotonic() + SHORTEST_S
 
     def _log_result(self, key: str, result: Result) -> None:
         track, number = result.track, int(result.track.frame[0])
