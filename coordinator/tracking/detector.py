@@ -1,8 +1,8 @@
 """Detects a body in a frame, in any pose and orientation.
 
-Poses of a library that resemble the observed points are refined in stages on few points, with a coarse
-surface: all of them for a few iterations; the best distinct ones until they converge; the best of these with
-bodies of several sizes. At last, the tracked body is refined on all points.
+Poses of a library that resemble the observed points are refined in stages. On few points and with a coarse
+surface: all of them for a few iterations, the best distinct ones until they converge. On all points and with
+the whole surface, as a coarse one hides the girth: the best of these with bodies of several sizes.
 
 A search is a generator. It yields before every request to the workers, so that a caller can do its slices
 between other work. Each slice publishes the subject that it needs.
@@ -10,7 +10,7 @@ between other work. Each slice publishes the subject that it needs.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import cast
@@ -122,7 +122,7 @@ class Detector:
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
         self._ways_up = tuple(float(np.radians(each)) for each in degrees)
         self._usual = bodies.measures or (REFERENCE_STATURE, USUAL_GIRTH)
-        self._coarse = lru_cache(len(STATURES_M) + len(GIRTHS) * len(STATURE_STEPS))(self._coarsen)
+        self._coarse = lru_cache(len(STATURES_M))(self._coarsen)
 
     @cached_property
     def _library(self) -> PoseLibrary:
@@ -135,7 +135,7 @@ class Detector:
             self._bodies.full(REFERENCE_STATURE, girth)
             self._bodies.for_start(REFERENCE_STATURE, girth)
         for size in self._sizes:
-            self._coarse(size)
+            self._coarse(*size)
 
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room."""
@@ -203,9 +203,9 @@ class Detector:
         known = self._bodies.measures
         return [known] if known else [(stature, USUAL_GIRTH) for stature in STATURES_M]
 
-    def _coarsen(self, size: tuple[float, float]) -> BodyModel:
+    def _coarsen(self, stature: float, girth: float) -> BodyModel:
         """The body of candidates of this size."""
-        return coarsen(self._bodies.for_start(*size), self._library.cell_m)
+        return coarsen(self._bodies.for_start(stature, girth), self._library.cell_m)
 
     def _search(
         self,
@@ -222,18 +222,18 @@ class Detector:
         """
         names = self._bodies.for_start(*sizes[0]).joint_names
         poses, of = self._match(subject, sizes, ways_up, last)
-        subject = thin(subject, FEW_POINTS)
+        few, coarse, full = thin(subject, FEW_POINTS), self._coarse, self._bodies.for_start
         first, then = (iterations(settings, count) for count in (FIRST_ITERATIONS, ITERATIONS))
-        found = yield from self._refine_candidates(subject, sizes, poses, of, first)
+        found = yield from self._refine_candidates(few, coarse, sizes, poses, of, first)
         found = found.distinct(names, SURVIVORS)
-        found = yield from self._refine_candidates(subject, sizes, found.poses, found.sizes, then)
+        found = yield from self._refine_candidates(few, coarse, sizes, found.poses, found.sizes, then)
         found = found.distinct(names, FINALISTS)
         if len(sizes) > 1:
             stature = sizes[found.sizes[0]][0]
             sizes = [(stature * step, girth) for step in STATURE_STEPS for girth in GIRTHS]
             poses = np.repeat(found.poses, len(sizes), axis=0)
             of = np.tile(np.arange(len(sizes)), len(found.poses))
-            found = yield from self._refine_candidates(subject, sizes, poses, of, then)
+            found = yield from self._refine_candidates(subject, full, sizes, poses, of, then)
             found = found.distinct(names, FINALISTS)
         return sizes[found.sizes[0]], found
 
@@ -259,15 +259,16 @@ class Detector:
     def _refine_candidates(
         self,
         subject: SubjectFrame,
+        body: Callable[[float, float], BodyModel],
         sizes: Sequence[tuple[float, float]],
         poses: Array,
         of: Indices,
         settings: RefineSettings,
     ) -> Generator[None, None, Candidates]:
-        """Refine poses (N, D) of coarse bodies of sizes (N,)."""
+        """Refine poses (N, D) of bodies of sizes (N,)."""
         parts = list[Candidates]()
         for size in np.unique(of):
-            model = self._coarse(sizes[size])
+            model = body(*sizes[size])
             parts += yield from self._refine_slices(subject, model, poses[of == size], settings, size)
         return ordered(parts)
 
