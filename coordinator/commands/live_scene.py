@@ -10,10 +10,9 @@ from common.frame import DepthFrame
 from common.protocol.frames import decode_live, number_of
 from common.recent import keep
 from coordinator.results.live_results import Result, read_result
+from coordinator.sources.camera import DEFAULT_FPS
+from coordinator.sources.frame_recorder import WAITING_FRAMES
 from coordinator.sources.live import NOTICE_S
-
-MESSAGES_KEPT = 30  # frames that wait for their results, one second of them; and results
-POLL_S = 1 / 15  # between two looks for new results: half of the work of 30 frames/s
 
 Take = Callable[[], list[tuple[str, bytes]]]
 """Returns new messages with their keys."""
@@ -44,7 +43,7 @@ class LiveScene:
         for _ in range(3):  # 0.2 s without results, then depth is shown alone
             if taken:
                 break
-            time.sleep(POLL_S)
+            time.sleep(2.0 / DEFAULT_FPS)  # for half of a usual camera's frames
             messages = self._take_results()
             for key, payload in self._take_frames():
                 self._receive_frame(key, payload)
@@ -65,7 +64,7 @@ class LiveScene:
 
     def _receive_frame(self, key: str, payload: bytes) -> None:
         try:
-            keep(self._frames, number_of(payload), payload, MESSAGES_KEPT)
+            keep(self._frames, number_of(payload), payload, WAITING_FRAMES)
         except ProtocolError:
             self.ended = self.ended or (self._decode(key, payload) is None and not self._tracked)
             return

@@ -19,13 +19,14 @@ from common.recent import MODELS_KEPT, keep
 from common.transport.bus import Bus
 from coordinator.commands.console import INTERRUPTS
 from coordinator.commands.finished import find_sequence
-from coordinator.commands.live_scene import MESSAGES_KEPT, LiveScene
+from coordinator.commands.live_scene import LiveScene
 from coordinator.commands.options import SecurityOptions, ViewOptions
 from coordinator.commands.progress import Show
 from coordinator.commands.publish import open_session
 from coordinator.pool.options import Pool
 from coordinator.results.live_results import Result, results_key
 from coordinator.results.track import filled, read_track, read_tracked_body
+from coordinator.sources.frame_recorder import WAITING_FRAMES
 from coordinator.sources.live import live_key
 from coordinator.viewing import FrameLog, PersonLog, layout, log_run
 
@@ -73,8 +74,8 @@ def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: S
     results = check_stream(options.results or results_key(key), guarded=secured is not None)
     reached = Pool(0, options.listen, options.connect, secured)
     with open_session(reached, "publisher", key, show) as bus:
-        told = bus.subscribe_newest(f"{results}/**", MESSAGES_KEPT)  # several people have keys below it
-        scene = LiveScene(bus.subscribe_newest(key, MESSAGES_KEPT), told, show.say)
+        told = bus.subscribe_newest(f"{results}/**", WAITING_FRAMES)  # several people have keys below it
+        scene = LiveScene(bus.subscribe_newest(key, WAITING_FRAMES), told, show.say)
         recording, address = open_viewer(options, layout(live=True))
         show.say(f"showing {key}, and results on {results}")
         show.say(f"writing {options.save}; Ctrl-C ends" if address is None else f"see {address}; Ctrl-C ends")
