@@ -76,6 +76,10 @@ class Tracker:
         return len(self._targets)
 
     @property
+    def _any_is_tracked(self) -> bool:
+        return any(target.is_tracked for target in self._targets)
+
+    @property
     def states(self) -> list[TrackerState]:
         """Everything that the next frame depends on, one state per person."""
         return [target.state for target in self._targets]
@@ -114,8 +118,8 @@ class Tracker:
                     if unreported:
                         tracked, unreported = [report(each) for each in unreported], []
                         yield tracked
-                    waits = look_ahead or (live is not None and live.is_ready)
-                    self._send_ahead(n + 1, segmented, clocks, upcoming if waits else None)
+                    reads = look_ahead or (live is not None and live.is_ready and self._any_is_tracked)
+                    self._send_ahead(n + 1, segmented, clocks, upcoming if reads else None)
                     updated.append(submitted if isinstance(submitted, Updated) else target.update(submitted))
                 unreported = updated
                 if not look_ahead:
@@ -151,7 +155,7 @@ class Tracker:
         """
         untracked = [target for target in self._targets if not target.is_tracked]
         searching = max([target.search() for target in untracked], default=True)
-        while searching and not (live.is_ready and len(untracked) < self.people):
+        while searching and not (live.is_ready and self._any_is_tracked):
             searching = max([target.search() for target in self._targets])
 
     def _segment(self, frame: DepthFrame) -> tuple[Segmented, list[Stopwatch]]:
