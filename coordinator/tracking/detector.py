@@ -28,7 +28,7 @@ from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
 from coordinator.scene.planes import Planes
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
-from coordinator.tracking.observation import observed_points, some_points
+from coordinator.tracking.observation import middle_of, observed_points
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
@@ -184,12 +184,14 @@ class Detector:
     ) -> Detection:
         """A detection in the frame `before`, moved to the frame `now` and refined and gated there."""
         model, poses = detection.start.model, detection.candidates.poses.copy()
-        moved = [np.median(some_points(each), axis=0) for each in (now, before)]
+        moved = [middle_of(each) for each in (now, before)]
         for name, step in zip(ROOT_DOFS[:3], moved[0] - moved[1], strict=True):
             if name in model.dof_names:
                 poses[:, model.dof(name)] += step
         self._refiner.publish(now)
         candidates = ordered([refine(self._refiner, model, poses, iterations(rules, ITERATIONS), 0)])
+        if not len(candidates.poses):  # none of them is visible
+            return detection
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
