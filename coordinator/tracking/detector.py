@@ -184,8 +184,7 @@ class Detector:
     ) -> Detection:
         """A detection in the frame `before`, moved to the frame `now` and refined and gated there."""
         model, poses = detection.start.model, detection.candidates.poses.copy()
-        moved = [middle_of(each) for each in (now, before)]
-        for name, step in zip(ROOT_DOFS[:3], moved[0] - moved[1], strict=True):
+        for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
             if name in model.dof_names:
                 poses[:, model.dof(name)] += step
         self._refiner.publish(now)

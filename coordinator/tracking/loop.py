@@ -56,7 +56,7 @@ class Live(Protocol):
 
     @property
     def period_s(self) -> float:
-        """Usual time in seconds from one published frame to the next; infinite if it is not known yet."""
+        """Time in seconds between the last two published frames; infinite if there are not two."""
         ...
 
 
