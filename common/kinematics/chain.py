@@ -147,16 +147,29 @@ def blend_vertices(
 ) -> None:
     """Fill out (V, 3) with vertices (V, 3) blended over their links' T_camera_rest (L, 3, 4)."""
     for v in range(len(vertices)):
-        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-        moved_x = moved_y = moved_z = 0.0
-        for k in range(links.shape[1]):
-            share, s = weights[v, k], links[v, k]
-            if share != 0.0:
-                t = transforms
-                moved_x += share * (t[s, 0, 0] * x + t[s, 0, 1] * y + t[s, 0, 2] * z + t[s, 0, 3])
-                moved_y += share * (t[s, 1, 0] * x + t[s, 1, 1] * y + t[s, 1, 2] * z + t[s, 1, 3])
-                moved_z += share * (t[s, 2, 0] * x + t[s, 2, 1] * y + t[s, 2, 2] * z + t[s, 2, 3])
-        out[v, 0], out[v, 1], out[v, 2] = moved_x, moved_y, moved_z
+        blend_vertex(v, vertices, links, weights, transforms, out)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def blend_vertex(
+    v: int,
+    vertices: Array,
+    links: Indices | NDArray[np.uint32],
+    weights: Array,
+    transforms: Array,
+    out: Array,
+) -> None:
+    """Fill one row of `blend_vertices`."""
+    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+    moved_x = moved_y = moved_z = 0.0
+    for k in range(links.shape[1]):
+        share, s = weights[v, k], links[v, k]
+        if share != 0.0:
+            t = transforms
+            moved_x += share * (t[s, 0, 0] * x + t[s, 0, 1] * y + t[s, 0, 2] * z + t[s, 0, 3])
+            moved_y += share * (t[s, 1, 0] * x + t[s, 1, 1] * y + t[s, 1, 2] * z + t[s, 1, 3])
+            moved_z += share * (t[s, 2, 0] * x + t[s, 2, 1] * y + t[s, 2, 2] * z + t[s, 2, 3])
+    out[v, 0], out[v, 1], out[v, 2] = moved_x, moved_y, moved_z
 
 
 @numba.njit(cache=True, nogil=True)

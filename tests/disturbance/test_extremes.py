@@ -67,7 +67,7 @@ def test_drawing_ends() -> None:
     workspace.image[:] = np.tile(corners, (full + 1, 1))
     workspace.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
     seen = DepthImage(
-        np.empty((side, side + 3), np.float32), np.empty((side, side + 3), np.uint32), 0, 0, 1.0
+        np.empty((side + 3, side + 3), np.float32), np.empty((side + 3, side + 3), np.uint32), 0, 0, 1.0
     )
     triangles = np.arange(3 * (full + 1), dtype=np.uint32).reshape(-1, 3)
     rasterise(triangles, False, workspace, seen)

@@ -62,7 +62,7 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
         fisher_scoring_step(moved, skeleton, surface, packed, parameters, workspace)
     else:
         exact = hard_information(of, pose)
-        find_correspondences(visible, 0, surface, packed, workspace)
+        find_correspondences(visible, surface, packed, workspace)
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         once = parameters._replace(steps=parameters.steps._replace(gauss_newton_iterations=1))
         minimise(skeleton, moved, workspace.transforms, packed.count, once, workspace.equations)

@@ -51,7 +51,7 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
         return -parameters.posterior_scale / packed.count * equations.gradient, held
     pose_body(pose, skeleton, surface, workspace)
     visible = visible_vertices(surface, workspace)
-    find_correspondences(visible, 0, surface, packed, workspace)
+    find_correspondences(visible, surface, packed, workspace)
     accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
     fill_normal_equations(skeleton, workspace.transforms, parameters.stretch, equations)
     add_prior(skeleton, pose, parameters.rest_weight, packed.count, equations.gram, equations.gradient)

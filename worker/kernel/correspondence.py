@@ -2,9 +2,12 @@
 
 Observed points are grouped into tiles, model points into leaves, and leaves into groups. The points of each
 are neighbours, so their bounding boxes are small. An initial guess gives an upper bound on the distance of
-each observed point: its closest point in the last search, or a point in the leaf nearest to its tile. The
-search skips every group and leaf whose box is farther from a tile's box than the largest bound of the tile.
-In the leaves that are left it compares points one by one.
+each observed point: its closest point in the last search, which may be that of another particle, or a point
+in the leaf nearest to its tile. The search skips every group and leaf whose box is farther from a tile's box
+than the largest bound of the tile. In the leaves that are left it compares points one by one.
+
+The result does not depend on the guess: bounds are slightly enlarged, so the first of equally close points in
+the order of the leaves is always found.
 """
 
 from __future__ import annotations
@@ -22,26 +25,25 @@ Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
 Numbers = NDArray[np.uint32]
 
-LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that the guess itself is not skipped
+LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that points as close as the guess are found
 
 
 @numba.njit(cache=True, nogil=True)
 def find_correspondences(
-    visible: Numbers, last_count: int, surface: Surface, observed: PackedObservation, workspace: Workspace
-) -> int:
-    """Find the closest visible vertex of each observed point; returns the number of vertices searched.
+    visible: Numbers, surface: Surface, observed: PackedObservation, workspace: Workspace
+) -> None:
+    """Find the closest visible vertex of each observed point.
 
     Fills workspace.search.closest with indices into `visible`, and .squared with squared distances in the
-    metric of the noise. `last_count` is the number that the last search of the same particle returned, whose
-    result is the initial guess; 0 for the first search. Of equally close vertices the first one visited is
-    taken; the order of visits depends only on the arguments.
+    metric of the noise. The initial guess is the result of the last search in this workspace.
     """
     search, leaves = workspace.search, fill_leaves(visible, surface, observed.stretch, workspace)
-    if last_count > 0 and not same_vertices(search.last_visible[:last_count], visible):
-        remap_closest(search.last_visible[:last_count], visible, search.remapped, search.closest)
-    closest_points(observed, leaves, last_count > 0, search)
+    guesses = search.last_visible[: search.last_count[0]]
+    if len(guesses) > 0 and not same_vertices(guesses, visible):
+        remap_closest(guesses, visible, search.remapped, search.closest)
+    closest_points(observed, leaves, len(guesses) > 0, search)
+    search.last_count[0] = len(visible)
     search.last_visible[: len(visible)] = visible
-    return len(visible)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -51,10 +53,9 @@ def closest_points(observed: PackedObservation, leaves: int, guessed: bool, sear
     `leaves` is the number of leaves of the model. With a guess, search.closest holds indices into the model.
     """
     groups = bound_leaves(leaves, search)
-    if guessed:
-        bound_by_guess(observed.points, search)
-    else:
-        bound_by_boxes(observed, leaves, groups, search)
+    if not guessed:
+        guess_by_boxes(observed, leaves, groups, search)
+    bound_by_guess(observed.points, search)
     search_tiles(observed.points, observed.tiles, groups, search)
 
 
@@ -114,13 +115,13 @@ def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def bound_by_boxes(observed: PackedObservation, leaves: int, groups: int, search: Search) -> None:
-    """Bound squared distances by the leaf whose centre is nearest to a tile, within the nearest group.
+def guess_by_boxes(observed: PackedObservation, leaves: int, groups: int, search: Search) -> None:
+    """Guess the closest points: of the leaf whose centre is nearest to a tile, within the nearest group.
 
     Four successive tiles are neighbours and share one leaf.
     """
     points, tiles, model, starts = observed.points, observed.tiles, search.model, search.starts
-    closest, squared, largest = search.closest, search.squared, search.largest
+    closest, squared = search.closest, search.squared
     closest[:] = 0
     squared[:] = np.inf
     for t in range(tiles.shape[1]):
@@ -128,7 +129,6 @@ def bound_by_boxes(observed: PackedObservation, leaves: int, groups: int, search
             g = nearest_box(tiles, t, search.groups, 0, groups)
             k = nearest_box(tiles, t, search.leaves, g * TILE, min(leaves, (g + 1) * TILE))
         search_lanes(points, t * TILE, model, starts[k], starts[k + 1], squared, closest)  # type: ignore[call-arg]
-        largest[t] = largest_of(squared, t * TILE)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

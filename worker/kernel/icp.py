@@ -30,7 +30,7 @@ from worker.kernel.observation import Observation, PackedObservation, pack_obser
 from worker.kernel.parameters import KernelParameters, pack_parameters
 from worker.kernel.soft import fisher_scoring_step
 from worker.kernel.surface import Skeleton, Surface, pack_model
-from worker.kernel.visibility import pose_body, visible_vertices
+from worker.kernel.visibility import pose_body, pose_vertices, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import Workspace, make_workspace
 
@@ -140,14 +140,16 @@ def refine_particle(
     """Refine pose (D,) in place; returns its log likelihood and mean residual in metres."""
     clamp_to_limits(skeleton.single, skeleton.limits, pose)
     workspace.equations.information[:] = 0.0
-    visible, before, last_count = workspace.visible, pose.copy(), 0
+    visible, before = workspace.visible, pose.copy()
     for k in range(parameters.icp_iterations):
-        pose_body(pose, skeleton, surface, workspace)  # 4a
         if k % parameters.steps.visibility_interval == 0:
+            pose_body(pose, skeleton, surface, workspace)  # 4a
             visible = visible_vertices(surface, workspace)  # 4b
+        else:
+            pose_vertices(visible, pose, skeleton, surface, workspace)
         if len(visible) == 0:
             break
-        last_count = find_correspondences(visible, last_count, surface, observed, workspace)  # 4c
+        find_correspondences(visible, surface, observed, workspace)  # 4c
         accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
         before[:] = pose
         minimise(skeleton, pose, workspace.transforms, observed.count, parameters, workspace.equations)  # 4d
@@ -160,7 +162,7 @@ def refine_particle(
             fisher_scoring_step(pose, skeleton, surface, observed, parameters, workspace)
             if not is_valid(pose):
                 return -np.inf, np.inf
-    return evaluate(pose, last_count, skeleton, surface, observed, parameters, workspace)  # 5
+    return evaluate(pose, skeleton, surface, observed, parameters, workspace)  # 5
 
 
 @numba.njit(cache=True, nogil=True)

@@ -37,7 +37,6 @@ Numbers = NDArray[np.uint32]  # of vertices
 @numba.njit(cache=True, nogil=True)
 def evaluate(
     pose: Array,
-    last_count: int,
     skeleton: Skeleton,
     surface: Surface,
     observed: PackedObservation,
@@ -46,13 +45,13 @@ def evaluate(
 ) -> tuple[float, float]:
     """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres.
 
-    `last_count` is that of `find_correspondences`. Visible points are computed at this pose.
+    Visible points are computed at this pose.
     """
     pose_body(pose, skeleton, surface, workspace)
     visible = visible_vertices(surface, workspace)
     if len(visible) == 0 or observed.count == 0:
         return -np.inf, np.inf
-    find_correspondences(visible, last_count, surface, observed, workspace)
+    find_correspondences(visible, surface, observed, workspace)
     residual = mean_distance(observed, parameters, workspace.search)
     cost = prior_cost(skeleton, pose, parameters.rest_weight)
     if parameters.soft:

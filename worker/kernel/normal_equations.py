@@ -2,14 +2,15 @@
 
 The model is linear in each link's transform. With X = [p; 1] a model point at rest, p~ the observed point
 that belongs to it and T the link's T_camera_rest, the sums M_s = sum w X X^T and C_s = sum w X p~^T of each
-link s hold all that Eq. 3-5 need: with A_j = [w_j]x [I | -q_j] for a rotation, column j of the Jacobian is
-A_j T X, so
+link s hold all that Eq. 3-5 need. A degree of freedom j moves a point x in the camera frame, x = T X, by
+w_j x (x - q_j) = w_j x x + v_j for a rotation (Eq. 2), with v_j = q_j x w_j; its twist is (w_j, v_j). So
 
-    (J^T J)_jk = sum_s tr(A_j T M_s T^T A_k^T)    (J^T r)_j = sum_s tr(A_j T (M_s T^T E - C_s)),
-    E = [I | 0]^T
+    (J^T J)_jk = twist_j . wrench of the forces w (w_k x x + v_k) at the points x,
+    (J^T r)_j = twist_j . wrench of the forces w (x - p~),
 
-over the links s that both degrees of freedom, or the one, move. So the cost of a step does not depend on the
-number of points.
+over the links that both degrees of freedom, or the one, move; a wrench is torque about the camera, and force.
+It is a sum over products of forces with x, which T M_s T^T and T C_s contain (Featherstone, Rigid Body
+Dynamics Algorithms, section 6.2). So the cost of a step does not depend on the number of points.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import TRANSLATION
 from common.compiling import numba
 from common.kinematics.chain import motion_axes
 from worker.kernel.surface import Skeleton
 from worker.kernel.workspace import Equations
 
 Array = NDArray[np.float64]
+Wrench = tuple[float, float, float, float, float, float]  # torque about the camera, force
 
 
 @numba.njit(cache=True, nogil=True)
@@ -34,38 +37,69 @@ def fill_normal_equations(
     Residuals along the camera's axis are multiplied by `stretch`.
     """
     gram, gradient, parents = equations.gram, equations.gradient, skeleton.parents
-    dofs = len(gradient)
-    w, q = np.empty((dofs, 3)), np.empty((dofs, 3))
-    motion_axes(parents, skeleton.axes, skeleton.points, skeleton.balls, transforms, w, q)
-    sums = sum_subtrees(skeleton, transforms, equations.sums)
-    jacobians, product = np.empty((dofs, 3, 4)), np.empty((3, 4))
+    twists, sums = twists_of(skeleton, transforms), sum_subtrees(skeleton, transforms, equations.sums)
+    moments = np.empty((3, 4))
     gram[:, :] = 0.0
-    for k in range(dofs):
-        fill_jacobian(skeleton.kinds[k], w[k], q[k], jacobians[k])
-        gradient[k] = 0.0
+    for k in range(len(gradient)):
+        s, wx, wy, wz = sums[k], twists[k, 0], twists[k, 1], twists[k, 2]
         for r in range(3):
-            metric = stretch * stretch if r == 2 else 1.0
             for b in range(4):
-                total = 0.0
-                for a in range(4):
-                    total += jacobians[k, r, a] * sums[k, a, b]
-                product[r, b] = metric * total
-                gradient[k] += metric * jacobians[k, r, b] * (sums[k, b, r] - sums[k, b, 4 + r])
+                moments[r, b] = s[b, r] - s[b, 4 + r]
+        gradient[k] = power(twists[k], wrench_of(moments, stretch * stretch))
+        for b in range(4):
+            moments[0, b] = wy * s[2, b] - wz * s[1, b] + twists[k, 3] * s[3, b]
+            moments[1, b] = wz * s[0, b] - wx * s[2, b] + twists[k, 4] * s[3, b]
+            moments[2, b] = wx * s[1, b] - wy * s[0, b] + twists[k, 5] * s[3, b]
+        wrench = wrench_of(moments, stretch * stretch)
         j = k
         while j >= 0:  # only ancestors share moved links
-            total = 0.0
-            for r in range(3):
-                for b in range(4):
-                    total += product[r, b] * jacobians[j, r, b]
-            gram[j, k] = gram[k, j] = total
+            gram[j, k] = gram[k, j] = power(twists[j], wrench)
             j = parents[j]
+
+
+@numba.njit(cache=True, nogil=True)
+def twists_of(skeleton: Skeleton, transforms: Array) -> Array:
+    """Twists (D, 6) of all degrees of freedom about the camera: w, v; for a translation w is zero."""
+    w, q = np.empty((len(skeleton.parents), 3)), np.empty((len(skeleton.parents), 3))
+    motion_axes(skeleton.parents, skeleton.axes, skeleton.points, skeleton.balls, transforms, w, q)
+    twists = np.zeros((len(w), 6))
+    for j in range(len(w)):
+        if skeleton.kinds[j] == TRANSLATION:
+            twists[j, 3:] = w[j]
+        else:
+            twists[j, :3] = w[j]
+            twists[j, 3] = q[j, 1] * w[j, 2] - q[j, 2] * w[j, 1]
+            twists[j, 4] = q[j, 2] * w[j, 0] - q[j, 0] * w[j, 2]
+            twists[j, 5] = q[j, 0] * w[j, 1] - q[j, 1] * w[j, 0]
+    return twists
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def wrench_of(moments: Array, metric: float) -> Wrench:
+    """The wrench of forces f from their sums (3, 4) of f [x; 1]^T, with f_z multiplied by `metric`."""
+    return (
+        metric * moments[2, 1] - moments[1, 2],
+        moments[0, 2] - metric * moments[2, 0],
+        moments[1, 0] - moments[0, 1],
+        moments[0, 3],
+        moments[1, 3],
+        metric * moments[2, 3],
+    )
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def power(twist: Array, wrench: Wrench | Array) -> float:
+    """The product of a twist (6,) and a wrench."""
+    turning: float = twist[0] * wrench[0] + twist[1] * wrench[1] + twist[2] * wrench[2]
+    moving: float = twist[3] * wrench[3] + twist[4] * wrench[4] + twist[5] * wrench[5]
+    return turning + moving
 
 
 @numba.njit(cache=True, nogil=True)
 def sum_subtrees(skeleton: Skeleton, transforms: Array, sums: Array) -> Array:
     """Sums (D, 4, 7) of T M T^T and T C over the links that each degree of freedom moves."""
     parents, link_dofs = skeleton.parents, skeleton.link_dofs
-    subtrees, half = np.zeros((len(parents), 4, 7)), np.empty((4, 7))
+    subtrees, half = np.zeros((len(parents), 4, 7)), np.empty((4, 8))
     for s in range(len(link_dofs)):
         if link_dofs[s] >= 0 and sums[s, 3, 3] > 0.0:
             add_link(transforms[link_dofs[s]], sums[s], half, subtrees[link_dofs[s]])
@@ -77,7 +111,7 @@ def sum_subtrees(skeleton: Skeleton, transforms: Array, sums: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def add_link(t: Array, sums: Array, half: Array, out: Array) -> None:
-    """Add T M T^T and T C to out (4, 7), for t (3, 4) and sums (4, 7), by way of half (4, 7)."""
+    """Add T M T^T and T C to out (4, 7), for t (3, 4) and sums (4, 8), by way of half (4, 8)."""
     half[3] = sums[3]  # the last row of T is [0, 0, 0, 1]
     for a in range(3):
         for b in range(7):
@@ -91,18 +125,3 @@ def add_link(t: Array, sums: Array, half: Array, out: Array) -> None:
             )
         for b in range(3, 7):
             out[a, b] += half[a, b]
-
-
-@numba.njit(cache=True, nogil=True)
-def fill_jacobian(kind: int, w: Array, q: Array, out: Array) -> None:
-    """Fill out with A (3, 4): A [p; 1] = w x (p - q), the derivative of Eq. 2; for a translation, = w."""
-    out[:, :] = 0.0
-    if kind == 0:
-        out[0, 3], out[1, 3], out[2, 3] = w[0], w[1], w[2]
-    else:
-        out[0, 1], out[0, 2] = -w[2], w[1]
-        out[1, 0], out[1, 2] = w[2], -w[0]
-        out[2, 0], out[2, 1] = -w[1], w[0]
-        out[0, 3] = -(w[1] * q[2] - w[2] * q[1])
-        out[1, 3] = -(w[2] * q[0] - w[0] * q[2])
-        out[2, 3] = -(w[0] * q[1] - w[1] * q[0])

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.compiling import numba
-from common.kinematics.chain import motion_axes
 from worker.kernel.gauss_newton import take_step
+from worker.kernel.normal_equations import power, twists_of
 from worker.kernel.observation import PackedObservation
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import add_prior
@@ -69,9 +69,9 @@ def fill_soft_equations(
     Over all observed points, with the samples that are visible in pose (D,).
     """
     gram, gradient, wrenches = workspace.equations.gram, workspace.equations.gradient, workspace.wrenches
-    w, q, score = np.empty((len(pose), 3)), np.empty((len(pose), 3)), np.empty(len(pose))
+    score = np.empty(len(pose))
     pose_body(pose, skeleton, surface, workspace)
-    motion_axes(skeleton.parents, skeleton.axes, skeleton.points, skeleton.balls, workspace.transforms, w, q)
+    twists = twists_of(skeleton, workspace.transforms)
     seen = draw(surface.triangles, True, workspace)
     scale = 1.0 / parameters.noise_lateral**2
     gram[:], gradient[:] = 0.0, 0.0
@@ -81,7 +81,10 @@ def fill_soft_equations(
             if wrenches[link, 6] > 0.0:
                 last = skeleton.link_dofs[link]
                 wrenches[link] /= density
-                fill_score(last, wrenches[link], skeleton, w, q, score)
+                j = last
+                while j >= 0:
+                    score[j] = power(twists[j], wrenches[link])
+                    j = skeleton.parents[j]
                 j = last
                 while j >= 0:
                     gradient[j] -= score[j]
@@ -104,7 +107,7 @@ def fill_wrenches(
 ) -> float:
     """p(p_i); fills wrenches (L, 7) with the wrench of the point on each link, times p(p_i).
 
-    A wrench is force, torque about the camera, and the sum of p_k(p_i). The density of a farther sample over
+    A wrench is torque about the camera, force, and the sum of p_k(p_i). The density of a farther sample over
     the rays is narrower and higher. This pulls a sample away as much as random residuals across pull it near.
     """
     depth, focal, stretch = seen.depth, seen.focal, parameters.stretch
@@ -134,12 +137,12 @@ def fill_wrenches(
             fx, fy = this * (right * z - x), this * (down * z - y)
             fz = this * (stretch * stretch * (z_observed - z) + 2.0 / (scale * z)) - right * fx - down * fy
             link = links[triangles[seen_triangles[r, c], 0], 0]
-            wrenches[link, 0] += fx
-            wrenches[link, 1] += fy
-            wrenches[link, 2] += fz
-            wrenches[link, 3] += y * fz - z * fy
-            wrenches[link, 4] += z * fx - x * fz
-            wrenches[link, 5] += x * fy - y * fx
+            wrenches[link, 0] += y * fz - z * fy
+            wrenches[link, 1] += z * fx - x * fz
+            wrenches[link, 2] += x * fy - y * fx
+            wrenches[link, 3] += fx
+            wrenches[link, 4] += fy
+            wrenches[link, 5] += fz
             wrenches[link, 6] += this
     return density
 
@@ -150,24 +153,6 @@ def sample_window(noise_lateral: float) -> tuple[int, int]:
     reach = SEARCH_DEVIATIONS * noise_lateral / PIXEL_M
     apart = 1 + int(reach / MOST_SAMPLES_ASIDE)
     return apart * int(reach / apart + 0.5), apart
-
-
-@numba.njit(cache=True, nogil=True)
-def fill_score(last: int, wrench: Array, skeleton: Skeleton, w: Array, q: Array, score: Array) -> None:
-    """Fill the score (D,) of a point in all degrees of freedom that move a link; `last` is the last of them.
-
-    `wrench` is that of the point on the link; w and q (D, 3) are the axes of motion.
-    """
-    fx, fy, fz, tx, ty, tz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
-    j = last
-    while j >= 0:
-        if skeleton.kinds[j] == 0:
-            score[j] = w[j, 0] * fx + w[j, 1] * fy + w[j, 2] * fz
-        else:  # the torque about its axis
-            x, y, z = q[j, 0], q[j, 1], q[j, 2]
-            ax, ay, az = tx - y * fz + z * fy, ty - z * fx + x * fz, tz - x * fy + y * fx
-            score[j] = w[j, 0] * ax + w[j, 1] * ay + w[j, 2] * az
-        j = skeleton.parents[j]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

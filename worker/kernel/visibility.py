@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from common.bounds import MOST_PIXELS
 from common.compiling import numba
-from common.kinematics.chain import blend_vertices, forward_kinematics
-from worker.kernel.drawing import LANES, draw_row
+from common.kinematics.chain import blend_vertex, blend_vertices, forward_kinematics
+from worker.kernel.drawing import SIDE, draw_block
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
 
@@ -30,7 +30,7 @@ NEAREST_M = 0.1  # smallest depth that is drawn
 class DepthImage(NamedTuple):
     """The depth image of the posed surface; pixel (0, 0) is on the ray through (left, top, focal)."""
 
-    depth: NDArray[np.float32]  # (H, W) metres, infinite without surface; the last columns are empty
+    depth: NDArray[np.float32]  # (H, W) metres, infinite without surface; the last rows and columns are empty
     triangles: Numbers  # (H, W) the visible triangle, if requested
     left: int
     top: int
@@ -40,10 +40,27 @@ class DepthImage(NamedTuple):
 @numba.njit(cache=True, nogil=True)
 def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """Fill workspace.transforms and .posed with the body in pose (D,) (4a)."""
+    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
+    blend_vertices(vertices, links, weights, pose_links(pose, skeleton, workspace), workspace.posed)
+
+
+@numba.njit(cache=True, nogil=True)
+def pose_vertices(
+    some: Numbers, pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace
+) -> None:
+    """`pose_body`, but .posed of some vertices only."""
+    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
+    of_links, posed = pose_links(pose, skeleton, workspace), workspace.posed
+    for m in range(len(some)):
+        blend_vertex(some[m], vertices, links, weights, of_links, posed)
+
+
+@numba.njit(cache=True, nogil=True)
+def pose_links(pose: Array, skeleton: Skeleton, workspace: Workspace) -> Array:
+    """Fill workspace.transforms with the body in pose (D,); returns those of the links (L, 3, 4)."""
     transforms = workspace.transforms
     forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
-    of_links = transforms[skeleton.link_dofs]  # -1, of links that nothing moves, is the last
-    blend_vertices(surface.vertices, surface.skin_links, surface.skin_weights, of_links, workspace.posed)
+    return transforms[skeleton.link_dofs]  # -1, of links that nothing moves, is the last
 
 
 @numba.njit(cache=True, nogil=True)
@@ -55,12 +72,11 @@ def visible_vertices(surface: Surface, workspace: Workspace) -> Numbers:
     count = 0
     for v in range(len(posed)):
         if front[v]:
-            column = int(np.floor(image[v, 0] - seen.left + 0.5))
-            row = int(np.floor(image[v, 1] - seen.top + 0.5))
-            inside = 0 <= row < height and 0 <= column < width
-            if not inside or posed[v, 2] <= seen.depth[row, column] + TOLERANCE_M:
-                visible[count] = v
-                count += 1
+            column, row = int(image[v, 0] - seen.left + 0.5), int(image[v, 1] - seen.top + 0.5)
+            i, j = min(max(row, 0), height - 1), min(max(column, 0), width - 1)
+            in_front = posed[v, 2] <= seen.depth[i, j] + TOLERANCE_M
+            visible[count] = v
+            count += in_front | (i != row) | (j != column)  # a branch would be hard to predict
     return visible[:count]
 
 
@@ -69,8 +85,8 @@ def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
     """The depth image of workspace.posed, and the visible triangles; also fills workspace.front."""
     focal = float(np.mean(workspace.posed[:, 2])) / PIXEL_M
     left, top, right, bottom = project(workspace.posed, focal, workspace.image)
-    width = max(1, min(LARGEST_SIDE_PX, right - left + 1)) + LANES - 1  # edges far off overflow
-    height = max(1, min(LARGEST_SIDE_PX, bottom - top + 1))
+    width = max(1, min(LARGEST_SIDE_PX, right - left + 1)) + SIDE - 1  # edges far off overflow
+    height = max(1, min(LARGEST_SIDE_PX, bottom - top + 1)) + SIDE - 1
     seen = DepthImage(
         workspace.depth[: height * width].reshape(height, width),
         workspace.seen_triangles[: height * width].reshape(height, width),
@@ -107,7 +123,7 @@ def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: Depth
     depth, owners, left, top = seen.depth, seen.triangles, seen.left, seen.top
     front[:] = False
     depth[:] = np.inf
-    before = np.empty(LANES, np.float32)
+    before = np.empty((SIDE, SIDE), np.float32)
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         bx, by = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
@@ -119,24 +135,25 @@ def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: Depth
         ax, ay = image[a, 0] - left, image[a, 1] - top
         first_column = max(0, ceiling(ax + min(0.0, bx, cx)))
         first_row = max(0, ceiling(ay + min(0.0, by, cy)))
-        last_column = min(depth.shape[1] - LANES, int(ax + max(0.0, bx, cx)))
-        last_row = min(depth.shape[0] - 1, int(ay + max(0.0, by, cy)))
+        last_column = min(depth.shape[1] - SIDE, int(ax + max(0.0, bx, cx)))
+        last_row = min(depth.shape[0] - SIDE, int(ay + max(0.0, by, cy)))
         if first_column > last_column or first_row > last_row or budget <= 0:
             continue
         budget -= (last_row - first_row + 1) * (last_column - first_column + 1)
         scale = 1.0 / (bx * cy - by * cx)
         bx, by, cx, cy = bx * scale, by * scale, cx * scale, cy * scale
         z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
-        for row in range(first_row, last_row + 1):
-            for column in range(first_column, last_column + 1, LANES):
+        for row in range(first_row, last_row + 1, SIDE):
+            for column in range(first_column, last_column + 1, SIDE):
                 if which:
-                    before[:] = depth[row, column : column + LANES]
+                    before[:] = depth[row : row + SIDE, column : column + SIDE]
                 x, y = column - ax, row - ay
-                draw_row(depth, row, column, x, y, bx, by, cx, cy, z, zb, zc)  # type: ignore[call-arg]
+                draw_block(depth, row, column, x, y, bx, by, cx, cy, z, zb, zc)  # type: ignore[call-arg]
                 if which:
-                    for n in range(LANES):
-                        if depth[row, column + n] < before[n]:
-                            owners[row, column + n] = t
+                    for n in range(SIDE * SIDE):
+                        i, j = n // SIDE, n % SIDE
+                        if depth[row + i, column + j] < before[i, j]:
+                            owners[row + i, column + j] = t
 
 
 @numba.njit(cache=True, nogil=True)

@@ -18,6 +18,7 @@ from common.compiling import numba
 from worker.kernel.observation import PackedObservation
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.surface import Skeleton, Surface
+from worker.kernel.vectors import add_scaled
 from worker.kernel.visibility import NEAREST_M
 from worker.kernel.workspace import Search, Workspace
 
@@ -54,7 +55,7 @@ def accumulate_correspondences(
     workspace: Workspace,
 ) -> None:
     """Sum all weighted correspondences into workspace.equations."""
-    fill_targets(visible, observed, parameters, workspace.search, workspace.targets)
+    fill_targets(len(visible), observed, parameters, workspace.search, workspace.targets)
     if parameters.free_space:
         add_free_space(visible, skeleton, surface, observed, parameters, workspace)
     sum_by_link(visible, skeleton, surface, workspace)
@@ -62,22 +63,16 @@ def accumulate_correspondences(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def fill_targets(
-    visible: Numbers,
-    observed: PackedObservation,
-    parameters: KernelParameters,
-    search: Search,
-    targets: Array,
+    count: int, observed: PackedObservation, parameters: KernelParameters, search: Search, targets: Array
 ) -> None:
-    """Fill targets (V, 4) with the weighted sum of each vertex's observed points, and the sum of weights."""
+    """Fill rows of targets, of `count` visible vertices: weighted sum of observed points, sum of weights."""
     shrink, scale_squared = 1.0 / parameters.stretch, parameters.outlier_squared
     points, closest, squared = observed.points, search.closest, search.squared
-    targets[:] = 0.0
+    targets[:count] = 0.0
     for i in range(observed.count):
-        weight, v = robust_weight(np.float64(squared[i]), scale_squared), visible[closest[i]]
-        targets[v, 0] += weight * points[0, i]
-        targets[v, 1] += weight * points[1, i]
-        targets[v, 2] += weight * points[2, i] * shrink
-        targets[v, 3] += weight
+        weight = robust_weight(np.float64(squared[i]), scale_squared)
+        x, y, z = np.float64(points[0, i]), np.float64(points[1, i]), points[2, i] * shrink
+        add_scaled(targets, closest[i], weight, (x, y, z, 1.0))  # type: ignore[call-arg]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -97,21 +92,19 @@ def add_free_space(
     posed, targets, offsets = workspace.posed, workspace.targets, workspace.offsets
     share = observed.count / len(visible)
     for n in range(len(free)):
-        v, dx, dy = free[n], offsets[n, 0], offsets[n, 1]
-        x, y, z = posed[v, 0], posed[v, 1], posed[v, 2]
+        m, dx, dy = free[n], offsets[n, 0], offsets[n, 1]
+        x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
         weight = share * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
         along = (dx * (x + dx) + dy * (y + dy)) / z
-        targets[v, 0] += weight * (x + dx)
-        targets[v, 1] += weight * (y + dy)
-        targets[v, 2] += weight * (z - along / (parameters.stretch * parameters.stretch))
-        targets[v, 3] += weight
+        z -= along / (parameters.stretch * parameters.stretch)
+        add_scaled(targets, m, weight, (x + dx, y + dy, z, 1.0))  # type: ignore[call-arg]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def vertices_in_free_space(
     visible: Numbers, skeleton: Skeleton, surface: Surface, observed: PackedObservation, workspace: Workspace
 ) -> Numbers:
-    """The visible vertices in free space; fills a row of workspace.offsets (V, 2) for each of them.
+    """Indices of the visible vertices in free space; fills a row of workspace.offsets (V, 2) for each.
 
     A row is the offset from the vertex to the nearest ray of the silhouette, in metres to the right and down
     at the vertex's depth. A vertex is not in free space if its pixel shows the subject or something that may
@@ -123,47 +116,51 @@ def vertices_in_free_space(
     transforms, normals, links = workspace.transforms, surface.normals, surface.skin_links
     count = 0
     for n in range(vertices_in_empty_pixels(visible, observed, workspace)):
-        vertex, u, v = free[n], offsets[n, 0], offsets[n, 1]
-        i, j, _ = pixel_at(u, v, observed)
+        m, u, v = free[n], offsets[n, 0], offsets[n, 1]
+        i, j = nearest_pixel(u, v, observed)
         du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
         if abs(du) > 1.0 or abs(dv) > 1.0:
+            vertex = visible[m]
             x, y, z = posed[vertex, 0], posed[vertex, 1], posed[vertex, 2]
             link_dof = skeleton.link_dofs[links[vertex, 0]]
             if is_measurable(transforms, link_dof, normals, vertex, x, y, z):
-                free[count], offsets[count, 0], offsets[count, 1] = vertex, du * z / fx, dv * z / fy
+                free[count], offsets[count, 0], offsets[count, 1] = m, du * z / fx, dv * z / fy
                 count += 1
     return free[:count]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def vertices_in_empty_pixels(visible: Numbers, observed: PackedObservation, workspace: Workspace) -> int:
-    """Fill workspace.free with the visible vertices in empty pixels; returns their number.
+    """Fill workspace.free with the indices of the visible vertices in empty pixels; returns their number.
 
-    Also fills workspace.offsets with their pixel coordinates. It has no branches, as they would be hard to
-    predict.
+    Also fills workspace.offsets with their pixel coordinates. Whether a pixel is empty is no branch, as it
+    would be hard to predict.
     """
     empty, posed, offsets, free = observed.empty, workspace.posed, workspace.offsets, workspace.free
     left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
     count = 0
-    for vertex in visible:
+    for m in range(len(visible)):
+        vertex = visible[m]
         z = posed[vertex, 2]
-        per_z = 1.0 / max(z, NEAREST_M)
-        u = observed.cx + observed.fx * posed[vertex, 0] * per_z
-        v = observed.cy + observed.fy * posed[vertex, 1] * per_z
-        i, j, inside = pixel_at(u, v, observed)
-        seen = (left - 0.5 <= u) & (u < right - 0.5) & (top - 0.5 <= v) & (v < bottom - 0.5)
-        free[count], offsets[count, 0], offsets[count, 1] = vertex, u, v
-        count += seen & (z > NEAREST_M) & (empty[i, j] | (not inside))
+        if z > NEAREST_M:
+            per_z = 1.0 / z
+            u = observed.cx + observed.fx * posed[vertex, 0] * per_z
+            v = observed.cy + observed.fy * posed[vertex, 1] * per_z
+            free[count], offsets[count, 0], offsets[count, 1] = m, u, v
+            column, row = u + 0.5, v + 0.5
+            if 0.0 <= column < empty.shape[1] and 0.0 <= row < empty.shape[0]:
+                count += empty[np.uint64(row), np.uint64(column)]
+            elif left <= column < right and top <= row < bottom:
+                count += 1
     return count
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def pixel_at(u: float, v: float, observed: PackedObservation) -> tuple[np.uint64, np.uint64, bool]:
-    """Row and column of the pixel of observed.empty nearest to (u, v), and whether (u, v) lies in it."""
+def nearest_pixel(u: float, v: float, observed: PackedObservation) -> tuple[np.uint64, np.uint64]:
+    """Row and column of the pixel of observed.empty nearest to (u, v)."""
     height, width = observed.empty.shape
-    row, column = int(np.floor(v + 0.5)), int(np.floor(u + 0.5))
-    i, j = min(max(row, 0), height - 1), min(max(column, 0), width - 1)
-    return np.uint64(i), np.uint64(j), (i == row) & (j == column)
+    i, j = min(max(int(v + 0.5), 0), height - 1), min(max(int(u + 0.5), 0), width - 1)
+    return np.uint64(i), np.uint64(j)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -180,67 +177,37 @@ def is_measurable(
     return facing
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+@numba.njit(cache=True, nogil=True)
 def sum_by_link(visible: Numbers, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """Sum M and C of each link (see `normal_equations`) over the visible vertices into equations.sums.
 
     The target is shifted with the vertex to the position to which the link alone moves it. So the residual
-    stays that of the skinned vertex.
+    stays that of the skinned vertex: with T the link's transform now, and e the weighted residual,
+    C_s = sum X e^T + M_s T^T.
     """
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
-    posed, targets, transforms = workspace.posed, workspace.targets, workspace.transforms
-    link_dofs, sums = skeleton.link_dofs, workspace.equations.sums
+    posed, targets, sums = workspace.posed, workspace.targets, workspace.equations.sums
     sums[:] = 0.0
-    for v in visible:
-        w = targets[v, 3]
+    for m in range(len(visible)):
+        w, v = targets[m, 3], visible[m]
         if w > 0.0:
             x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            ex, ey, ez = (
+                targets[m, 0] - w * posed[v, 0],
+                targets[m, 1] - w * posed[v, 1],
+                targets[m, 2] - w * posed[v, 2],
+            )
+            row = w * x, w * y, w * z, w, ex, ey, ez, 0.0
             for k in range(links.shape[1]):
-                share, link = weights[v, k], links[v, k]
+                share, first = weights[v, k], 4 * links[v, k]
                 if share > 0.0:
-                    tx, ty, tz = targets[v, 0], targets[v, 1], targets[v, 2]
-                    if share < 1.0:
-                        t = link_dofs[link]
-                        tx += w * (carry(transforms, t, 0, x, y, z) - posed[v, 0])
-                        ty += w * (carry(transforms, t, 1, x, y, z) - posed[v, 1])
-                        tz += w * (carry(transforms, t, 2, x, y, z) - posed[v, 2])
-                    add_row(sums, link, 0, share * x, w, x, y, z, tx, ty, tz)
-                    add_row(sums, link, 1, share * y, w, x, y, z, tx, ty, tz)
-                    add_row(sums, link, 2, share * z, w, x, y, z, tx, ty, tz)
-                    add_row(sums, link, 3, share, w, x, y, z, tx, ty, tz)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def carry(transforms: Array, t: int, axis: int, x: float, y: float, z: float) -> float:
-    """One coordinate of a point after transform t of (D + 1, 3, 4)."""
-    moved: float = (
-        transforms[t, axis, 0] * x
-        + transforms[t, axis, 1] * y
-        + transforms[t, axis, 2] * z
-        + transforms[t, axis, 3]
-    )
-    return moved
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def add_row(  # noqa: PLR0913 compiled code takes numbers
-    sums: Array,
-    link: int,
-    row: int,
-    factor: float,
-    w: float,
-    x: float,
-    y: float,
-    z: float,
-    tx: float,
-    ty: float,
-    tz: float,
-) -> None:
-    """Add factor * [w x, w y, w z, w, tx, ty, tz] to a row of a link of sums (L, 4, 7)."""
-    sums[link, row, 0] += factor * w * x
-    sums[link, row, 1] += factor * w * y
-    sums[link, row, 2] += factor * w * z
-    sums[link, row, 3] += factor * w
-    sums[link, row, 4] += factor * tx
-    sums[link, row, 5] += factor * ty
-    sums[link, row, 6] += factor * tz
+                    add_scaled(sums, first, share * x, row)  # type: ignore[call-arg]
+                    add_scaled(sums, first + 1, share * y, row)
+                    add_scaled(sums, first + 2, share * z, row)
+                    add_scaled(sums, first + 3, share, row)
+    for link in range(len(sums)):
+        t = workspace.transforms[skeleton.link_dofs[link]]
+        for a in range(4):
+            for b in range(3):
+                for c in range(4):
+                    sums[link, a, 4 + b] += sums[link, a, c] * t[b, c]

@@ -1,6 +1,7 @@
 """Arrays for the refinement of a particle, allocated once for many particles.
 
-No data passes from one particle to the next: everything is written before it is read.
+Only the closest points of one particle pass to the next, as the initial guess of its first search, which
+does not change the result. Everything else is written before it is read.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.kernel.drawing import LANES
+from worker.kernel.drawing import SIDE
 from worker.kernel.observation import TILE, PackedObservation
 from worker.kernel.surface import Skeleton, Surface
 
@@ -26,7 +27,8 @@ class Search(NamedTuple):
     """The visible vertices by leaf, and the closest of them to each observed point."""
 
     model: Points  # (V, 3) visible vertices, depth stretched
-    last_visible: Numbers  # (V,) the vertices of the last search
+    last_count: Indices  # (1,) number of vertices of the last search; 0 before the first
+    last_visible: Numbers  # (V,) these vertices
     remapped: Numbers  # (V,) their indices among the visible ones now
     starts: Indices  # (K + 1,) starts of the leaves, and end of the last
     leaves: Points  # (6, K) bounding boxes, padded to whole tiles with infinitely distant ones
@@ -39,7 +41,7 @@ class Search(NamedTuple):
 class Equations(NamedTuple):
     """The sums over correspondences, and Eq. 4."""
 
-    sums: Array  # (L, 4, 7) M and C of each link, side by side; see `normal_equations`
+    sums: Array  # (L, 4, 8) M, C and zeros of each link, side by side; see `normal_equations`
     gram: Array  # (D, D)
     gradient: Array  # (D,)
     information: Array  # (D, D) gram of the last step, before damping and limits
@@ -55,8 +57,8 @@ class Workspace(NamedTuple):
     visible: Numbers  # (V,)
     depth: Points  # buffer for the largest depth image
     seen_triangles: Numbers
-    targets: Array  # (V, 4) of visible vertices: weighted sum of observed points, weight
-    free: Numbers  # (V,) visible vertices in free space
+    targets: Array  # (V, 4) of each visible vertex: weighted sum of observed points, weight
+    free: Numbers  # (V,) indices of the visible vertices in free space
     offsets: Array  # (V, 2) of these, see `vertices_in_free_space`
     search: Search
     equations: Equations
@@ -72,14 +74,14 @@ def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObserva
         image=np.empty((vertices, 2)),
         front=np.empty(vertices, np.bool_),
         visible=np.empty(vertices, np.uint32),
-        depth=np.empty(LARGEST_SIDE_PX * (LARGEST_SIDE_PX + LANES - 1), np.float32),
-        seen_triangles=np.empty(LARGEST_SIDE_PX * (LARGEST_SIDE_PX + LANES - 1), np.uint32),
+        depth=np.empty((LARGEST_SIDE_PX + SIDE - 1) ** 2, np.float32),
+        seen_triangles=np.empty((LARGEST_SIDE_PX + SIDE - 1) ** 2, np.uint32),
         targets=np.empty((vertices, 4)),
         free=np.empty(vertices, np.uint32),
         offsets=np.empty((vertices, 2)),
         search=make_search(vertices, surface.leaves[-1] + 1, observed.points.shape[1]),
         equations=Equations(
-            sums=np.empty((links, 4, 7)),
+            sums=np.empty((links, 4, 8)),
             gram=np.empty((dofs, dofs)),
             gradient=np.empty(dofs),
             information=np.empty((dofs, dofs)),
@@ -93,6 +95,7 @@ def make_search(vertices: int, leaves: int, points: int) -> Search:
     groups = -(-leaves // TILE)
     return Search(
         model=np.empty((vertices, 3), np.float32),
+        last_count=np.zeros(1, np.int64),
         last_visible=np.empty(vertices, np.uint32),
         remapped=np.empty(vertices, np.uint32),
         starts=np.empty(leaves + 1, np.int64),

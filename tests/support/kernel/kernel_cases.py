@@ -70,6 +70,7 @@ def dirty(workspace: Workspace) -> Workspace:
     for value in workspace[1:]:  # the first, transforms, ends in what stays
         for array in value if isinstance(value, tuple) else (value,):
             array.fill(7)
+    workspace.search.last_count.fill(0)
     return workspace
 
 
