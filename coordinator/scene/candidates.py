@@ -1,7 +1,7 @@
 """Candidates for people in a frame, before a body is known.
 
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
-furniture, is not flat.
+furniture, is not flat. Flat furniture that a person touches is cut off.
 """
 
 from __future__ import annotations
@@ -10,17 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
-from common.camera import back_project, level_from_camera
-from coordinator.scene.planes import FLAT_SHARE, Array, extents, share_on_plane, to_rays
+from common.camera import Intrinsics, back_project, level_from_camera
+from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, find_flat
+from coordinator.scene.planes import Array, extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, Mask, SceneView
 from coordinator.scene.segmentation import label_parts
 
 AREA_M2 = (0.1, 1.6)  # visible area of a person
-LEAST_PART_M2, SAME_SPOT_M = 0.008, 0.35  # of a further part of a person, with an occluder between
-SAMPLED = 800  # points for extents and planes
+SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +36,11 @@ class Part:
     middle: Array
     heights: tuple[float, float]
 
+    @property
+    def height(self) -> float:
+        """The vertical range, metres."""
+        return self.heights[1] - self.heights[0]
+
     def mark(self, mask: Mask) -> None:
         """Set the pixels of the part in a mask of the whole frame."""
         mask[self.window] |= self.mask
@@ -47,7 +51,7 @@ class Candidate:
     """A candidate for a person.
 
     mask: (H, W) its pixels. points: (P, 3) their points in the camera frame, metres. score: from 0 to 1.
-    why: its measures as text. part: the component with the trunk.
+    why: its measures as text. part: the component with the trunk, without furniture.
     """
 
     mask: Mask
@@ -67,23 +71,56 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     areas = np.bincount(labels.ravel(), pixel_areas)
     areas[0] = 0.0  # label 0 is the rest
     windows = find_objects(labels)
+
+    def part(label: int) -> Part:
+        return part_of(view, labels[windows[label - 1]] == label, windows[label - 1])
+
     large = np.flatnonzero((areas >= AREA_M2[0]) & (areas <= AREA_M2[1])).tolist()
-    found = [judge(view, part_of(view, labels, windows[n - 1], n), float(areas[n])) for n in large]
+    found = [judge(view, each) for label in large for each in cut(view, part(label))]
     best = sorted((each for each in found if each is not None), key=lambda each: -each.score)
     small = np.flatnonzero(areas >= LEAST_PART_M2).tolist() if best else []
-    parts = [part_of(view, labels, windows[n - 1], n) for n in small]
+    parts = [part(label) for label in small]
     return [join_hidden(view, each, parts) for each in best]
 
 
-def part_of(view: SceneView, labels: NDArray[np.integer], window: tuple[slice, slice], label: int) -> Part:
-    """The component with a label (H, W), which lies in a window."""
-    rows, columns = window
-    camera = view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)
-    mask = labels[window] == label
-    points = back_project(view.depth[window], camera)[mask]
+def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice]) -> Part:
+    """The component with these pixels (H, W) of a window."""
+    points = back_project(view.depth[window], camera_of(view, window))[mask]
     level = points @ level_from_camera(view.planes.up).T
     heights = float(level[:, 1].min()), float(level[:, 1].max())
     return Part(window, mask, points, np.median(level, axis=0), heights)
+
+
+def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
+    """The camera of a window."""
+    rows, columns = window
+    return view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)
+
+
+def area_of(view: SceneView, points: Array) -> float:
+    """Visible area, square metres, of points (P, 3) of single pixels."""
+    return float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)
+
+
+def cut(view: SceneView, part: Part) -> list[Part]:
+    """The parts of a component that are not flat, without flat furniture.
+
+    A flat patch is furniture that touches a person if the rest is as high as before, or at least a metre
+    high. Else it is a part of the object.
+    """
+    depth = view.depth[part.window]
+    flat = find_flat(depth, part.mask, camera_of(view, part.window), view.growth)
+    labels = label_parts(depth, flat.mask, view.growth)
+    areas = np.bincount(labels.ravel(), (depth**2 / (view.camera.fx * view.camera.fy)).ravel())
+    areas[0] = 0.0
+    rests = list[Part]()
+    if areas.max() >= AREA_M2[0]:
+        labels = label_parts(depth, part.mask & ~flat.grow((areas >= LEAST_PART_M2)[labels]), view.growth)
+        rests = [part_of(view, labels == label, part.window) for label in range(1, labels.max() + 1)]
+        rests = [rest for rest in rests if area_of(view, rest.points) >= AREA_M2[0]]
+    if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
+        return [one for rest in rests for one in cut(view, rest)]
+    return [] if flat.share > FLAT_SHARE else [part]
 
 
 def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
@@ -105,8 +142,8 @@ def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Ca
     return replace(person, mask=mask, points=np.concatenate(joined))
 
 
-def judge(view: SceneView, part: Part, area: float) -> Candidate | None:
-    """The candidate of a part with this area, square metres; None if it is too long or flat.
+def judge(view: SceneView, part: Part) -> Candidate | None:
+    """The candidate of a part; None if it is too short or too long.
 
     The score increases towards the middle of the image and with the height up to one metre.
     """
@@ -114,14 +151,11 @@ def judge(view: SceneView, part: Part, area: float) -> Candidate | None:
     part.mark(mask)
     some = points[:: 1 + len(points) // SAMPLED]
     across, height, away = extents(some @ level_from_camera(view.planes.up).T).tolist()
-    flat = share_on_plane(to_rays(some, view.growth))
-    if not PERSON_LENGTH_M[0] <= max(across, height, away) <= PERSON_LENGTH_M[1] or flat >= FLAT_SHARE:
+    if not PERSON_LENGTH_M[0] <= max(across, height, away) <= PERSON_LENGTH_M[1]:
         return None
     x, y, z = points.mean(axis=0)
     centred = np.exp(-2.0 * (x * x + y * y) / (z * z))
     score = float(centred * min(1.0, height) ** 2)
-    why = (
-        f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {area:.2f} m2 seen, "
-        f"{100 * flat:.0f} % in one plane"
-    )
+    seen = area_of(view, points)
+    why = f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {seen:.2f} m2 seen"
     return Candidate(mask, points, part, score, why)

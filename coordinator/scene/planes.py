@@ -1,4 +1,4 @@
-"""Planes: floor and walls, which are behind everything else in the image; and the flatness of objects.
+"""Planes: floor and walls, which are behind everything else in the image.
 
 The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. So planes are fitted to rays
 (N, 4): x/z, y/z, 1/z, and the standard deviation of 1/z.
@@ -27,7 +27,6 @@ LEVEL = np.cos(np.radians(50.0))  # largest tilt of the camera to a floor
 UPRIGHT = np.sin(np.radians(20.0))  # largest tilt of a wall
 LEAST_FLOOR = (0.2, 0.3)  # smallest width in metres, and area in square metres
 LEAST_WALL = (0.7, 1.5)
-FLAT_SHARE = 0.8  # of points in one plane, above which an object is flat and not a person
 EXTREMES = (1.0, 99.0)  # percentiles of the points that define an extent
 
 
@@ -118,11 +117,6 @@ def support(planes: Array, rays: Array) -> NDArray[np.int64]:
 def level(plane: Array, up: Array) -> float:
     """Cosine between a direction (3,) and the normal of a plane towards the camera."""
     return float(-plane @ up / np.linalg.norm(plane))
-
-
-def share_on_plane(rays: Array) -> float:
-    """Largest share of rays (N, 4) that are on one plane."""
-    return float(count_points(draw_planes(rays), rays)[:, 0].max()) / len(rays)
 
 
 def draw_planes(rays: Array) -> Array:

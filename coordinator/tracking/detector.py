@@ -148,7 +148,7 @@ class Detector:
         candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
-            gate = gate.against(is_no_person(observed_points(subject), size[0]))
+            gate = gate.against(is_no_person(subject, size[0]))
             if planes.has_floor:
                 joints, names = candidates.joints[0], start.model.joint_names
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.frame import SubjectFrame
 from common.settings import FAR_NOISIER, RefineSettings
+from coordinator.scene.flatness import FLAT_SHARE, find_flat
 from coordinator.scene.noise import USUAL_GROWTH
-from coordinator.scene.planes import FLAT_SHARE, share_on_plane, to_rays
-
-Array = NDArray[np.float64]
+from coordinator.tracking.observation import observed_points
 
 RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
 MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
@@ -52,15 +51,15 @@ def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) 
     return Gate(normalised)
 
 
-def is_no_person(points: Array, stature: float) -> str:
-    """Why observed points (P, 3) cannot be a person of this stature; empty if they can."""
-    low, high = np.percentile(points, [1.0, 99.0], axis=0)
+def is_no_person(subject: SubjectFrame, stature: float) -> str:
+    """Why a subject cannot be a person of this stature; empty if it can."""
+    low, high = np.percentile(observed_points(subject), [1.0, 99.0], axis=0)
     span = float(np.max(high - low))
     if not SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
         size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
         return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
-    some = points[:: -(-len(points) // 1_000)]
-    flat = share_on_plane(to_rays(some, USUAL_GROWTH))
+    depth = subject.frame.metres()
+    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, USUAL_GROWTH).share
     return (
         f"{100 * flat:.0f} % of the observed points lie in one plane: an object, not a person"
         if flat > FLAT_SHARE

@@ -81,11 +81,17 @@ class Segmenter:
         self._scene.recall(change)
 
     def segment(
-        self, frame: DepthFrame, bodies: Sequence[PosedBody | None], *, rejected: bool = False
+        self,
+        frame: DepthFrame,
+        bodies: Sequence[PosedBody | None],
+        *,
+        rejected: bool = False,
+        find: bool = True,
     ) -> Segmented:
         """Segment the next frame: near each body, and, if a body may be anywhere, other people.
 
-        These are not learned as the room, unless they have been `rejected` for a while.
+        These are not learned as the room, unless they have been `rejected` for a while. Without `find`, other
+        people are left out, and nothing is learned while a body may be anywhere.
         """
         whole = frame
         frame, left_out = self._scope.limit(frame)
@@ -98,7 +104,9 @@ class Segmenter:
         distances = [measure_distances(view, surface) for surface in surfaces]
         others, known = assign_pixels(distances), near_any(view, distances)
         strangers, theirs = tuple[SubjectFrame, ...](), known.copy()
-        if len(surfaces) < len(bodies):
+        if len(surfaces) < len(bodies) and not find:
+            theirs[:] = True
+        elif len(surfaces) < len(bodies):
             possible = candidates(view, known)
             found_masks = [each.mask for each in self._scope.choose(view, possible)]
             found_masks = found_masks[:1] if len(bodies) == 1 else found_masks

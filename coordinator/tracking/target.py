@@ -197,6 +197,11 @@ class TargetTracker:
         return self.start.found and not self.management.seeks
 
     @property
+    def searches(self) -> bool:
+        """Whether the first search for the body is under way: until it ends, no frame is needed."""
+        return self._belief is None and self._searching is not None and self._searching.found is None
+
+    @property
     def searched(self) -> SubjectFrame | None:
         """Where the body is being searched for."""
         return None if self._searching is None else self._searching.subject
@@ -224,7 +229,8 @@ class TargetTracker:
         a pace, and does not wait where a search for the body is due: `search` does it in slices.
         """
         first = self._belief is None
-        shows = subject is not None or (self._expected is not None and bool(frame.depth.any()))
+        expected = self._expected is not None or self.searches
+        shows = subject is not None or (expected and bool(frame.depth.any()))
         self._resize()
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
         self._expected = self._whereabouts()

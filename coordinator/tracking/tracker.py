@@ -154,9 +154,11 @@ class Tracker:
         A slice is done for each body that is not tracked in any case.
         """
         untracked = [target for target in self._targets if not target.is_tracked]
-        searching = max([target.search() for target in untracked], default=True)
-        while searching and not (live.is_ready and self._any_is_tracked):
-            searching = max([target.search() for target in self._targets])
+        for target in untracked:
+            target.search()
+        while not (live.is_ready and self._any_is_tracked):
+            if not any(target.search() for target in (*untracked, *self._targets)):
+                break
 
     def _segment(self, frame: DepthFrame) -> tuple[Segmented, list[Stopwatch]]:
         """A segmented frame, and a stopwatch for each person in it."""
@@ -164,7 +166,8 @@ class Tracker:
         with clocks[0].stage("segment"):
             bodies = [target.expected for target in self._targets]
             rejected = any(target.management.searched > SETTLED_FRAMES for target in self._targets)
-            return self._segmenter.segment(frame, bodies, rejected=rejected), clocks
+            find = any(target.expected is None and not target.searches for target in self._targets)
+            return self._segmenter.segment(frame, bodies, rejected=rejected, find=find), clocks
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the subject of a person: a free candidate if the person is undetected or lost.

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from common.settings import RefineSettings
 from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
+from coordinator.tracking.observation import isolate
 from coordinator.tracking.track_management import TrackManagement
+from tests.support.rooms import Room
 
 
 def searched(management: TrackManagement, residual: float, frames: int) -> list[int]:
@@ -66,12 +70,16 @@ def test_the_noise_of_the_depth_is_no_loss() -> None:
 
 
 def test_what_is_no_person_is_said() -> None:
-    """A board, and a wrong scale of the depth; a person's points are neither."""
-    rng = np.random.default_rng(0)
-    body = rng.uniform([-0.25, -0.85, 2.4], [0.25, 0.85, 2.7], (2_000, 3))
-    assert is_no_person(body, 1.75) == ""
-    assert "one plane" in is_no_person(body * [1.0, 1.0, 0.01], 1.75)
-    assert "depth_scale" in is_no_person(10.0 * body, 1.75)
+    """A board, and a wrong scale of the depth; a person is neither."""
+    frame, mask = Room().see((0.0, 2.6))
+    person = replace(frame, depth=np.where(mask, frame.depth, np.uint16(0)))
+    board = replace(person, depth=np.where(mask, np.uint16(2600), np.uint16(0)))
+    far = replace(person, depth_scale=100.0)
+    subjects = [isolate(one, 10_000) for one in (person, board, far)]
+    said = [is_no_person(one, 1.75) for one in subjects if one is not None]
+    assert said[0] == ""
+    assert "one plane" in said[1]
+    assert "depth_scale" in said[2]
 
 
 @pytest.mark.parametrize(

@@ -293,11 +293,11 @@ def test_an_empty_frame_shows_nobody_and_it_goes_on() -> None:
 
 @pytest.mark.parametrize("settings", [FOLLOWING, SETTINGS])
 def test_what_is_far_from_the_body_and_no_person_is_not_tracked(settings: Settings) -> None:
-    """A person's depth moved away by 2.5 m is too large for one: never tracked, and soon given up."""
+    """A person's depth moved away by 3.5 m is too large for one: never tracked, and soon given up."""
     frames, _ = shown("standing")
     followed = tracker(settings)
     followed.track(frames[0])
-    depth_m = np.where(frames[1].depth > 0, frames[1].metres() + 2.5, 0.0)
+    depth_m = np.where(frames[1].depth > 0, frames[1].metres() + 3.5, 0.0)
     status = [followed.track(frame_of(n, depth_m)).status for n in range(1, 6)]
     assert "tracked" not in status
     assert status[-1] in UNKNOWN

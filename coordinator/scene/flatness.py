@@ -1,0 +1,62 @@
+"""The flat part of an object: furniture is made of flat parts, people are not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, uniform_filter
+
+from common.camera import Intrinsics, back_project
+from coordinator.scene.planes import count_points, draw_planes, lie_on, refit, to_rays
+
+Mask = NDArray[np.bool_]
+
+FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
+LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture
+SAMPLED = 800  # points for planes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flat:
+    """The plane with the largest part of an object.
+
+    mask: (H, W) pixels around which the surface of the object is on the plane. share: of its pixels, of those
+    within half the noise of the plane. on: (H, W) pixels of the object that may be on the plane, by their own
+    noise. size: of the squares, pixels.
+    """
+
+    mask: Mask
+    share: float
+    on: Mask
+    size: int
+
+    def grow(self, some: Mask) -> Mask:
+        """Some of the pixels (H, W) of the mask, with those nearby that may be on the plane."""
+        grown: Mask = some | (binary_dilation(some, iterations=self.size) & self.on)
+        return grown
+
+
+def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growth: float) -> Flat:
+    """The flat part of an object with these pixels (H, W) in a depth image (H, W) in metres.
+
+    Each ray is the mean over a square. This reduces the noise, and rays of a plane stay on the plane. So a
+    plane can be distinguished from a chest or a back.
+    """
+    size = max(1, int(np.sqrt(LEAST_PART_M2) * camera.fx / np.median(depth[mask])))
+    points = back_project(depth, camera)[mask]
+    rays = to_rays(points, growth)
+    weight, image = uniform_filter(mask.astype(np.float64), size)[mask], np.zeros(mask.shape)
+    averaged = rays.copy()
+    for n in range(3):
+        image[mask] = rays[:, n]
+        averaged[:, n] = uniform_filter(image, size)[mask] / weight
+    averaged[:, 3] /= size * np.sqrt(weight)
+    some = averaged[:: 1 + len(averaged) // SAMPLED]
+    planes = draw_planes(some)
+    near = count_points(planes, some)[:, 0]
+    plane = refit(planes[near.argmax()], some)
+    flat, on = np.zeros_like(mask), np.zeros_like(mask)
+    flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
+    return Flat(flat, float(near.max()) / len(some), on, size)
