@@ -54,7 +54,7 @@ def closest_points(observed: PackedObservation, leaves: int, guessed: bool, sear
     """
     groups = bound_leaves(leaves, search)
     if not guessed:
-        guess_by_boxes(observed, leaves, groups, search)
+        guess_by_boxes(observed, leaves, search)
     bound_by_guess(observed.points, search)
     search_tiles(observed.points, observed.tiles, groups, search)
 
@@ -115,35 +115,24 @@ def bounding_boxes(points: Points, starts: Indices, boxes: Points) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def guess_by_boxes(observed: PackedObservation, leaves: int, groups: int, search: Search) -> None:
-    """Guess the closest points: of the leaf whose centre is nearest to a tile, within the nearest group.
-
-    Four successive tiles are neighbours and share one leaf.
-    """
+def guess_by_boxes(observed: PackedObservation, leaves: int, search: Search) -> None:
+    """Guess the closest points: those of the leaf whose centre is nearest to the centre of a tile."""
     points, tiles, model, starts = observed.points, observed.tiles, search.model, search.starts
-    closest, squared = search.closest, search.squared
+    closest, squared, boxes = search.closest, search.squared, search.leaves
+    count = tiles.shape[1]
+    padded = (count + TILE - 1) // TILE * TILE
+    apart, nearest = np.full(padded, np.float32(np.inf)), np.zeros(padded, np.uint32)
+    tile_centres, leaf_centres = np.zeros((3, padded), np.float32), np.empty((leaves, 3), np.float32)
+    for a in range(3):
+        tile_centres[a, :count] = tiles[a] + tiles[3 + a]  # twice the centre, as of the leaves
+        leaf_centres[:, a] = boxes[a, :leaves] + boxes[3 + a, :leaves]
+    for t in range(0, padded, TILE):
+        search_lanes(tile_centres, t, leaf_centres, 0, leaves, apart, nearest)  # type: ignore[call-arg]
     closest[:] = 0
     squared[:] = np.inf
-    for t in range(tiles.shape[1]):
-        if t % 4 == 0:
-            g = nearest_box(tiles, t, search.groups, 0, groups)
-            k = nearest_box(tiles, t, search.leaves, g * TILE, min(leaves, (g + 1) * TILE))
+    for t in range(count):
+        k = nearest[t]
         search_lanes(points, t * TILE, model, starts[k], starts[k + 1], squared, closest)  # type: ignore[call-arg]
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def nearest_box(tiles: Points, t: int, boxes: Points, start: int, stop: int) -> int:
-    """Index of the box of (6, K), from start to stop, whose centre is nearest to that of tile t of (6, T)."""
-    nearest, least = start, np.float32(np.inf)
-    x, y, z = tiles[0, t] + tiles[3, t], tiles[1, t] + tiles[4, t], tiles[2, t] + tiles[5, t]
-    for k in range(start, stop):
-        dx = x - boxes[0, k] - boxes[3, k]
-        dy = y - boxes[1, k] - boxes[4, k]
-        dz = z - boxes[2, k] - boxes[5, k]
-        squared = dx * dx + dy * dy + dz * dz
-        if squared < least:
-            nearest, least = k, squared
-    return nearest
 
 
 @numba.njit(cache=True, nogil=True)
