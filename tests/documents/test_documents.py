@@ -125,6 +125,14 @@ def test_every_link_leads_somewhere(document: Path) -> None:
             assert anchor in anchors, f"{target}#{anchor}"
 
 
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.name)
+def test_lists_and_tables_are_whole(document: Path) -> None:
+    """A table row is one line, and no item of a list is inside another one, as after a wrong wrap."""
+    lines = FENCED.sub("", document.read_text()).splitlines()
+    assert not [line for line in lines if line.startswith("|") != line.endswith("|")]
+    assert not [line for line in lines if re.search(r"[.!?] (-|\d\.) [A-Z]", line)]
+
+
 def named() -> list[tuple[str, str]]:
     """Files of the code that documents name, each with the functions that stand after it, or with none."""
     names = r"(?:,? ?(?:and )?\s?`[A-Za-z_]\w*(?:\.\w+)?`)*"
