@@ -80,7 +80,11 @@ PRESETS = {
         points=4_000,
         pace_iterations=2.0,
         refine=RefineSettings(
-            descent="accelerated", sensor="camera", likelihood_scale=0.004, pose_deviation=1.6
+            icp_iterations=4,
+            descent="accelerated",
+            sensor="camera",
+            likelihood_scale=0.004,
+            pose_deviation=1.6,
         ),
         filter=FilterSettings(velocity_time_s=0.1, explore=True),
     ),

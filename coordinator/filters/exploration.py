@@ -1,12 +1,14 @@
 """Proposals for single limbs of a body (preset `default`).
 
-Twenty particles cannot cover 24 dimensions. But limbs move, and are lost, separately. So fixed shares of the
-particles follow the motion model exactly, or are data-driven: one limb is moved to unexplained observed
-points. The others get noise with the covariance of their hypothesis.
+Twenty particles cannot cover 24 dimensions. But limbs move, and are lost, separately. So a share of the
+particles is data-driven: one limb is moved to unexplained observed points. One particle follows the motion
+model exactly. The others get noise with the covariance of their hypothesis. If the prediction explains the
+points, few particles are enough.
 """
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -22,10 +24,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-PREDICTED_SHARE, DATA_DRIVEN_SHARE = 0.15, 0.35  # of the particles
+FEWEST = 8  # particles of a frame that the prediction explains; with 5, hidden limbs are worse
+DATA_DRIVEN_SHARE = 0.4  # of the particles
 VERTICES = 400  # of the body, for the comparison with observed points
 NEAR_M = 0.08  # largest distance of an explained point from a vertex
-LEAST_UNEXPLAINED = 0.01  # share of the points
+MOST_UNEXPLAINED = 0.05  # share of the points from which all particles are used; 2 to 10 % are as good
 DRAWS = 80  # per limb; twice as many do not explain more points
 
 
@@ -59,31 +62,45 @@ class Layout(NamedTuple):
     limbs: tuple[Limb, ...]
 
 
+def explain(model: BodyModel, pose: Array, points: Array) -> Flags:
+    """Which points (P, 3) each part of the body in pose (D,) is near, (G, P)."""
+    transforms = link_transforms(model, pose[None])
+    return np.array([mark_near(points, part.pose(transforms))[0] for part in layout_of(model).parts])
+
+
+def choose_count(most: int, near: Flags) -> int:
+    """How many particles a frame needs, by the share of the points that the prediction leaves unexplained.
+
+    `near` (G, P) is from `explain`.
+    """
+    unexplained = 1.0 - near.any(axis=0).mean() if near.size else 1.0
+    return min(most, max(FEWEST, math.ceil(most * unexplained / MOST_UNEXPLAINED)))
+
+
 def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
-    """Which particles (N,) get noise, and which are data-driven; the first is the prediction."""
-    places = rng.permutation(count) / count
-    places[0] = 0.0
-    data_driven = (places >= PREDICTED_SHARE) & (places < PREDICTED_SHARE + DATA_DRIVEN_SHARE)
-    return places >= PREDICTED_SHARE + DATA_DRIVEN_SHARE, data_driven
+    """Which particles (N,) get noise, and which are data-driven; the first is the prediction.
+
+    The fewest particles are not data-driven: then too few points are unexplained.
+    """
+    data_driven = rng.permutation(count) < (DATA_DRIVEN_SHARE * count if count > FEWEST else 0)
+    spread = ~data_driven
+    spread[0] = data_driven[0] = False
+    return spread, data_driven
 
 
 def propose_limbs(
-    model: BodyModel, pose: Array, points: Array, count: int, rng: np.random.Generator
+    model: BodyModel, pose: Array, points: Array, near: Flags, count: int, rng: np.random.Generator
 ) -> list[tuple[Indices, Array]]:
     """`count` proposals: degrees of freedom (d,) of a limb, and values (d,) that explain more points.
 
     For each limb of pose (D,) joint values are drawn uniformly within the limits. The gain of a draw is the
-    number of points (P, 3) that become explained minus the number that become unexplained. A draw is chosen
-    with probability proportional to its squared gain. Empty if few points are unexplained, or no draw has a
-    gain.
+    number of points (P, 3) that become explained minus the number that become unexplained; `near` (G, P) is
+    from `explain`. A draw is chosen with probability proportional to its squared gain. Empty if no draw has
+    a gain.
     """
-    layout, transforms = layout_of(model), link_transforms(model, pose[None])
-    near = np.array([mark_near(points, part.pose(transforms))[0] for part in layout.parts])
-    explained = near.sum(axis=0)
-    if np.count_nonzero(explained == 0) < max(3.0, LEAST_UNEXPLAINED * len(points)):
-        return []
+    layout, explained = layout_of(model), near.sum(axis=0)
     ways, gains = [], []
-    for limb in layout.limbs:
+    for limb in layout.limbs if count else ():
         mine = near[limb.group]
         held = np.repeat(pose[None], DRAWS, axis=0)
         held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))

@@ -20,7 +20,7 @@ from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
-from coordinator.filters.exploration import choose_kinds, propose_limbs
+from coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
 from coordinator.filters.merging import (
     estimate_covariances,
     merge_by_angle,
@@ -65,10 +65,9 @@ def propose(
     rng: np.random.Generator,
 ) -> Proposal[Hypotheses]:
     """Steps 2 and 3: the particles of a frame; steps 4 and 5 refine and weight them."""
-    ancestors = draw_ancestors(past.weights, settings.particles, rng)  # 2
     if settings.explore and settings.particles > 1:
-        ancestors[0] = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
-        return explore(model, past, ancestors, observation, settings, rng)  # 3
+        return explore(model, past, observation, settings, rng)
+    ancestors = draw_ancestors(past.weights, settings.particles, rng)  # 2
     motion = observation.expect(past.velocities, settings.velocity_time_s)
     particles = retract(model, past.poses[ancestors], motion[ancestors])  # 3
     if settings.particles > 1:  # a single particle has no noise
@@ -114,16 +113,21 @@ def update(
 def explore(
     model: BodyModel,
     past: Hypotheses,
-    ancestors: Indices,
     observation: Observation,
     settings: FilterSettings,
     rng: np.random.Generator,
 ) -> Proposal[Hypotheses]:
-    """Step 3 of preset `default`: particles of several kinds, see `exploration`."""
-    spread, data_driven = choose_kinds(len(ancestors), rng)
-    motion = observation.expect(past.velocities, settings.velocity_time_s)
-    expected = retract(model, past.poses[ancestors], motion[ancestors])
-    limbs = propose_limbs(model, expected[0], observation.points, int(data_driven.sum()), rng)
+    """Steps 2 and 3 of preset `default`: as many particles as needed, of several kinds, see `exploration`."""
+    reported = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
+    predicted = retract(model, past.poses, observation.expect(past.velocities, settings.velocity_time_s))
+    near = explain(model, predicted[reported], observation.points)
+    count = choose_count(settings.particles, near)
+    ancestors = draw_ancestors(past.weights, count, rng)  # 2
+    ancestors[0] = reported
+    expected = predicted[ancestors]  # 3
+    spread, data_driven = choose_kinds(count, rng)
+    wanted = int(data_driven.sum())
+    limbs = propose_limbs(model, predicted[reported], observation.points, near, wanted, rng)
     if not limbs:
         spread |= data_driven
     noise = np.where(spread[:, None], draw_noise(past.covariances, ancestors, rng), 0.0)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.body import BodyModel
 from common.kinematics import pose_vertices
-from coordinator.filters.exploration import layout_of, propose_limbs
+from coordinator.filters import exploration
+from coordinator.filters.exploration import explain, layout_of
 from tests.support.bodies import hinges, puppet
 
 Array = NDArray[np.float64]
@@ -15,6 +17,14 @@ MODEL = puppet()
 DOWN = np.zeros(len(MODEL.dof_names))
 RAISED = DOWN.copy()
 RAISED[MODEL.dof("l_arm_1")] = 1.2
+
+
+def propose_limbs(
+    model: BodyModel, pose: Array, points: Array, count: int, seed: int = 0
+) -> list[tuple[NDArray[np.int64], Array]]:
+    """Proposals for the points that the pose leaves unexplained."""
+    near = explain(model, pose, points)
+    return exploration.propose_limbs(model, pose, points, near, count, np.random.default_rng(seed))
 
 
 def seen(pose: Array) -> Array:
@@ -32,7 +42,7 @@ def explained(pose: Array, points: Array) -> float:
 def test_an_arm_that_is_elsewhere_is_held_so_that_it_explains_what_is_seen() -> None:
     """For an arm predicted to hang: most proposals explain more points, within the joint limits."""
     points = seen(RAISED)
-    proposed = propose_limbs(MODEL, DOWN, points, 8, np.random.default_rng(0))
+    proposed = propose_limbs(MODEL, DOWN, points, 8)
     assert len(proposed) == 8
     after = []
     for dofs, angles in proposed:
@@ -45,15 +55,14 @@ def test_an_arm_that_is_elsewhere_is_held_so_that_it_explains_what_is_seen() -> 
 
 def test_where_all_is_explained_or_nothing_is_seen_nothing_is_proposed() -> None:
     """The true pose explains all points; without points or limbs there is nothing to propose."""
-    rng = np.random.default_rng(0)
-    assert propose_limbs(MODEL, RAISED, seen(RAISED), 8, rng) == []
-    assert propose_limbs(MODEL, RAISED, np.empty((0, 3)), 8, rng) == []
-    assert propose_limbs(hinges(), np.zeros(2), np.full((50, 3), 9.0), 8, rng) == []
+    assert propose_limbs(MODEL, RAISED, seen(RAISED), 8) == []
+    assert propose_limbs(MODEL, RAISED, np.empty((0, 3)), 8) == []
+    assert propose_limbs(hinges(), np.zeros(2), np.full((50, 3), 9.0), 8) == []
 
 
 def test_the_same_seed_proposes_the_same() -> None:
     """All random numbers come from the generator."""
-    one, other = (propose_limbs(MODEL, DOWN, seen(RAISED), 5, np.random.default_rng(3)) for _ in range(2))
+    one, other = (propose_limbs(MODEL, DOWN, seen(RAISED), 5, seed=3) for _ in range(2))
     assert len(one) == 5
     for (dofs, angles), (others, same) in zip(one, other, strict=True):
         np.testing.assert_array_equal(dofs, others)
