@@ -1,8 +1,10 @@
-"""Live input as a camera sends it: python -m benchmarks.live [--minutes M].
+"""Live input as a camera sends it: python -m benchmarks.live [--entries N | --minutes M].
 
 A camera of its own publishes recorded frames at their rate, and a listener notes when each result comes. By
-default each sequence is shown once; a frame is known if its result is tracked or ambiguous. With --minutes
-the first sequence is shown for so long, through a router and two workers, while the camera stalls, restarts,
+default each sequence is shown once; a frame is known if its result is tracked or ambiguous. With --entries
+each room of --only is shown without people, which costs processor time, and then with N people who appear in
+it, each in another pose, at another place, and to a tracker that starts again. With --minutes the first
+sequence is shown for so long, through a router and two workers, while the camera stalls, restarts,
 changes its rate and sends frames that do not fit, the router and a worker are killed, and a worker stops.
 """
 
@@ -24,7 +26,9 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import psutil  # type: ignore[import-untyped]
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from benchmarks.running import add_data, command_line, keep
 from common.camera import Intrinsics
@@ -33,10 +37,13 @@ from common.protocol.frames import encode_live, encode_live_end
 from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from coordinator.sources import open_source
+from coordinator.sources.picture_folders import read_depth
 
 KEY, RESULTS = "camera/depth", "camera/results"
 SEQUENCES = ("skinned/dance", "skinned/turn", "rooms/table", "rooms/second", "real_rooms/ist_um")
 IN_TIME_S, READY_S = 0.067, 5.0
+VISITOR = "skinned/dance"
+FPS, EMPTY, SETTLED, INSIDE = 30.0, 150, 60, 30  # frames without people, of these before it counts; with one
 SMALL = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 
 
@@ -98,6 +105,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", default=list(SEQUENCES), metavar="SEQ")
     parser.add_argument("--runs", type=int, default=1, metavar="N")
     parser.add_argument("--busy", action="store_true", help="one busy loop runs beside")
+    parser.add_argument("--entries", type=int, metavar="N", help="people who enter each room of --only")
     parser.add_argument("--minutes", type=float, help="show the first sequence so long, with disturbances")
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="draw latency and memory of --minutes here"
@@ -108,6 +116,10 @@ def main() -> int:
             stack.callback(subprocess.Popen([sys.executable, "-c", "while True: pass"]).kill)
         if chosen.minutes:
             return endure(chosen)
+        if chosen.entries:
+            rooms = [name for name in chosen.only if name.startswith("rooms/")]
+            keep([enter(chosen.data, name, chosen.entries) for name in rooms], chosen.out)
+            return 0
         results = [show(chosen.data, name) for name in chosen.only for _ in range(chosen.runs)]
     keep(results, chosen.out)
     return int(any(result["exit"] not in {0, 3} for result in results))
@@ -146,6 +158,57 @@ def show(data: Path, name: str) -> dict[str, Any]:
     }
     print(result, flush=True)
     return result
+
+
+def enter(data: Path, name: str, entries: int) -> dict[str, Any]:
+    """What a room without people costs, and how soon people who appear in it are known."""
+    room = next(iter(open_source(data / name)))
+    empty = read_depth(data / name / "empty.png") / room.depth_scale
+    visitor, rng = list(open_source(data / VISITOR)), np.random.default_rng(0)
+    with tempfile.TemporaryDirectory() as folder:
+        endpoint, log = f"unixsock-stream/{folder}/bus", Log()
+        run = start("track", f"zenoh:{KEY}", "--out", f"{folder}/run", "--listen", endpoint, *TRACKED)
+        bus = open_worker([endpoint])
+        bus.subscribe(f"{RESULTS}/**", log.receive)
+        time.sleep(READY_S)
+        camera = Camera(bus, [replace(room, depth=noisy(empty, rng)) for _ in range(EMPTY)], log)
+        camera.show(SETTLED, FPS)
+        before = processor_seconds(run.pid)
+        camera.show(EMPTY - SETTLED, FPS)
+        cost, soon = 1e3 * (processor_seconds(run.pid) - before) / (EMPTY - SETTLED), list[float]()
+        for k in range(entries):
+            shift, first = int(rng.integers(-80, 80)), int(rng.integers(len(visitor) - INSIDE))
+            people = [np.roll(f.depth, shift, axis=1) for f in visitor[first : first + INSIDE]]
+            rooms = [noisy(empty, rng) for _ in people]
+            seen = [(p > 0) & (p < 1e3 * empty) for p in people]  # with the noise of their camera
+            inside = [np.where(s, p, r) for s, p, r in zip(seen, people, rooms, strict=True)]
+            camera.number = 0  # a stream begins, so nothing is known of the person before
+            camera.show(SETTLED, FPS)
+            began = time.monotonic()
+            camera.show(INSIDE, FPS, (replace(room, depth=each) for each in inside))
+            time.sleep(1.0)
+            soon.append(recovery(log, began))
+            print(f"{name}, entry {k}: known after {soon[-1]:.2f} s", flush=True)
+        camera.end()
+        run.wait(60.0)
+        bus.close()
+    found = {"room": name, "empty_ms_per_frame": cost, "median_s": float(np.median(soon)), "known_s": soon}
+    print({key: found[key] for key in ("room", "empty_ms_per_frame", "median_s")}, flush=True)
+    return found
+
+
+def processor_seconds(pid: int) -> float:
+    """Processor time of a process and its children."""
+    process = psutil.Process(pid)
+    times = [each.cpu_times() for each in (process, *process.children(recursive=True))]
+    return float(sum(each.user + each.system for each in times))
+
+
+def noisy(depth_m: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.uint16]:
+    """A depth image (H, W) in metres with the noise of a time-of-flight camera, in millimetres."""
+    sigma = 0.0012 + 0.0019 * (depth_m - 0.4) ** 2
+    noise = sigma * rng.standard_normal(depth_m.shape)
+    return np.where(depth_m > 0.0, np.rint(1e3 * (depth_m + noise)), 0.0).astype(np.uint16)
 
 
 TRACKED = ("--publish", RESULTS, "--no-pictures", "--idle-timeout", "120")

@@ -34,6 +34,11 @@ class Updated:
     measurement: Measurement | None  # None if nothing was refined
     clock: Stopwatch
 
+    @property
+    def begins(self) -> bool:
+        """Whether the body was detected in this frame."""
+        return self.measurement is not None and self.measurement.first
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:

@@ -153,5 +153,6 @@ def near_any(view: SceneView, distances: Sequence[Depth]) -> Mask:
 def prepare() -> None:
     """Load compiled code before the first frame of a room; it takes some seconds, once in a process."""
     camera = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
-    wall = np.full((camera.height, camera.width), 4000, dtype=np.uint16)
-    Segmenter(1).segment(DepthFrame(0, 0.0, wall, 1000.0, camera), [None])
+    depth = np.full((camera.height, camera.width), 4000, dtype=np.uint16)
+    depth[10:40, 30:45] = 2500 + 5 * (np.arange(15) - 7) ** 2  # something before the wall
+    Segmenter(1).segment(DepthFrame(0, 0.0, depth, 1000.0, camera), [None])

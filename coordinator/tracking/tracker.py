@@ -126,7 +126,10 @@ class Tracker:
                     tracked, unreported = [report(each) for each in unreported], []
                     yield tracked
                 if live is not None and pace is not None:
-                    pace = pace.after(clocks, [each.answered for each in updated], live.period_s)
+                    if any(each.begins for each in updated):  # it lasts longer than the next one
+                        pace = replace(pace, period_s=live.period_s)
+                    else:
+                        pace = pace.after(clocks, [each.answered for each in updated], live.period_s)
                     self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
             if unreported:
