@@ -7,7 +7,7 @@ from typing import TypeVar
 K = TypeVar("K")
 V = TypeVar("V")
 
-FRAMES_KEPT = 4  # of a run: the current one, the next, and a detection's with all and with few points
+FRAMES_KEPT = 4  # of a run: the current one, the next one, and those of a detection: all points, and few
 MODELS_KEPT = 16  # of a run
 
 

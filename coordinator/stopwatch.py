@@ -1,10 +1,12 @@
-"""Measures the time that each stage takes."""
+"""Measures the time that each stage takes; when a long one is reported."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+NOTICE_S = 5.0  # without a worker or frame before this is reported; between lines of progress in a log
 
 
 class Stopwatch:

@@ -174,9 +174,8 @@ class Tracker(FrameLoop):
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
-        Each estimate is yielded while the workers refine the next frame. With live input it is yielded before
-        the next frame is read, which is then the newest, and tracking starts again with each new stream.
-        Raises the errors of `track`.
+        Each estimate is yielded while the workers refine the next frame; with live input, at once. Then the
+        newest frame is next, and tracking starts again with each new stream. Raises the errors of `track`.
         """
         for (estimate,) in self._follow(frames):
             yield estimate
@@ -237,7 +236,7 @@ class PeopleTracker(FrameLoop):
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
-        With live input each frame is the newest when the one before is done.
+        Of live input the newest frame is tracked.
         """
         return self._follow(frames)
 

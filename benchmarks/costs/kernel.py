@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep, processor
 from common.settings import RefineSettings, preset
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from tests.support.kernel import plain_path
 from worker.kernel.icp import refine
 
 Array = NDArray[np.float64]
 
 POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS = 10_000, 3, 51, 3
-NOISES = {"clean": SensorNoise(), "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}
+NOISES = {"clean": NO_NOISE, "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}
 OURS, YARDSTICK = "gepf particle", "small_gicp ICP"
 REACH_M = 10.0  # every observed point has a correspondence, as in the paper
 

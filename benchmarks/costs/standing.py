@@ -17,7 +17,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observation import isolate
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from worker.kernel.observation import Observation, observe, pack_observation
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_body, visible_vertices
@@ -77,7 +77,7 @@ def standing(points: int, noise: SensorNoise | None = None, seed: int = 0) -> Ca
     )
     with DepthRenderer(CAMERA) as renderer:
         depth = renderer.depth(pose_vertices(model, truth)[0], model.triangles)
-    noisy = add_noise(depth.astype(np.float64), CAMERA, noise or SensorNoise(), rng)
+    noisy = add_noise(depth.astype(np.float64), CAMERA, noise or NO_NOISE, rng)
     units = np.rint(noisy * UNITS_PER_METRE).astype(np.uint16)
     subject = isolate(DepthFrame(0, 0.0, units, UNITS_PER_METRE, CAMERA), points)
     if subject is None or len(subject.picked) != points:

@@ -26,14 +26,14 @@ from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
 from coordinator.synthesis.sequence import DEPTH_SCALE, render, to_units
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from worker.kernel.parameters import pack_parameters
 
 Array = NDArray[np.float64]
 
-NONE, HEAVY, STEREO = SensorNoise(), SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
+NONE, HEAVY, STEREO = NO_NOISE, SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,13 @@ For the hip (Wu et al. 2002) the pose itself is the recommended joint coordinate
 
 from __future__ import annotations
 
+from math import tau
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FULL_TURN = 2.0 * np.pi
 FARTHEST = np.radians(270.0)
 """Largest rotation of a person's joint to either side; larger values are reduced by a full turn."""
 BEHIND = np.radians(90.0)
@@ -50,7 +51,7 @@ def swing_twist(turned: Array) -> tuple[Array, Array]:
     """Swings (..., 2), about x and z, and twists (...), about y, in (-pi, pi], of quaternions (..., 4)."""
     x, y, z, w = np.moveaxis(np.where(turned[..., 3:] < 0.0, -turned, turned), -1, 0)
     twist = 2.0 * np.arctan2(y, w)
-    twist = np.where(twist > np.pi, twist - FULL_TURN, np.where(twist <= -np.pi, twist + FULL_TURN, twist))
+    twist = np.where(twist > np.pi, twist - tau, np.where(twist <= -np.pi, twist + tau, twist))
     c, s = np.cos(0.5 * twist), np.sin(0.5 * twist)
     across = np.stack([x * c + z * s, z * c - x * s], axis=-1)  # the quaternion times the twist's inverse
     sine = np.hypot(across[..., 0], across[..., 1])
@@ -67,8 +68,8 @@ def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
     chosen.
     """
     angle = np.linalg.norm(swings, axis=-1, keepdims=True)
-    other = swings * (1.0 - FULL_TURN / np.maximum(angle, 1e-9))
-    reach = FULL_TURN - angle
+    other = swings * (1.0 - tau / np.maximum(angle, 1e-9))
+    reach = tau - angle
     far, other_far = (np.linalg.norm(s - reference, axis=-1, keepdims=True) for s in (swings, other))
     wound = (reach <= FARTHEST) & (other_far < far)
     if limb:
@@ -80,9 +81,9 @@ def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
 
 def nearest_turn(angles: Array, reference: Array, farthest: float = np.inf) -> Array:
     """Angles (N,) shifted by full turns towards `reference`, within +-`farthest`."""
-    near = angles + FULL_TURN * np.round((reference - angles) / FULL_TURN)
-    near = np.where(near > farthest, near - FULL_TURN, near)
-    return np.where(near < -farthest, near + FULL_TURN, near)
+    near = angles + tau * np.round((reference - angles) / tau)
+    near = np.where(near > farthest, near - tau, near)
+    return np.where(near < -farthest, near + tau, near)
 
 
 ISB_ANGLES = ("plane_of_elevation", "elevation", "axial_rotation")

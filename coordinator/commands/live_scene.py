@@ -12,7 +12,7 @@ from common.recent import keep
 from coordinator.results.live_results import Result, read_result
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.sources.frame_recorder import WAITING_FRAMES
-from coordinator.sources.live import NOTICE_S
+from coordinator.stopwatch import NOTICE_S
 
 Take = Callable[[], list[tuple[str, bytes]]]
 """Returns new messages with their keys."""

@@ -14,11 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from coordinator.commands.console import INTERRUPTS
+from coordinator.stopwatch import NOTICE_S
 
 if TYPE_CHECKING:
     from coordinator.tracking.estimate import Estimate
-
-QUIET_S = 5.0  # between two lines without a terminal
 
 
 class Advance(Protocol):
@@ -35,7 +34,7 @@ class Show:
     Each line starts with `name`. Lines of progress are at least `quiet_seconds` apart.
     """
 
-    def __init__(self, console: Console, quiet_seconds: float = QUIET_S, name: str = "") -> None:
+    def __init__(self, console: Console, quiet_seconds: float = NOTICE_S, name: str = "") -> None:
         self.console, self._quiet_seconds, self._name = console, quiet_seconds, name
 
     def say(self, text: str, style: str | None = None) -> None:

@@ -111,9 +111,9 @@ def record(
 def track_frames(
     given: RecordedInput | LiveInput, recorder: Recorder, rate: FrameRate, show: Show, connect: Connect
 ) -> bool:
-    """Track the frames; each is recorded while the workers refine the next.
+    """Track the frames; each is recorded while the workers refine the next one, or at once if it is live.
 
-    In live input no frame is read ahead, and each stream has a new tracker. Returns False if all workers
+    Each stream of live input has a new tracker. Returns False if all workers
     stopped answering after some frames of a recording.
     """
     job, before, goes_on = given.job, recorder.frames, False

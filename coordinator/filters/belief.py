@@ -70,7 +70,7 @@ class Proposal(Generic[B]):
     poses: Array  # (N, D)
     interval: float  # seconds since the frame of `past`
     expected: Array | None = field(default=None, kw_only=True)
-    """Their prediction (N, D) by the motion model alone, if the update needs the covariance of each pose."""
+    """Predictions (N, D) without noise, if the update needs the covariance of each pose."""
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
         """Whether the covariance of each refined pose is requested from the workers.

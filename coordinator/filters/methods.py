@@ -64,7 +64,7 @@ def baseline(steps: Condensation | Annealed, particles: int) -> Method:
 
 METHODS = {
     "gepf": Method(*_GRADIENT),
-    "gradient": Method(*_GRADIENT, particles=1, lone=True, icp_iterations=6),  # compensates for few particles
+    "gradient": Method(*_GRADIENT, particles=1, lone=True, icp_iterations=6),  # one particle needs more
     "condensation": baseline(Condensation(), particles=1_000),
     "annealed": baseline(Annealed(), particles=100),  # in each layer
 }
@@ -136,10 +136,10 @@ MOST_PACE = 3.0  # the largest factor on the iterations is MOST_PACE ** pace
 
 
 def pace_iterations(settings: RefineSettings, interval: float, pace: float, most: int) -> RefineSettings:
-    """Scale the iterations of ICP with the interval: a constant number per second at pace 1, more at 2.
+    """Scale the iterations of ICP with the interval in seconds.
 
-    At pace 1 and 2, an interval of 0.1 s has 3 and 5 times the usual iterations, and one of 0.17 s has 3 and
-    9 times, but not more than `most`, unless the settings have more.
+    The factor is 1 + pace (interval / usual interval - 1), at most MOST_PACE ** pace: 5 at 0.1 s and pace 2.
+    The result is at most `most`, unless the settings have more.
     """
     factor = 1.0 + pace * max(interval / USUAL_INTERVAL - 1.0, 0.0)
     usual = settings.icp_iterations

@@ -16,8 +16,9 @@ from coordinator.filters.belief import USUAL_INTERVAL
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-UNEXPECTED_TURN = float(np.radians(15.0))  # standard deviation of a joint angle around its prediction
-"""after a usual interval. Prismatic joints have that of the weak prior."""
+UNEXPECTED_TURN = float(np.radians(15.0))
+"""Standard deviation of a joint angle around its prediction after a usual interval. Prismatic joints have
+that of the weak prior."""
 
 
 def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:
@@ -55,8 +56,8 @@ def hold(model: BodyModel, refined: Array, covariances: Array, expected: Array, 
     pull it to rest within a few frames. So each hypothesis is moved to the maximum of the posterior of frame
     and motion: visible limbs follow the frame, occluded limbs follow the prediction. A refined pose has the
     covariance S = (L + W)^-1, with the precision L of the frame and W of the weak prior. With the precision P
-    of motion, the step is (I + S (P - W))^-1 S P (predicted - refined): L is not needed. The pose of the base
-    is determined by the frame alone.
+    of motion, the step is (I + S (P - W))^-1 S P (predicted - refined), without L. The frame alone determines
+    the pose of the base.
 
     Args:
         model: The body.

@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from common.errors import BusError
+from common.transport.channels import ANSWER_S
 from common.transport.endpoints import LOCAL
 from common.transport.opening import open_router
 from coordinator.pool.options import Pool
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-FRUITLESS_STARTS = 3  # successive starts without service before the run ends
-GRACE_S = 2.0  # for a process to end by itself
+FAILED_STARTS = 3  # successive starts without service before the run ends
 ABSENCE_S = 10.0  # longest absence of a worker that has served
 LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 
@@ -33,7 +33,7 @@ class LocalWorker:
         self.restarted = 0
         self._command = [*pool.worker_command, "--lanes", str(pool.lanes), "--connect", endpoint, "--tied"]
         self._log = folder / f"{name}.log"  # its standard error, kept apart from ours
-        self._fruitless = 0
+        self._failed_starts = 0
         self._served = False  # since it was started
         self._away_since: float | None = None  # after it has served
         self.process = self._start() if pool.lanes else None
@@ -50,7 +50,7 @@ class LocalWorker:
         if self.process is None:
             return None
         if present:
-            self._served, self._fruitless = True, 0
+            self._served, self._failed_starts = True, 0
         if present is not False or not self._served:
             self._away_since = None
         elif self._away_since is None:
@@ -67,8 +67,8 @@ class LocalWorker:
 
     def _restart(self, ended: subprocess.Popen[bytes]) -> str:
         how = describe_end(ended.returncode)
-        self._fruitless += not self._served
-        if self._fruitless >= FRUITLESS_STARTS:
+        self._failed_starts += not self._served
+        if self._failed_starts >= FAILED_STARTS:
             lines = self._log.read_text(errors="replace").split("\n")
             last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
             raise BusError(f"local workers do not start; the last {how}: {last}")
@@ -94,7 +94,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
     if process.stdin is not None:
         process.stdin.close()
     try:
-        process.wait(GRACE_S)
+        process.wait(ANSWER_S)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()

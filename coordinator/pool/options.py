@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from dataclasses import dataclass, field
 
 from common.cores import usable_cores
@@ -43,27 +44,13 @@ class Pool:
 
 @dataclass(slots=True)
 class PoolStatistics:
-    """The workers that refined, the number of batches sent, and the time that the coordinator needed."""
+    """The workers that refined, and counts of batches, invalid replies and restarts."""
 
     workers_seen: tuple[str, ...] = ()
-    local_workers_restarted: int = 0
-    batches_sent: int = 0
-    batches_sent_again: int = 0
-    batches_refused: int = 0
-    replies_malformed: int = 0
-    stage_seconds: dict[str, float] = field(default_factory=lambda: {"publish": 0.0, "refine": 0.0})
+    counts: dict[str, int] = field(default_factory=dict)
 
     def after(self, earlier: PoolStatistics) -> PoolStatistics:
         """The sums of both; this one is the later part of the same run."""
-        stages = dict(earlier.stage_seconds)
-        for stage, seconds in self.stage_seconds.items():
-            stages[stage] = stages.get(stage, 0.0) + seconds
-        return PoolStatistics(
-            workers_seen=tuple(sorted({*earlier.workers_seen, *self.workers_seen})),
-            local_workers_restarted=earlier.local_workers_restarted + self.local_workers_restarted,
-            batches_sent=earlier.batches_sent + self.batches_sent,
-            batches_sent_again=earlier.batches_sent_again + self.batches_sent_again,
-            batches_refused=earlier.batches_refused + self.batches_refused,
-            replies_malformed=earlier.replies_malformed + self.replies_malformed,
-            stage_seconds=stages,
-        )
+        counts = Counter(earlier.counts)
+        counts.update(self.counts)
+        return PoolStatistics(tuple(sorted({*earlier.workers_seen, *self.workers_seen})), dict(counts))

@@ -21,9 +21,7 @@ from common.transport.channels import Ending, RequestSender
 from coordinator.pool.local_worker import LocalWorker
 from coordinator.pool.options import Pool
 from coordinator.pool.scheduler import REQUEST_TIMEOUT_S, TICK_S, Outcome, Request, Scheduler
-from coordinator.stopwatch import Stopwatch
-
-ALONE_S = 5.0  # without a worker before this is reported
+from coordinator.stopwatch import NOTICE_S
 
 
 @dataclass(slots=True, eq=False)
@@ -68,7 +66,6 @@ class RpcClient:
 
     def __init__(self, bus: Bus, pool: Pool, local: LocalWorker, report: Callable[[str], None]) -> None:
         self.scheduler = Scheduler()
-        self.clock = Stopwatch()
         self.malformed = 0  # replies
         self.seen: set[str] = set()  # all workers so far
         self._bus = bus
@@ -93,22 +90,20 @@ class RpcClient:
 
     def begin(self, request: RefineRequest, due: float) -> Refinement:
         """Send all batches of a request; an unfinished previous one is cancelled."""
-        with self.clock.stage("refine"):
-            self.scheduler.batches = []
-            self._catch_up()
-            self._refinement = Refinement(self, request, due)
-            now = time.monotonic()
-            self._send(self.scheduler.start(len(request.poses), now, by_deadline=due < math.inf))
-            return self._refinement
+        self.scheduler.batches = []
+        self._catch_up()
+        self._refinement = Refinement(self, request, due)
+        now = time.monotonic()
+        self._send(self.scheduler.start(len(request.poses), now, by_deadline=due < math.inf))
+        return self._refinement
 
     def finish(self, refinement: Refinement) -> None:
         """Wait until the last refinement is complete, or the deadline is over."""
         if refinement is not self._refinement:
             raise RuntimeError("this request was given up when another one was submitted")
-        with self.clock.stage("refine"):
-            self._catch_up()  # queued replies are in time
-            while not refinement.is_over(time.monotonic()):
-                self.step(refinement.due)
+        self._catch_up()  # queued replies are in time
+        while not refinement.is_over(time.monotonic()):
+            self.step(refinement.due)
 
     def step(self, due: float = math.inf) -> None:
         """Handle the next event, and check clock and workers at intervals."""
@@ -141,7 +136,7 @@ class RpcClient:
             raise NoWorkers(
                 f"no worker came within {limit:g} s; start one with gepf-worker --connect {where}"
             )
-        if alone > ALONE_S and not self._alone_reported:
+        if alone > NOTICE_S and not self._alone_reported:
             self._alone_reported = True
             self._report(
                 "the local worker is not ready yet; the first time, compiling takes about a minute"

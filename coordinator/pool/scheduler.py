@@ -23,7 +23,7 @@ from common.errors import ProtocolError, SilentWorkers
 
 MAX_IN_FLIGHT = 2  # requests at one worker, so that the next one is there when one ends
 DEADLINE_BATCH = 10  # particles per lane, with a deadline
-TICK_S = 0.1  # between checks of the clock; the shortest time until a request is late
+TICK_S = 0.1  # between checks of the clock; no request is late before
 LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
 REST_S = 0.5  # pause of a worker without a result: it may be leaving or joining
 REQUEST_TIMEOUT_S = 30.0  # only a hanging worker takes so long

@@ -91,12 +91,13 @@ class ZenohRefiner:
         client, scheduler = self._client, self._client.scheduler
         return PoolStatistics(
             workers_seen=tuple(sorted(client.seen)),
-            local_workers_restarted=self._local.restarted,
-            batches_sent=scheduler.sent,
-            batches_sent_again=scheduler.sent_again,
-            batches_refused=scheduler.refused,
-            replies_malformed=client.malformed,
-            stage_seconds=dict(client.clock.seconds),
+            counts={
+                "local_workers_restarted": self._local.restarted,
+                "batches_sent": scheduler.sent,
+                "batches_sent_again": scheduler.sent_again,
+                "batches_refused": scheduler.refused,
+                "replies_malformed": client.malformed,
+            },
         )
 
     @property
@@ -120,10 +121,9 @@ class ZenohRefiner:
 
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to all workers; later calls of `submit` refer to it."""
-        with self._client.clock.stage("publish"):
-            self._publication.put(subject)
-            if self._pool.deadline is not None:
-                self._due = time.monotonic() + self._pool.deadline
+        self._publication.put(subject)
+        if self._pool.deadline is not None:
+            self._due = time.monotonic() + self._pool.deadline
 
     def send_ahead(self, subject: SubjectFrame) -> None:
         """Send the frame that will be published next, so that workers already have it."""

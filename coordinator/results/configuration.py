@@ -26,7 +26,6 @@ PEOPLE = "people"  # the requested number, if it is not one
 PATH = "path"  # of the sequence, for later reference; it does not affect results
 GIVEN = "camera_given"  # by the user
 AUTOMATIC = "auto"  # the start is detected
-HASH_LETTERS = 12
 
 RunConfiguration = dict[str, Any]
 """Nested names and values of JSON."""
@@ -60,7 +59,7 @@ def digest_frame(frame: DepthFrame) -> str:
 
 def digest(content: bytes) -> str:
     """A short hash of the content."""
-    return hashlib.sha256(content).hexdigest()[:HASH_LETTERS]
+    return hashlib.sha256(content).hexdigest()[:12]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +110,7 @@ def requested_configuration(asked: Asked) -> RunConfiguration:
     configuration = {
         "model": {
             "name": Path(asked.model).name,
-            "content": None if content is None else content[:HASH_LETTERS],
+            "content": None if content is None else content[:12],
         },
         "dof": None if asked.active is None else ",".join(asked.active),
         "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),

@@ -1,7 +1,7 @@
 """Planes: floor and walls, which are behind everything else in the image.
 
 The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. So planes are fitted to rays
-(N, 4): x/z, y/z, 1/z, and the standard deviation of 1/z.
+(N, 4): x/z, y/z, 1/z, and the margin of 1/z, DEVIATIONS standard deviations. A ray is on a plane within it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from coordinator.scene.noise import DEVIATIONS, sigma
 Array = NDArray[np.float64]
 
 SAMPLED_ACROSS = 80  # points per row of the image for fitting planes
-DRAWN_PLANES = 2_000  # samples of RANSAC, three points each
+DRAWN_PLANES = 2_000  # samples of RANSAC, of three points each
 REFINED_PLANES = 40  # best samples that are refined
 LEAST_POINTS = 30  # on a plane
 MOST_BEYOND = 0.01  # largest share of points behind a wall or below a floor
@@ -34,19 +34,17 @@ EXTREMES = (1.0, 99.0)  # percentiles of the points that define an extent
 class Planes:
     """Planes as (P, 3) coefficients a, b, c of 1 / z = a x/z + b y/z + c; the floor is the first.
 
-    Points on a plane or beyond it belong to the room.
+    Points on a plane or beyond it belong to the room. `approximate_up` (3,) is a unit vector.
     """
 
     coefficients: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
-    sky: Array = field(
-        default_factory=lambda: np.array([0.0, -1.0, 0.0])
-    )  # (3,) approximate up direction without a floor
+    approximate_up: Array = field(default_factory=lambda: np.array([0.0, -1.0, 0.0]))
 
     @property
     def up(self) -> Array:
-        """Unit vector (3,) away from the floor, camera frame; without a floor, `sky`."""
-        return -self.coefficients[0] * self.camera_height if self.has_floor else self.sky
+        """Unit vector (3,) away from the floor, camera frame; without a floor, `approximate_up`."""
+        return -self.coefficients[0] * self.camera_height if self.has_floor else self.approximate_up
 
     @property
     def camera_height(self) -> float:
@@ -86,8 +84,8 @@ def extents(points: Array) -> Array:
     return extent
 
 
-def find_planes(rays: Array, sky: Array) -> Planes:
-    """Floor and walls among rays (N, 4), by RANSAC; `sky` (3,) is the approximate up direction."""
+def find_planes(rays: Array, approximate_up: Array) -> Planes:
+    """Floor and walls among rays (N, 4), by RANSAC, given an approximate up direction (3,)."""
     drawn, rest, found = draw_planes(rays), rays, list[Array]()
     drawn = drawn[count_points(drawn, rays)[:, 2] <= MOST_BEYOND * len(rays)]
     while len(drawn):
@@ -99,16 +97,18 @@ def find_planes(rays: Array, sky: Array) -> Planes:
             break
         found.append(refined[score.argmax()])
         rest = rest[~lie_on(found[-1], rest)]
-    floors = [each for each in found if level(each, sky) > LEVEL and is_large(each, rays, LEAST_FLOOR)]
+    floors = [
+        each for each in found if level(each, approximate_up) > LEVEL and is_large(each, rays, LEAST_FLOOR)
+    ]
     floor = max(floors, key=lambda each: np.count_nonzero(lie_on(each, rays)), default=None)
-    up = sky if floor is None else -floor / np.linalg.norm(floor)
+    up = approximate_up if floor is None else -floor / np.linalg.norm(floor)
     walls = [each for each in found if abs(level(each, up)) < UPRIGHT and is_large(each, rays, LEAST_WALL)]
     chosen = walls if floor is None else [floor, *walls]
-    return Planes(np.array(chosen).reshape(-1, 3), floor is not None, sky)
+    return Planes(np.array(chosen).reshape(-1, 3), floor is not None, approximate_up)
 
 
 def support(planes: Array, rays: Array) -> NDArray[np.int64]:
-    """Number of rays (N, 4) close to each plane (M, 3), minus the number expected for a random cut."""
+    """Number of rays (N, 4) within half the margin of each plane (M, 3), minus those in the other half."""
     counts = count_points(planes, rays)
     more: NDArray[np.int64] = 2 * counts[:, 0] - counts[:, 1]
     return more
@@ -140,7 +140,7 @@ def draw_planes(rays: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def count_points(planes: Array, rays: Array) -> NDArray[np.int64]:
-    """Number of rays (N, 4) within half the noise of each plane (M, 3), within the noise, and beyond it."""
+    """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice of it."""
     counts = np.zeros((len(planes), 3), dtype=np.int64)
     for m in range(len(planes)):
         a, b, c = planes[m]
@@ -158,7 +158,7 @@ def follow_planes(planes: Planes, rays: Array) -> Planes:
 
 
 def refit(plane: Array, rays: Array) -> Array:
-    """Fit a plane (3,) by least squares to the rays (N, 4) within the noise, then within half of it."""
+    """Fit a plane (3,) by least squares to the rays (N, 4) within the margin, then within half of it."""
     for margins in (1.0, 0.5):
         moments = np.zeros((3, 4))
         if add_moments(plane, rays, margins, moments) < LEAST_POINTS:
@@ -172,7 +172,7 @@ def refit(plane: Array, rays: Array) -> Array:
 def add_moments(plane: Array, rays: Array, within: float, moments: Array) -> int:
     """Add x x^T and x / z of x = (x/z, y/z, 1) to moments (3, 4), for the rays (N, 4) that are on a plane.
 
-    A ray is on it within the given multiple of the noise. Returns the number of these rays.
+    A ray is on it within the given multiple of its margin. Returns the number of these rays.
     """
     count = 0
     x = np.ones(3)

@@ -1,7 +1,7 @@
 """The scene of a camera: noise, planes, and background, which is learned pixel by pixel.
 
 The background of a pixel is the farthest depth measured there while no person was near. Something nearer that
-stays for a second replaces it, such as a chair that was moved.
+stays for SETTLED_FRAMES replaces it, such as a chair that was moved.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class Scene:
     """
 
     def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
-        self._no_planes = Planes() if up is None else Planes(sky=up)
+        self._no_planes = Planes() if up is None else Planes(approximate_up=up)
         self._background: Depth
         self._nearer: Marks
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
@@ -181,7 +181,7 @@ class Scene:
         if self._background.shape != change.size:
             self._begin(np.zeros(change.size, np.float32))
         self._seen, self._furnished, self._growth = change.seen, change.furnished, change.growth
-        self._planes = Planes(change.planes, change.has_floor, self._no_planes.sky)
+        self._planes = Planes(change.planes, change.has_floor, self._no_planes.approximate_up)
         self._background.ravel()[change.learned.pixels] = change.learned.depth
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
 
@@ -205,7 +205,7 @@ class Scene:
             rays = sample_rays(depth, camera, self._growth)
             wide = len(rays) > 0 and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]
             if wide and (not self._furnished or self._seen % SETTLED_FRAMES == 0):
-                self._planes, self._furnished = find_planes(rays, self._planes.sky), True
+                self._planes, self._furnished = find_planes(rays, self._planes.approximate_up), True
         self._seen += 1
 
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:

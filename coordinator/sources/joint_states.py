@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from common.body import unknown_dof
 from common.errors import InputError
-from coordinator.sources.ros_bag import NANOSECONDS, Bag, depth_topic, is_bag
+from coordinator.sources.ros_bag import Bag, depth_topic, is_bag
 
 Array = NDArray[np.float64]
 
@@ -109,5 +109,5 @@ def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
         began = bag.times(depth_topic(bag))[0]
     except InputError:  # no depth
         began = stamps[0]
-    times = np.array([(time - began) * NANOSECONDS for time in stamps])
+    times = np.array([(time - began) * 1e-9 for time in stamps])
     return names, times, np.array([np.asarray(message.position, dtype=np.float64) for message in messages])

@@ -15,9 +15,9 @@ from common.frame import DepthFrame
 from common.protocol.frames import decode_live
 from common.protocol.keys import check_stream
 from common.recent import FRAMES_KEPT, keep
+from coordinator.stopwatch import NOTICE_S
 
 SCHEME = "zenoh:"
-NOTICE_S = 5.0  # without a frame before this is reported
 NEW_STREAM_FRAMES = 5  # that fit each other
 
 

@@ -41,7 +41,6 @@ SHORTEST_FRAME_US = 3000.0
 LONGEST_FRAME_US = 2e6
 """Steps larger than this are nanoseconds."""
 
-TUM_UNITS_PER_METRE = 5000.0
 TUM_CAMERAS = {
     "freiburg1": Intrinsics(640, 480, 517.3, 516.5, 318.6, 255.3),
     "freiburg2": Intrinsics(640, 480, 520.9, 521.0, 325.1, 249.7),
@@ -71,7 +70,7 @@ def read_pictures(path: Path, options: CameraOptions) -> Source:
     name = path.resolve().name
     if is_tum(path):
         camera = next((camera for key, camera in TUM_CAMERAS.items() if key in name), NOMINAL)
-        scale, described = TUM_UNITS_PER_METRE, True
+        scale, described = 5000.0, True
     else:
         camera, scale, described = NOMINAL, MILLIMETRES, options.intrinsics is not None
     fps = DEFAULT_FPS

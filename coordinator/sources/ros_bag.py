@@ -28,7 +28,6 @@ FLOATS = "32FC1"  # metres
 ENCODINGS = ("mono16", "16UC1", FLOATS)
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 UNITS_OPTION = "/Depth_Units/value"
-NANOSECONDS = 1e-9
 
 
 def read_ros_bag(path: Path, options: CameraOptions) -> Source:
@@ -47,7 +46,7 @@ def read_ros_bag(path: Path, options: CameraOptions) -> Source:
         camera = options.camera((first.height, first.width), path)
     else:
         camera = camera_of(bag, topic)
-    times = [(stamp - stamps[0]) * NANOSECONDS for stamp in stamps]
+    times = [(stamp - stamps[0]) * 1e-9 for stamp in stamps]
     scale = options.depth_scale or (1.0 if floats else units_of(bag, topic))
     return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times)
 

@@ -24,6 +24,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
+from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.synthesis.rendering import fit_in_view
 
 Array = NDArray[np.float64]
@@ -134,7 +135,7 @@ def turn() -> Scene:
     return Scene(model, PAPER_CAMERA, PAPER_FPS, poses, poses[0])
 
 
-ROAM_FRAMES, ROAM_FPS = 150, 30.0
+ROAM_FRAMES = 150
 ROAM_CAMERA = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
 WIDEST, SLIDE_M = np.radians(40.0), 0.15  # to either side, if the limits allow
 WITHIN = 0.4  # of the range between the limits, to either side of the centre
@@ -150,7 +151,7 @@ def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
     """
     rng = np.random.default_rng([seed, 1])
     middle, reach = swing(model)
-    second = round(ROAM_FPS)  # between keyframes
+    second = round(DEFAULT_FPS)  # between keyframes
     keys = rng.uniform(-1.0, 1.0, (frames // second + 2, len(middle))) * reach + middle
     poses = np.asarray(PchipInterpolator(second * np.arange(len(keys)), keys)(np.arange(frames)))
     for name, value in ROAM_STANDS.items():
@@ -161,7 +162,7 @@ def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
         size = np.ptp(seen, axis=0).max()
         raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
     poses[:, :3] += shift
-    return Scene(model, ROAM_CAMERA, ROAM_FPS, poses, poses[0].copy())
+    return Scene(model, ROAM_CAMERA, DEFAULT_FPS, poses, poses[0].copy())
 
 
 def swing(model: BodyModel) -> tuple[Array, Array]:

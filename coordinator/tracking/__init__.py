@@ -1,1 +1,1 @@
-"""One body through a sequence: start, cut out, filter, estimate; refinement is behind a port."""
+"""People through a sequence: segmentation, detection, filter, estimates. Refinement is an interface."""

@@ -1,11 +1,12 @@
 """Detects a body in a frame, in any pose and orientation.
 
-Poses of a library that resemble the observed points are refined in stages. On few points and with a coarse
-surface: all of them for a few iterations, the best distinct ones until they converge. On all points and with
-the whole surface, as a coarse one hides the girth: the best of these with bodies of several sizes.
+Poses of a library that resemble the observed points are refined in three stages: all of them for a few
+iterations, the best distinct ones until they converge, and the best of these with bodies of several sizes.
+The first two stages use few points and a coarse surface. The third uses all points and the whole surface,
+because a coarse surface does not show the girth.
 
-A search is a generator. It yields before every request to the workers, so that a caller can do its slices
-between other work. Each slice publishes the subject that it needs.
+A search is a generator that yields before every request to the workers. So a caller can do other work between
+requests. Each request publishes the subject that it needs.
 """
 
 from __future__ import annotations

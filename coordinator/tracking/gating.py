@@ -1,4 +1,4 @@
-"""Whether a pose explains a frame: its normalised residual is at most 1."""
+"""Gating: whether a pose is accepted, by its normalised residual, the observed points and its place."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Lookahead(Generic[Item]):
         return item
 
     def peek(self) -> Item | None:
-        """The next item; None at the end, or if making it fails: then its turn raises the error."""
+        """The next item; None at the end, or if it fails, which raises the error when its turn comes."""
         if not self._peeked:
             try:
                 self._next = next(self._items, None)

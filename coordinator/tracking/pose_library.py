@@ -26,7 +26,7 @@ POSES = 3_000
 SEED = 20  # of the library, independent of the run's seed
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
-TUMBLED_SHARE = 0.1  # of people's poses have a random orientation
+RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
 ELEVATION_DEG = (-20.0, 50.0)  # range of the camera's downward pitch
 SPREAD_DEG = 15.0  # standard deviation of joint angles around their mode, and of the trunk's roll
 
@@ -206,8 +206,8 @@ def turns(count: int, rng: np.random.Generator) -> Array:
     yaw = rng.uniform(-np.pi, np.pi, size=count)
     lean = np.radians(SPREAD_DEG) * rng.standard_normal(count)
     angles = np.stack([down, yaw, lean], axis=-1)
-    tumbled = rng.random(count) < TUMBLED_SHARE
-    angles[tumbled] = any_turns(int(tumbled.sum()), rng)
+    turned = rng.random(count) < RANDOM_ORIENTATION_SHARE
+    angles[turned] = any_turns(int(turned.sum()), rng)
     return angles
 
 

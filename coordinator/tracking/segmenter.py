@@ -90,8 +90,8 @@ class Segmenter:
     ) -> Segmented:
         """Segment the next frame: near each body, and, if a body may be anywhere, other people.
 
-        These are not learned as the room, unless they have been `rejected` for a while. Without `find`, other
-        people are left out, and nothing is learned while a body may be anywhere.
+        Other people are not learned as the room, unless they have been `rejected` for a while. Without
+        `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
         whole = frame
         frame, left_out = self._scope.limit(frame)

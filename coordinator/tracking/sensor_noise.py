@@ -25,8 +25,8 @@ class SensorNoise:
     The first grows with the square of the distance (`coordinator.scene.noise`), the second linearly.
     """
 
-    depth: float = 0.0
-    lateral: float = 0.0
+    depth: float
+    lateral: float
     distance: float = 0.0  # metres; 0 if the noise does not depend on the distance
 
     def at(self, distance: float) -> SensorNoise:
@@ -36,6 +36,9 @@ class SensorNoise:
         share = math.exp(STEP * round(math.log(distance / self.distance) / STEP))
         depth = min(self.depth, LEAST) + max(0.0, self.depth - LEAST) * share * share
         return SensorNoise(depth, self.lateral * share, self.distance * share)
+
+
+NO_NOISE = SensorNoise(0.0, 0.0)
 
 
 def measure_noise(frame: DepthFrame) -> SensorNoise:

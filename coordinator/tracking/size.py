@@ -2,8 +2,8 @@
 
 Closest points determine stature badly: few of them are on head and feet, and the pose can compensate for a
 wrong size, on tiptoe or slightly bent. So the length is measured in the depth image; the model only says
-where head and feet are. For a standing person the median over a window of frames has an error below 1 cm.
-After that the stature stays constant, unless a later window contradicts it.
+where head and feet are. For a standing person the median over a window of frames repeats within 1 cm. After
+that the stature stays constant, unless a later window contradicts it.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name, scaled
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
 
@@ -41,7 +41,7 @@ class Start:
     stature: float
     girth: float
     values: Mapping[str, float] = field(default_factory=dict)
-    noise: SensorNoise = field(default_factory=SensorNoise)
+    noise: SensorNoise = NO_NOISE
     found: bool = True
 
     @property

@@ -39,7 +39,7 @@ from coordinator.tracking.observation import distance_of, see
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Updated, is_settled
 from coordinator.tracking.segmenter import PosedBody
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise, measure_noise
+from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.size import MEAN_STATURE_M, SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import (
     USUAL_MEASURES,
@@ -223,10 +223,10 @@ class TargetTracker:
         clock: Stopwatch,
         pace: Pace | None = None,
     ) -> Submitted | Updated:
-        """Predict particles for the next frame and let the workers refine them.
+        """Predict particles for the next frame and send them to the workers.
 
         `update` must follow. If there is nothing to refine, the frame is updated at once. A live frame has
-        a pace, and does not wait where a search for the body is due: `search` does it in slices.
+        a pace and does not wait for a search for the body: `search` does that in slices.
         """
         first = self._belief is None
         expected = self._expected is not None or self.searches
@@ -298,7 +298,7 @@ class TargetTracker:
         self._belief = self._method.begin(self.model, self.start.pose, self._settings.filter)
 
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
-        return measure_noise(subject.frame) if self._settings.measure_noise else SensorNoise()
+        return measure_noise(subject.frame) if self._settings.measure_noise else NO_NOISE
 
     def _begin_search(self, subject: SubjectFrame, planes: Planes) -> Searching | None:
         """A search for the body in a frame, if one is due."""

@@ -8,7 +8,7 @@ from typing import Self
 from coordinator.tracking.gating import LEAST_PIXELS, Gate
 
 LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
-PATIENCE_FRAMES = 2  # successive badly explained frames before the body is searched for
+PATIENCE_FRAMES = 2  # after more successive badly explained frames the body is searched for
 SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and between checks of a new one
 CHECK_INTERVAL_FRAMES = 10  # between later checks, while the pose is doubtful
 GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left

@@ -99,9 +99,10 @@ class Tracker:
     ) -> Iterator[list[Tracked]]:
         """Track frames; each frame is reported while the workers refine the next one.
 
-        The results are those of `track`. If a frame fails, the frame before is reported all the same. Without
-        `look_ahead` a frame is reported before the next one is read. So are `live` frames; of those the next
-        one is segmented ahead if it waits already, and bodies are searched for in the time between frames.
+        The results are those of `track`. If a frame fails, the frame before is still reported. Without
+        `look_ahead`, and with `live` frames, each frame is reported at once. The next live frame is segmented
+        ahead only if it is already waiting and a body is tracked. Bodies are searched for between live
+        frames.
         """
         look_ahead, pace = look_ahead and live is None, None if live is None else Pace(live.period_s)
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
@@ -152,9 +153,9 @@ class Tracker:
             self._targets[0].send_ahead(ahead[0].subjects[0], ahead[1][0])
 
     def _search_until_ready(self, live: Live) -> None:
-        """Search for bodies until that is done or, if a body is tracked, the next frame waits.
+        """Do slices of the searches for bodies until they end; if a body is tracked, until a frame waits.
 
-        A slice is done for each body that is not tracked in any case.
+        At least one slice is done for each body that is not tracked.
         """
         untracked = [target for target in self._targets if not target.is_tracked]
         for target in untracked:

@@ -59,7 +59,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """One process serves all frames, with any number of lanes, and ends with the run."""
-    monkeypatch.setattr("coordinator.pool.local_worker.GRACE_S", 60.0)
+    monkeypatch.setattr("coordinator.pool.local_worker.ANSWER_S", 60.0)
     with local(lanes) as refiner:
         refiner.wait_for(lanes)
         for number in range(5):
@@ -67,7 +67,7 @@ def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int, monkeypatch:
         process = refiner._local.process
         assert process is not None
         assert refiner.statistics.workers_seen == (f"{refiner.run}-0",)
-        assert refiner.statistics.batches_sent == 5
+        assert refiner.statistics.counts["batches_sent"] == 5
     assert process.returncode == 0
 
 
@@ -97,8 +97,8 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> 
         if outside:
             time.sleep(0.2)  # for the clock to be looked at
             refined_bytes(refiner, 5)
-        assert refiner.statistics.batches_sent_again > 0
-        assert refiner.statistics.local_workers_restarted == 1
+        assert refiner.statistics.counts["batches_sent_again"] > 0
+        assert refiner.statistics.counts["local_workers_restarted"] == 1
     assert f"worker {name} was ended by SIGKILL; starting it again" in said
 
 
@@ -112,7 +112,7 @@ def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.Mo
         os.kill(pid, signal.SIGSTOP)
         assert refined_bytes(refiner, 1) == expected(1)
         assert not is_alive(pid)
-        assert refiner.statistics.local_workers_restarted == 1
+        assert refiner.statistics.counts["local_workers_restarted"] == 1
     assert f"worker {name} was ended by SIGKILL; starting it again" in said
 
 
@@ -130,7 +130,8 @@ def test_frozen_worker_is_worked_around(lanes: int, outside: int, tmp_path: Path
                 assert refined_bytes(refiner, 3) == expected(3)
             assert not any(line.endswith("left") for line in said)
             assert refined_bytes(refiner, 4) == expected(4)
-            assert refiner.statistics.batches_sent_again > 0  # of the first, or, frozen late, of the second
+            # of the first refinement or, frozen late, of the second
+            assert refiner.statistics.counts["batches_sent_again"] > 0
         finally:
             os.kill(pid, signal.SIGCONT)
         refiner.wait_for(lanes + outside)

@@ -75,7 +75,7 @@ def append(recorder: Recorder, *estimates: Estimate) -> None:
     """Record frames of one person."""
     for each in estimates:
         tracked = Tracked(each, state(each.frame))
-        recorder.append([tracked], PoolStatistics(("a",), batches_sent=2), each.frame / 10)
+        recorder.append([tracked], PoolStatistics(("a",), {"batches_sent": 2}), each.frame / 10)
 
 
 def record(
@@ -165,7 +165,7 @@ def test_a_frame_is_in_the_file_before_the_next_begins(tmp_path: Path) -> None:
             recorded = read_log(tmp_path / "run" / "frames.log")
             assert recorded is not None
             assert (recorded.configuration, recorded.frames) == (CONFIGURATION, count)
-            assert (recorded.statistics.batches_sent, recorded.seconds) == (2, each.frame / 10)
+            assert (recorded.statistics.counts["batches_sent"], recorded.seconds) == (2, each.frame / 10)
             (one,) = recorded.people
             assert one.state.start.model.hash == MODEL.hash
             assert one.state.checkpoint.generator == state(each.frame).checkpoint.generator
@@ -284,7 +284,7 @@ def test_a_resumed_run_ends_with_the_bytes_of_one_that_was_not_interrupted(tmp_p
     assert (past.people[0].state.checkpoint.generator, past.resumes) == (state(4).checkpoint.generator, 0)
     past = record(folder, ESTIMATES[2:], resume=True)
     assert past is not None
-    assert (past.statistics.batches_sent, past.resumes) == (4, 1)
+    assert (past.statistics.counts["batches_sent"], past.resumes) == (4, 1)
     assert past.seconds == pytest.approx(0.9)
     assert (folder / "track.npz").read_bytes() == (run / "track.npz").read_bytes()
     assert names(folder) == names(run)

@@ -16,7 +16,7 @@ PERSON = (-0.4, 2.6)
 def planes_of(room: Room) -> Planes:
     """What is found with a person in the room."""
     depth = room.see(PERSON).frame.metres()
-    return find_planes(rays_of(depth), Planes().sky)
+    return find_planes(rays_of(depth), Planes().approximate_up)
 
 
 def rays_of(depth: NDArray[np.float32]) -> Array:
@@ -54,7 +54,7 @@ def test_a_person_alone_has_no_planes() -> None:
     """If only a person is measured, no part of it becomes a wall or a floor."""
     seen = Room().see(PERSON)
     depth = np.where(seen.mask, seen.frame.metres(), np.float32(0.0))
-    assert len(find_planes(rays_of(depth), Planes().sky).coefficients) == 0
+    assert len(find_planes(rays_of(depth), Planes().approximate_up).coefficients) == 0
 
 
 @pytest.mark.parametrize("growth", [0.001, 0.004])
@@ -84,5 +84,5 @@ def test_no_floor_is_made_up() -> None:
     rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy
     shown = (np.abs(rows * depth - HEIGHT) > 0.05) | (rows < 0)  # without the floor itself
     above = np.where(shown, depth, np.float32(0.0))
-    found = find_planes(rays_of(above), Planes().sky)
+    found = find_planes(rays_of(above), Planes().approximate_up)
     assert not found.has_floor

@@ -19,7 +19,7 @@ from coordinator.synthesis.person_scene import FPS, person
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES
 from coordinator.synthesis.sequence import synthesise
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 
 CAMERA = Intrinsics(160, 120, 170.0, 180.0, 77.3, 61.8)
 
@@ -74,7 +74,7 @@ def test_no_noise_changes_nothing_and_nothing_stays_nothing() -> None:
     exact = np.where(np.hypot(*np.indices((60, 80)) - 30) < 20, 1.5, 0.0)
     camera = Intrinsics(80, 60, 90.0, 90.0, 39.5, 29.5)
     rng = np.random.default_rng(0)
-    assert np.array_equal(add_noise(exact, camera, SensorNoise(), rng), exact)
+    assert np.array_equal(add_noise(exact, camera, NO_NOISE, rng), exact)
     assert not add_noise(0.0 * exact, camera, SensorNoise(0.1, 0.01), rng).any()
 
 

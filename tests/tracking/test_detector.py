@@ -21,7 +21,7 @@ from coordinator.scene.planes import Planes
 from coordinator.tracking.detector import Candidates, Detection, Detector, complete
 from coordinator.tracking.gating import Gate
 from coordinator.tracking.pose_library import draw_any
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import NO_NOISE
 from coordinator.tracking.state import given_start
 from gepf.direct import DirectRefiner
 from tests.support.people import (
@@ -60,7 +60,7 @@ def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, Bo
     """What is detected in a frame that shows a pose. Candidates are never asked for their covariance."""
     subject = subject_of(show(model, pose[None]).frames[0], 2_000)
     refiner = Listening()
-    found = complete(Detector(bodies, refiner, preset("default")).detect(subject, SensorNoise(), Planes()))
+    found = complete(Detector(bodies, refiner, preset("default")).detect(subject, NO_NOISE, Planes()))
     assert refiner.asked == {False}
     return found, found.start.model
 

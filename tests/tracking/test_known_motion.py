@@ -24,7 +24,7 @@ from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.synthesis.scenes import Scene, roam
 from coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start, write_truth
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.sensor_noise import SensorNoise
+from coordinator.tracking.sensor_noise import NO_NOISE
 from tests.support.stand_ins import Direct
 
 ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"
@@ -39,7 +39,7 @@ def fast(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder, whole = tmp_path_factory.mktemp("fast"), roam(read_urdf(ARM), 1, EVERY * FRAMES)
     poses = whole.poses[::EVERY].copy()
     scene = Scene(whole.model, whole.camera, whole.fps / EVERY, poses, poses[0].copy())
-    write_depth(scene, SensorNoise(), 0, folder / "depth", None, kinect=True)
+    write_depth(scene, NO_NOISE, 0, folder / "depth", None, kinect=True)
     write_camera(folder / "camera_intrinsic.json", scene.camera, DEPTH_SCALE, scene.fps)
     write_truth(scene, folder / "truth.npz")
     write_start(scene.model, poses[0], folder / "init.json")

@@ -20,6 +20,7 @@ from coordinator.commands.options import TrackOptions
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.scenes import arm
 from coordinator.tracking.sensor_noise import (
+    NO_NOISE,
     SensorNoise,
     assume_noise,
     measure_noise,
@@ -58,7 +59,7 @@ def test_noise_across_is_measured(lateral: float) -> None:
 def test_a_clean_camera_is_assumed_no_worse_than_it_was() -> None:
     """Without noise, and with steps of a millimetre, settings are unchanged, so are the bytes."""
     for scale in (5000.0, 1000.0):
-        assert assume_noise(DEFAULT, measure_noise(noisy(SensorNoise(), scale=scale))) == DEFAULT
+        assert assume_noise(DEFAULT, measure_noise(noisy(NO_NOISE, scale=scale))) == DEFAULT
 
 
 def test_settings_take_the_noise() -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for 
 Array = NDArray[np.float64]
 
 OFF = 0.15  # distance in metres from the true joint above which a joint is wrong
-FLAGGED = 0.04  # probability from which on a joint is flagged: of those in place, 4 to 9 % are
+FLAGGED = 0.04  # least probability of a flagged joint; 4 to 9 % of the correct joints are flagged
 SUSPECTED = 0.15  # probability above which the frame is ambiguous
 MOST_LOG_ODDS = 10.0  # beyond which nothing was measured
 

@@ -1,8 +1,9 @@
 """Eight features that describe the certainty of a joint of a reported pose.
 
-Two come from the frame: the visible share of the surface around the joint, and the residual of the pose. Two
-come from the filter: the spread of the hypotheses, and the speed of the joint. Four come from the pose: bent,
-folded and crowded limbs, and limbs that point at the camera, are wrong more often.
+Two come from the frame: the visible share of the surface around the joint that faces the camera, and the
+normalised residual of the body. Two come from the filter: the spread of the hypotheses, and the speed of the
+joint. Four come from the pose: joints are wrong more often in bent limbs and folded bodies, near other
+joints, and far in front of or behind the body.
 """
 
 from __future__ import annotations

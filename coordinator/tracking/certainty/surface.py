@@ -18,7 +18,6 @@ Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 REGION_M = 0.12  # standard deviation of the weights of the surface around a joint by distance
 AGREES_M = 0.08  # largest difference between the surface and the depth measured there
 ASIDE_M = 0.03  # radius across the line of sight in which measured depth is searched
-CLOSEST_M = 0.1  # depth from the camera
 
 
 def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: float) -> Array:
@@ -63,7 +62,7 @@ def add_areas(
             middle[i] = (a[i] + b[i] + c[i]) / 3.0
             normal[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j])
         x, y, z = middle
-        if z <= CLOSEST_M:
+        if z <= 0.0:
             continue
         towards = -(normal[0] * x + normal[1] * y + normal[2] * z)
         if towards <= 0.0:

@@ -13,7 +13,7 @@ from coordinator.commands.workers import connect_workers
 from coordinator.pool import rpc_client
 from tests.support.small_sequence import OPTIONS
 
-rpc_client.ALONE_S = 0.5  # that no worker is connected is reported soon
+setattr(rpc_client, "NOTICE_S", 0.5)  # noqa: B010 # that no worker is connected is reported soon
 human()  # built once, and kept, for all processes that are forked from this one
 
 
